@@ -1,0 +1,38 @@
+"""The command line: one verb a sub-command, each a thin call into a package. Imports are lazy: --help stays quick."""
+
+import argparse
+import importlib
+import sys
+from collections.abc import Sequence
+
+# verb -> (module with `add_arguments(parser)` and `run(arguments) -> int`, what it does)
+VERBS: dict[str, tuple[str, str]] = {
+    "replay": ("overcooked.replay", "re-simulate action logs to states"),
+    "train": ("training.commands.train", "train agents, predictors, or the whole cast"),
+    "collect": ("training.commands.collect", "collect the trajectories that a predictor learns from"),
+    "evaluate": ("training.commands.evaluate", "measure agents and predictors"),
+    "serve": ("server.commands.serve", "serve a study"),
+    "study": ("server.commands.study", "make or check a study file"),
+    "export": ("server.commands.export", "write a study's data as CSV and Parquet"),
+    "verify": ("server.commands.verify", "re-simulate every stored episode and compare the hashes"),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs one verb; returns the exit status: 0 done, 1 failed, 2 wrong input."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    verb = words[0] if words else None
+    parser = argparse.ArgumentParser(prog="kitchenmind", description=__doc__ if verb is None else None)
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    for name, (_, purpose) in VERBS.items():
+        verbs.add_parser(name, help=purpose, description=purpose, add_help=name == verb)
+    if verb not in VERBS:
+        parser.parse_args(words)
+        return 2
+    module = importlib.import_module(VERBS[verb][0])
+    module.add_arguments(verbs.choices[verb])
+    return int(module.run(parser.parse_args(words)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,59 @@
+"""What an agent and a predictor are to everybody else: two protocols and the values that travel. No torch here."""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+STEPS = 3  # l: how many of the agent's next actions are predicted
+HISTORY = 10  # n: how many steps the paper's predictor looks at
+
+Observations = NDArray[np.int8]  # (games, width, height, 26): the lossless encoding as the agent sees it
+Probabilities = NDArray[np.float32]  # (games, 6)
+Predictions = NDArray[np.float32]  # (games, STEPS, 6)
+
+
+class Policy(Protocol):
+    """Anything that gives action probabilities for observations on one layout. Stateless; rows are independent games."""
+
+    def probabilities(self, observations: Observations) -> Probabilities: ...
+
+
+class Predictor(Protocol):
+    """Anything that watches one agent and predicts its next STEPS actions; it keeps what it needs about each game.
+
+    `begin(slots)` forgets the games in those slots. `predict` is called once a timestep for the games in `slots`, with the
+    observation of the current state as the watched agent sees it and the joint action that led to it (own action of the
+    watched agent first; (-1, -1) at timestep 0). It never sees the action that the agent is about to take.
+    """
+
+    def begin(self, slots: NDArray[np.intp]) -> None: ...
+
+    def predict(self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]) -> Predictions: ...
+
+
+@dataclass(frozen=True)
+class Mode:
+    """How an agent turns probabilities into an action when people meet it; written in its card.
+
+    Probabilities are sharpened with `temperature` (0 = the most likely action). After `stuck_after` timesteps without any
+    change of the agent's own cell, facing or hand, `stuck_mix` of the probability goes evenly to the four moves, so that
+    two chefs never jam for good.
+    """
+
+    temperature: float = 0.0
+    stuck_after: int = 3
+    stuck_mix: float = 0.5
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What the models said about one game in one timestep."""
+
+    action: int  # the agent's action, 0-5
+    probabilities: tuple[float, ...]  # of the action as drawn (after `Mode`), 6 values
+    prediction: tuple[tuple[float, ...], ...]  # STEPS x 6; empty where no predictor watches
+
+
+Card = dict[str, Any]

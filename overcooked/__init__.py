@@ -1,0 +1,1 @@
+"""The rules of the kitchen: numpy and numba, nothing else."""

@@ -1,0 +1,98 @@
+"""The state of many games: three arrays and what every package does with them."""
+
+import hashlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overcooked import observe, rules
+from overcooked.constants import (
+    COOKING,
+    HORIZON,
+    ITEM_NAMES,
+    NOTHING,
+    ONIONS_PER_SOUP,
+    PLAYERS,
+)
+from overcooked.layout import Layout
+
+Record = dict[str, Any]
+
+
+@dataclass(eq=False)
+class Kitchens:
+    """`games` games on one layout. The arrays may be views into somebody else's buffers; `step` changes them in place."""
+
+    layout: Layout
+    players: NDArray[np.int8]  # (games, 2, 4): x, y, facing, held
+    contents: NDArray[np.int8]  # (games, width, height)
+    timestep: NDArray[np.int32]  # (games,)
+
+    @classmethod
+    def start(cls, layout: Layout, games: int = 1) -> "Kitchens":
+        """Fixed start positions, facing north, empty hands, empty pots, timestep 0. [get_standard_start_state]"""
+        players = np.zeros((games, PLAYERS, 4), np.int8)
+        players[:, :, :2] = layout.starts
+        contents = np.zeros((games, layout.width, layout.height), np.int8)
+        return cls(layout, players, contents, np.zeros(games, np.int32))
+
+    @property
+    def games(self) -> int:
+        return len(self.timestep)
+
+    def step(self, actions: NDArray[np.integer[Any]], events: NDArray[np.int32]) -> None:
+        """One timestep of every game. `actions` (games, 2) in 0-5; `events` (games, 2) out, see `score`."""
+        layout = self.layout
+        rules.step(layout.tiles, layout.pots, layout.counters, self.players, self.contents, self.timestep, actions, events)
+
+    def encode(self, out: NDArray[Any] | None = None, horizon: int = HORIZON) -> NDArray[Any]:
+        """What each chef sees: (games, 2, width, height, 26)."""
+        layout = self.layout
+        if out is None:
+            out = np.empty((self.games, PLAYERS, layout.width, layout.height, observe.PLANES), np.int8)
+        observe.encode(
+            layout.static_planes, layout.pots, layout.counters, self.players, self.contents, self.timestep, horizon, out
+        )
+        return out
+
+    def copy(self) -> "Kitchens":
+        return Kitchens(self.layout, self.players.copy(), self.contents.copy(), self.timestep.copy())
+
+    def hash(self, game: int = 0) -> str:
+        """16 hexadecimal digits, the same on every machine: BLAKE2b-64 of the layout's hash, the timestep (int32, little
+        endian), the players' rows and the contents [x][y] (int8)."""
+        digest = hashlib.blake2b(bytes.fromhex(self.layout.sha256), digest_size=8)
+        digest.update(int(self.timestep[game]).to_bytes(4, "little"))
+        digest.update(self.players[game].tobytes())
+        digest.update(self.contents[game].tobytes())
+        return digest.hexdigest()
+
+    def record(self, game: int = 0) -> Record:
+        """The state as plain data: `t`, `p` [x, y, facing, held], `c` counters [x, y, item], `pots` [x, y, onions, tick]
+        (tick -1: not cooking; 20: ready). Cells in ascending order, as in the reference recordings."""
+        contents = self.contents[game]
+        pots = []
+        for x, y in self.layout.pots.tolist():
+            inside = int(contents[x, y])
+            if inside >= COOKING:
+                pots.append([x, y, ONIONS_PER_SOUP, inside - COOKING])
+            elif inside:
+                pots.append([x, y, inside, -1])
+        counters = [
+            [x, y, ITEM_NAMES[contents[x, y]]] for x, y in self.layout.counters.tolist() if contents[x, y] != NOTHING
+        ]
+        players = [[x, y, facing, ITEM_NAMES[held]] for x, y, facing, held in self.players[game].tolist()]
+        return {"t": int(self.timestep[game]), "p": players, "c": counters, "pots": pots}
+
+    def restore(self, record: Record, game: int = 0) -> None:
+        """The inverse of `record`. Raises ValueError or KeyError for a record that is none."""
+        self.timestep[game] = record["t"]
+        for k, (x, y, facing, held) in enumerate(record["p"]):
+            self.players[game, k] = (x, y, facing, ITEM_NAMES.index(held))
+        self.contents[game] = 0
+        for x, y, item in record["c"]:
+            self.contents[game, x, y] = ITEM_NAMES.index(item)
+        for x, y, onions, tick in record["pots"]:
+            self.contents[game, x, y] = onions if tick < 0 else COOKING + tick
