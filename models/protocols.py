@@ -1,5 +1,6 @@
 """What an agent and a predictor are to everybody else: two protocols and the values that travel. No torch here."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -57,3 +58,35 @@ class Decision:
 
 
 Card = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class History:
+    """The last timesteps of one game as the watched chef saw them, oldest first, the current state last."""
+
+    observations: Observations  # (k, width, height, 26)
+    actions: NDArray[np.int8]  # (k, 2): the joint action that led to each state, own action first; (-1, -1) at the start
+
+
+@dataclass(frozen=True)
+class Question:
+    """What the live game asks about one chef in one state: which action (where an agent holds the seat) and which next
+    steps (where a predictor watches). `uniform` in [0, 1) draws the action, so a game can be replayed."""
+
+    game: str
+    layout: str
+    seat: int
+    timestep: int
+    agent: str | None
+    predictor: str | None
+    uniform: float
+    stuck: int  # timesteps since the chef's own cell, facing or hand last changed
+    history: Callable[[int], History]  # history(k): at most the last k states
+
+
+class Models(Protocol):
+    """Answers questions of many games at once, off the event loop. None: no answer by the deadline (or a broken model)."""
+
+    async def ask(self, questions: Sequence[Question], deadline_ms: float) -> list[Decision | None]: ...
+
+    def forget(self, game: str) -> None: ...

@@ -1,0 +1,192 @@
+"""Every message between browser and server, typed, by direction. JSON text frames; `type` tells them apart.
+
+docs/protocol.md describes when each is sent; a test holds the two together. Unknown types, unknown fields and wrong types
+are refused with `Refused` (the game goes on); a frame over MAX_FRAME_BYTES closes the socket with 1009.
+"""
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta, Struct
+
+PROTOCOL = 1
+MAX_FRAME_BYTES = 1024
+
+Seq = Annotated[int, Meta(ge=0, lt=2**53)]
+Milliseconds = Annotated[float, Meta(ge=0, le=1e15)]
+Move = Annotated[int, Meta(ge=0, le=3)]
+Action = Annotated[int, Meta(ge=0, le=5)]
+ShownAction = Annotated[int, Meta(ge=0, le=6)]  # 6: nothing is drawn
+
+
+class FromBrowser(Struct, tag_field="type", tag=str.lower, forbid_unknown_fields=True, frozen=True):
+    """Base of what a browser may send."""
+
+
+class Hello(FromBrowser):
+    """First message on a socket. `tab` is drawn once per tab: the newest tab of a participant plays, others are told so."""
+
+    protocol: int
+    tab: Annotated[str, Meta(min_length=8, max_length=64, pattern="^[A-Za-z0-9_-]+$")]
+    last_timestep: Annotated[int, Meta(ge=-1, le=100_000)] = -1
+
+
+class Ready(FromBrowser):
+    """The participant pressed start (or came back): the countdown may begin."""
+
+
+class Input(FromBrowser):
+    """The keys as they are now, sent on every change. `held`: the move key held down (repeated every timestep until the
+    next Input), None if none. `tap`: an action just pressed, to be done once. `client_ms`: performance.now()."""
+
+    seq: Seq
+    held: Move | None
+    tap: Action | None
+    client_ms: Milliseconds
+
+
+class Away(FromBrowser):
+    """The page was hidden or lost the focus: pause."""
+
+    reason: Literal["hidden", "blur"]
+
+
+class Pong(FromBrowser):
+    """Answer to Ping: the server measures the round trip."""
+
+    id: Seq
+
+
+class Trouble(FromBrowser):
+    """An error on the participant's browser console, for the researcher's problem list."""
+
+    text: Annotated[str, Meta(max_length=500)]
+
+
+Incoming = Hello | Ready | Input | Away | Pong | Trouble
+
+
+class ToBrowser(Struct, tag_field="type", tag=str.lower, frozen=True, omit_defaults=False):
+    """Base of what the server sends."""
+
+
+class Kitchen(Struct, frozen=True):
+    """One state to draw. Cells are [column, row] from the top left."""
+
+    t: int
+    players: tuple[tuple[int, int, int, int], ...]  # x, y, facing 0-3 N S E W, held 0 nothing 1 onion 2 dish 3 soup
+    counters: tuple[tuple[int, int, int], ...]  # x, y, item
+    pots: tuple[tuple[int, int, int, int], ...]  # x, y, onions, tick (-1 not cooking, 20 ready); pots that are not empty
+    score: int
+    soups: int
+
+
+class Welcome(ToBrowser):
+    """Answer to Hello: all that is needed to draw, whether the episode is new or goes on."""
+
+    protocol: int
+    episode: str
+    kind: Literal["tutorial", "episode", "watch"]
+    number: int  # 1-based, among episodes of the plan; 0 for the tutorial
+    episodes: int
+    layout: str
+    title: str
+    grid: tuple[str, ...]
+    seat: int  # the participant's chef; the other is the partner
+    watched_seat: int  # whose next steps are drawn
+    horizon: int
+    tick_ms: int
+    steps: int  # how many predicted steps a frame carries
+    shows_predictions: bool
+    state: Kitchen
+    resumed: bool
+    endless: bool = False  # no time limit (tutorial)
+
+
+class Countdown(ToBrowser):
+    """The game starts or goes on in `seconds`."""
+
+    seconds: int
+
+
+class Tick(ToBrowser):
+    """One timestep has been played and stored. `prediction`: for each step [action 0-6, opacity in %], about the timesteps
+    t, t+1, t+2 of `state`; all conditions carry the same bytes. `applied`: the seq of the newest Input taken into account."""
+
+    state: Kitchen
+    prediction: tuple[tuple[ShownAction, int], ...]
+    actions: tuple[int, int]  # what was done in the timestep before this state
+    applied: int
+    late: bool  # the partner missed its deadline and waited
+
+
+class Paused(ToBrowser):
+    """Nothing moves. `reason`: hidden, blur, lost, other_tab, database, researcher, models."""
+
+    reason: str
+    left_s: float  # how long the pause may last; 0: no limit
+
+
+class Lesson(ToBrowser):
+    """Tutorial: which step is being taught, by its key in the study's texts."""
+
+    key: str
+    index: int
+    steps: int
+    done: bool
+
+
+class Ended(ToBrowser):
+    """The episode is over and stored; go on at `next`."""
+
+    score: int
+    soups: int
+    progress: float
+    passed: bool
+    next: str
+
+
+class Ping(ToBrowser):
+    """Asks for a Pong."""
+
+    id: int
+
+
+class Notice(ToBrowser):
+    """A message from the researcher."""
+
+    text: str
+
+
+class Refused(ToBrowser):
+    """What was sent is not understood or not allowed now; nothing changed."""
+
+    code: str
+    reason: str
+
+
+class Superseded(ToBrowser):
+    """Another tab or device has taken over; this socket closes with 4001."""
+
+
+Outgoing = Welcome | Countdown | Tick | Paused | Lesson | Ended | Ping | Notice | Refused | Superseded
+
+_decoder = msgspec.json.Decoder(Incoming)
+_encoder = msgspec.json.Encoder()
+
+
+class BadMessage(ValueError):
+    """A frame that is no message of this protocol; the text says why."""
+
+
+def decode(frame: str | bytes) -> Incoming:
+    """The message in a text frame. Raises BadMessage."""
+    try:
+        return _decoder.decode(frame)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise BadMessage(str(error)) from None
+
+
+def encode(message: Outgoing) -> bytes:
+    """The UTF-8 text frame of a message."""
+    return _encoder.encode(message)
