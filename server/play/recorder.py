@@ -1,0 +1,91 @@
+"""What the live game hands to the database, and what it asks of it. server.store.episodes is the real recorder."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Literal, Protocol
+
+from server.play.spec import EpisodeSpec
+
+
+@dataclass(frozen=True)
+class KeyRecord:
+    """The Input that decided a human's action in one tick."""
+
+    seat: int
+    seq: int
+    client_ms: float  # performance.now() of the browser at the key press
+    received_ms: float  # server monotonic, milliseconds since the episode's first tick deadline
+
+
+@dataclass(frozen=True)
+class TickRecord:
+    """Tick n of an episode: what made state n, and what the models said about state n."""
+
+    episode: str
+    timestep: int  # n, 0..horizon; tick 0 is the start state
+    actions: tuple[int, int] | None  # applied to state n-1; None at tick 0
+    state_hash: str  # of state n
+    rewards: tuple[int, int]  # sparse, by player
+    shaped: tuple[int, int]
+    events: tuple[int, int]  # bits, overcooked.constants.EVENT_NAMES
+    next_actions: tuple[int | None, int | None]  # decided by agents on state n (None: human seat or no answer)
+    prediction: tuple[tuple[float, ...], ...]  # 3 x 6 probabilities for timesteps n, n+1, n+2 by the episode's predictor; empty: none or late
+    displayed: tuple[tuple[int, int], ...]  # what the frame carried: [action 0-6, opacity %] a step; 6 = nothing
+    keys: tuple[KeyRecord, ...]
+    scheduled_ms: float  # deadline of this tick, milliseconds since the episode's first tick, pauses not counted
+    late_ms: float  # how much later than its deadline the tick began
+    models_ms: float  # time the models took
+    late: bool  # the models missed the deadline: the agent waits at timestep n
+
+
+@dataclass(frozen=True)
+class PauseRecord:
+    """One interruption. `ended_at` None: still lasting."""
+
+    episode: str
+    timestep: int
+    reason: str
+    started_at: datetime
+    duration_ms: float | None
+
+
+@dataclass(frozen=True)
+class EpisodeRecord:
+    """An episode as stored, ready to go on: its spec and all committed ticks' joint actions."""
+
+    episode: str
+    participants: tuple[str | None, str | None]  # participant ids by seat
+    spec: EpisodeSpec
+    joint_actions: tuple[tuple[int, int], ...]
+    last_hash: str | None
+    status: Literal["new", "running", "done", "aborted"]
+    paused_ms: float
+
+
+@dataclass(frozen=True)
+class EpisodeResult:
+    """How an episode ended."""
+
+    episode: str
+    status: Literal["done", "aborted"]
+    reason: str
+    score: int
+    soups: int
+    progress: float
+    passed: bool
+    final_hash: str
+
+
+class Recorder(Protocol):
+    """Durable when it returns. Raises RecorderDown when the database cannot commit: the game pauses and asks again."""
+
+    async def ticks(self, records: Sequence[TickRecord]) -> None: ...
+
+    async def pause(self, record: PauseRecord) -> None: ...
+
+    async def end(self, result: EpisodeResult) -> None: ...
+
+
+class RecorderDown(Exception):
+    """The database did not commit. Nothing was acknowledged; the same call may be repeated later."""
