@@ -1,0 +1,203 @@
+"""Many games on one layout for training: one compiled call steps, scores, resets and encodes all of them.
+
+It must not know who acts or learns. Every array that leaves is one that the caller brought.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from overcooked.constants import COOKING, FACING, FLOOR, HELD, HORIZON, ONIONS_PER_SOUP, PLAYERS, READY, STEP_X, X, Y
+from overcooked.layout import Layout
+from overcooked.observe import PLANES, encode_game
+from overcooked.rules import step_game
+from overcooked.score import shaped_reward, sparse_reward
+from overcooked.state import Kitchens
+
+_DIRECTIONS = len(STEP_X)
+_ITEMS = 4
+_ONE_IN = 1 << 24  # chances are compared in 24 bits
+# Columns of an episode's running sums and of a finished episode.
+_SPARSE, _SHAPED_FIRST, _SHAPED_SECOND, _LENGTH, _STANDARD = 0, 1, 2, 3, 4
+
+
+class Finished(NamedTuple):
+    """Episodes that ended, oldest first."""
+
+    sparse: NDArray[np.int32]  # (episodes,): points of the team
+    shaped: NDArray[np.int32]  # (episodes, 2): shaping by chef
+    timesteps: NDArray[np.int32]  # (episodes,): how many the episode had; fewer than the horizon after a late start
+    standard: NDArray[np.bool_]  # (episodes,): began at timestep 0 in the standard start state
+
+
+@dataclass(frozen=True)
+class Starts:
+    """How episodes begin: in the standard start state, unless said otherwise."""
+
+    desynchronised: bool = False  # the first episode of every game begins at a random timestep
+    random_share: float = 0.0  # of episodes that begin in a random state: cells, facings, hands and pots
+
+
+class VectorEnv:
+    """`games` games on `layout`, each reset by itself after `horizon` timesteps; `seed` decides the random starts."""
+
+    def __init__(
+        self, layout: Layout, games: int, horizon: int = HORIZON, starts: Starts | None = None, seed: int = 0
+    ) -> None:
+        if games < 1 or horizon < 1:
+            raise ValueError(f"games ({games}) and horizon ({horizon}) must be at least 1")
+        self.layout, self.games, self.horizon = layout, games, horizon
+        self.starts = starts or Starts()
+        self.kitchens = Kitchens.start(layout, games)
+        self.observation_shape = (PLAYERS, layout.width, layout.height, PLANES)
+        self.events = np.zeros((games, PLAYERS), np.int32)  # of the last timestep, see `constants`
+        self._random = np.random.SeedSequence(seed).generate_state(games, np.uint64)  # (games,): splitmix64 states
+        self._random_chance = round(self.starts.random_share * _ONE_IN)
+        self._cells = _walkable_cells(layout)
+        self._sums = np.zeros((games, 5), np.int32)
+        self._finished = np.zeros((max(4 * games, 1024), 5), np.int32)  # a ring: the oldest are overwritten
+        self._finished_count = np.zeros(1, np.int64)
+        self._no_observations = np.empty((0, *self.observation_shape), np.int8)
+        self.reset()
+
+    def reset(self, observations: NDArray[Any] | None = None) -> None:
+        """A new episode in every game. `observations` (games, 2, width, height, 26) int8 out, if given."""
+        kitchens = self.kitchens
+        for game in range(self.games):
+            _begin(
+                self.layout.starts, self._cells, self.layout.pots, kitchens.players[game], kitchens.contents[game],
+                self._sums[game], self._random, game, self._random_chance,
+            )  # fmt: skip
+        kitchens.timestep[:] = 0
+        if self.starts.desynchronised:
+            phases = np.random.default_rng(self._random).integers(self.horizon, size=self.games)
+            kitchens.timestep[:] = phases
+            self._sums[:, _STANDARD] &= phases == 0
+        if observations is not None:
+            kitchens.encode(observations, self.horizon)
+
+    def step(
+        self,
+        actions: NDArray[np.integer[Any]],  # (games, 2) in 0-5, not checked
+        sparse: NDArray[Any],  # (games, 2) out: points by chef, add the two for the team's
+        shaped: NDArray[Any],  # (games, 2) out: shaping by chef
+        dones: NDArray[np.bool_],  # (games,) out: the episode ended with this timestep
+        observations: NDArray[Any] | None = None,  # (games, 2, width, height, 26) out; None: not encoded
+    ) -> None:
+        """One timestep of every game. One that ended begins anew at once: its observation is the new episode's first."""
+        layout, kitchens = self.layout, self.kitchens
+        _step(
+            layout.tiles, layout.pots, layout.counters, layout.starts, self._cells, layout.static_planes,
+            kitchens.players, kitchens.contents, kitchens.timestep, self.horizon, self._random, self._random_chance,
+            self._sums, self._finished, self._finished_count,
+            actions, self.events, sparse, shaped, dones,
+            self._no_observations if observations is None else observations,
+        )  # fmt: skip
+
+    def encode(self, observations: NDArray[Any]) -> None:
+        """The current states as the chefs see them: `observations` (games, 2, width, height, 26) out."""
+        self.kitchens.encode(observations, self.horizon)
+
+    def take_finished(self) -> Finished:
+        """The episodes that ended since the last call (the newest 4 x games, at least 1,024, are kept)."""
+        count, kept = int(self._finished_count[0]), len(self._finished)
+        order = np.arange(max(0, count - kept), count) % kept
+        rows = self._finished[order]
+        self._finished_count[0] = 0
+        return Finished(
+            rows[:, _SPARSE], rows[:, _SHAPED_FIRST:_LENGTH], rows[:, _LENGTH], rows[:, _STANDARD].astype(bool)
+        )
+
+
+def _walkable_cells(layout: Layout) -> NDArray[np.int8]:
+    """(2, cells, 2): the cells that each chef can walk to from its start; the shorter list is repeated in a cycle."""
+    lists = [_walkable_from(layout, int(x), int(y)) for x, y in layout.starts]
+    longest = max(len(cells) for cells in lists)
+    return np.array([[cells[k % len(cells)] for k in range(longest)] for cells in lists], np.int8)
+
+
+def _walkable_from(layout: Layout, x: int, y: int) -> list[tuple[int, int]]:
+    reached = [(x, y)]
+    for cell_x, cell_y in reached:
+        for cell in ((cell_x, cell_y - 1), (cell_x, cell_y + 1), (cell_x + 1, cell_y), (cell_x - 1, cell_y)):
+            if layout.tiles[cell] == FLOOR and cell not in reached:
+                reached.append(cell)
+    return sorted(reached)
+
+
+@njit(cache=True)
+def _below(random, game, limit):
+    """A random integer in 0..limit-1 from the game's own splitmix64 stream."""
+    random[game] += np.uint64(0x9E3779B97F4A7C15)
+    z = random[game]
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    z = z ^ (z >> np.uint64(31))
+    return np.int64((z >> np.uint64(32)) % np.uint64(limit))
+
+
+@njit(cache=True)
+def _begin(starts, cells, pots, players, contents, sums, random, game, random_chance):
+    """Puts one game into the first state of an episode and clears its sums."""
+    contents[:] = 0
+    players[:] = 0
+    for k in range(2):
+        players[k, X] = starts[k, 0]
+        players[k, Y] = starts[k, 1]
+    sums[:] = 0
+    sums[_STANDARD] = 1
+    if random_chance > 0 and _below(random, game, _ONE_IN) < random_chance:
+        sums[_STANDARD] = 0
+        _randomise(cells, pots, players, contents, random, game)
+
+
+@njit(cache=True)
+def _randomise(cells, pots, players, contents, random, game):
+    """Any two free cells, facings, hands, and pots as they can be when a timestep begins (so never 3 raw onions)."""
+    for k in range(2):
+        while True:
+            cell = _below(random, game, cells.shape[1])
+            players[k, X] = cells[k, cell, 0]
+            players[k, Y] = cells[k, cell, 1]
+            if k == 0 or players[0, X] != players[1, X] or players[0, Y] != players[1, Y]:
+                break
+        players[k, FACING] = _below(random, game, _DIRECTIONS)
+        players[k, HELD] = _below(random, game, _ITEMS)
+    for k in range(pots.shape[0]):
+        inside = _below(random, game, ONIONS_PER_SOUP + READY - COOKING)
+        contents[pots[k, 0], pots[k, 1]] = (
+            inside if inside < ONIONS_PER_SOUP else inside - ONIONS_PER_SOUP + COOKING + 1
+        )
+
+
+@njit(cache=True)
+def _step(
+    tiles, pots, counters, starts, cells, static, players, contents, timestep, horizon, random, random_chance,
+    sums, finished, finished_count, actions, events, sparse, shaped, dones, observations,
+):  # fmt: skip
+    for game in range(players.shape[0]):
+        step_game(
+            tiles, pots, counters, players[game], contents[game], actions[game, 0], actions[game, 1], events[game]
+        )
+        timestep[game] += 1
+        for k in range(2):
+            points = sparse_reward(events[game, k])
+            shaping = shaped_reward(events[game, k])
+            sparse[game, k] = points
+            shaped[game, k] = shaping
+            sums[game, _SPARSE] += points
+            sums[game, _SHAPED_FIRST + k] += shaping
+        sums[game, _LENGTH] += 1
+        dones[game] = timestep[game] >= horizon
+        if dones[game]:
+            finished[finished_count[0] % finished.shape[0]] = sums[game]
+            finished_count[0] += 1
+            _begin(starts, cells, pots, players[game], contents[game], sums[game], random, game, random_chance)
+            timestep[game] = 0
+        if observations.shape[0] > 0:
+            encode_game(
+                static, pots, counters, players[game], contents[game], timestep[game], horizon, observations[game]
+            )
