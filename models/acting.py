@@ -1,0 +1,55 @@
+"""From probabilities to actions: the law by which agents act in collection, evaluation and the live game. Numpy only."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.protocols import Mode, Probabilities
+from overcooked.constants import ACTIONS, STAY
+
+GREEDY = Mode(temperature=0.0, stuck_mix=0.0)
+SAMPLED = Mode(temperature=1.0, stuck_mix=0.0)
+
+
+def distribution(probabilities: Probabilities, stuck: NDArray[np.integer], mode: Mode) -> Probabilities:
+    """The law of the action: (games, 6), rows sum to one. `stuck` (games,) as `Stuck` counts it; rules in `Mode`."""
+    if mode.temperature > 0:
+        logs = np.log(np.maximum(probabilities, 1e-30)) / mode.temperature
+        law = np.exp(logs - logs.max(axis=1, keepdims=True))
+        law /= law.sum(axis=1, keepdims=True)
+    else:
+        law = np.zeros_like(probabilities)
+        law[np.arange(len(law)), probabilities.argmax(axis=1)] = 1
+    jammed = stuck >= mode.stuck_after
+    if mode.stuck_mix > 0 and jammed.any():
+        moves = np.zeros(ACTIONS)
+        moves[:STAY] = mode.stuck_mix / STAY  # the four moves are the actions below STAY
+        law[jammed] = (1 - mode.stuck_mix) * law[jammed] + moves
+    return np.asarray(law, np.float32)
+
+
+def draw(law: Probabilities, uniform: NDArray[np.floating]) -> NDArray[np.int8]:
+    """Actions (games,) by inverse transform of `uniform` (games,) in [0, 1): the same number gives the same action."""
+    reached = np.cumsum(law, axis=1, dtype=np.float64)
+    threshold = np.asarray(uniform, np.float64)[:, None] * reached[:, -1:]  # rounding never leaves the last action out
+    return np.asarray((reached <= threshold).sum(axis=1), np.int8)
+
+
+class Stuck:
+    """How long nothing about a chef has changed: timesteps since its own cell, facing or hand last did, per game."""
+
+    def __init__(self, own: NDArray[np.int8]) -> None:
+        """`own` (games, 4): the chef's rows of the state (x, y, facing, held) at the start."""
+        self.counts = np.zeros(len(own), np.int32)
+        self._own = own.copy()
+
+    def update(self, own: NDArray[np.int8]) -> None:
+        """After a timestep: `own` (games, 4) as it is now."""
+        changed = (own != self._own).any(axis=1)
+        self.counts += 1
+        self.counts[changed] = 0
+        self._own[:] = own
+
+    def begin(self, games: NDArray[np.integer] | NDArray[np.bool_], own: NDArray[np.int8]) -> None:
+        """These games start anew; `own` (all games, 4)."""
+        self.counts[games] = 0
+        self._own[games] = own[games]

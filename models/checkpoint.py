@@ -1,0 +1,103 @@
+"""A network on disk: one folder with config.json, weights.safetensors, card.md and sha256. A changed byte is refused.
+
+It knows nothing of what the network is; `policy` and the predictors say that in the config. No pickle.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors.torch import load, save
+
+CONFIG, WEIGHTS, CARD, SUMS = "config.json", "weights.safetensors", "card.md", "sha256"
+FILES = (CONFIG, WEIGHTS, CARD)
+
+
+class CheckpointError(ValueError):
+    """A checkpoint folder that cannot be trusted or understood; says which file and what to do."""
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """What a folder holds. `sha256` names exactly these weights with this config in data and on screen."""
+
+    folder: Path
+    config: dict[str, Any]
+    tensors: dict[str, torch.Tensor]
+    card: str
+    sha256: str
+
+
+def save_checkpoint(
+    folder: Path, config: dict[str, Any], tensors: dict[str, torch.Tensor], card: str, half: bool = False
+) -> str:
+    """Writes the folder (all or nothing: an old one is replaced at the end) and returns its sha256.
+
+    `half` stores floating tensors as 16 bits, half the bytes; check that the network still does what its card says.
+    """
+    new = folder.with_name(f".{folder.name}.new-{os.getpid()}")
+    shutil.rmtree(new, ignore_errors=True)
+    new.mkdir(parents=True)
+    stored = {
+        name: (tensor.half() if half and tensor.is_floating_point() else tensor).detach().contiguous()
+        for name, tensor in tensors.items()
+    }
+    (new / WEIGHTS).write_bytes(save(stored))
+    (new / CONFIG).write_text(json.dumps(config, indent=2) + "\n", encoding="utf-8")
+    (new / CARD).write_text(card.rstrip() + "\n", encoding="utf-8")
+    lines = "".join(f"{_digest((new / name).read_bytes())}  {name}\n" for name in FILES)
+    (new / SUMS).write_text(lines, encoding="utf-8")
+    shutil.rmtree(folder, ignore_errors=True)
+    new.rename(folder)
+    return _digest(lines.encode())
+
+
+def load_checkpoint(folder: Path | str) -> Checkpoint:
+    """Reads a folder after checking every byte; tensors come as float32. Raises CheckpointError."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise CheckpointError(f"{folder}: there is no such checkpoint folder. Check the name, or train it.")
+    content = {name: _checked(folder, name, line) for name, line in _expected(folder).items()}
+    try:
+        config = json.loads(content[CONFIG])
+        tensors = {
+            name: tensor.float() if tensor.dtype == torch.half else tensor
+            for name, tensor in load(content[WEIGHTS]).items()
+        }
+    except Exception as error:
+        raise CheckpointError(
+            f"{folder}: unreadable though its sums are right ({error}). Train or fetch it again."
+        ) from error
+    return Checkpoint(folder, config, tensors, content[CARD].decode(), _digest((folder / SUMS).read_bytes()))
+
+
+def _expected(folder: Path) -> dict[str, str]:
+    """File name -> the digest that `sha256` promises."""
+    if not (folder / SUMS).is_file():
+        raise CheckpointError(
+            f"{folder / SUMS}: missing, so nothing here can be checked. Fetch the whole folder again."
+        )
+    pairs = [line.split() for line in (folder / SUMS).read_text(encoding="utf-8", errors="replace").splitlines()]
+    expected = {pair[1]: pair[0] for pair in pairs if len(pair) == 2}
+    if set(expected) != set(FILES):
+        raise CheckpointError(f"{folder / SUMS}: must list exactly {', '.join(FILES)}. Fetch the whole folder again.")
+    return expected
+
+
+def _checked(folder: Path, name: str, digest: str) -> bytes:
+    path = folder / name
+    if not path.is_file():
+        raise CheckpointError(f"{path}: missing. Fetch the whole folder again.")
+    content = path.read_bytes()
+    if _digest(content) != digest:
+        raise CheckpointError(f"{path}: its bytes are not those that were saved (sha256 differs). Fetch it again.")
+    return content
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
