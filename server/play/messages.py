@@ -121,7 +121,7 @@ class Tick(ToBrowser):
 
 
 class Paused(ToBrowser):
-    """Nothing moves. `reason`: hidden, blur, lost, other_tab, database, researcher, models."""
+    """Nothing moves. `reason`: hidden, blur, lost, other_tab, partner (the other human), database, researcher, server."""
 
     reason: str
     left_s: float  # how long the pause may last; 0: no limit

@@ -8,6 +8,10 @@ from typing import Literal, Protocol
 from server.play.spec import EpisodeSpec
 
 
+AWAY_REASONS = frozenset({"hidden", "blur", "lost", "other_tab"})  # these count against the limits of `PauseLimits`
+PAUSE_REASONS = AWAY_REASONS | {"database", "researcher", "server"}
+
+
 @dataclass(frozen=True)
 class KeyRecord:
     """The Input that decided a human's action in one tick."""
@@ -41,13 +45,14 @@ class TickRecord:
 
 @dataclass(frozen=True)
 class PauseRecord:
-    """One interruption. `ended_at` None: still lasting."""
+    """One interruption of one game: told when it begins (`duration_ms` None) and again when it is over. The two have the
+    same `episode` and `started_at`: the second replaces the first."""
 
     episode: str
     timestep: int
-    reason: str
-    started_at: datetime
-    duration_ms: float | None
+    reason: str  # one of PAUSE_REASONS
+    started_at: datetime  # UTC
+    duration_ms: float | None  # until everybody was ready again; the 3-2-1 that follows is not counted. None: still lasting
 
 
 @dataclass(frozen=True)
@@ -60,7 +65,9 @@ class EpisodeRecord:
     joint_actions: tuple[tuple[int, int], ...]
     last_hash: str | None
     status: Literal["new", "running", "done", "aborted"]
-    paused_ms: float
+    paused_ms: float  # sum of the pauses so far whose reason is in AWAY_REASONS
+    next_actions: tuple[int | None, int | None] | None = None  # of the last stored tick; None where no tick is stored
+    displayed: tuple[tuple[int, int], ...] | None = None  # of the last stored tick: what its frame carried
 
 
 @dataclass(frozen=True)
@@ -78,7 +85,11 @@ class EpisodeResult:
 
 
 class Recorder(Protocol):
-    """Durable when it returns. Raises RecorderDown when the database cannot commit: the game pauses and asks again."""
+    """Durable when it returns. Raises RecorderDown when the database cannot commit: the game pauses and asks again.
+
+    Each call may be repeated with equal values (after RecorderDown nobody knows whether the commit arrived): a tick, a
+    pause or an end that is there already is left as it is.
+    """
 
     async def ticks(self, records: Sequence[TickRecord]) -> None: ...
 

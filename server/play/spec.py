@@ -37,7 +37,7 @@ class EpisodeSpec:
     deadline_ms: int = 120
     pause: PauseLimits = field(default_factory=PauseLimits)
     progress: ProgressWeights = DEFAULT_PROGRESS
-    lessons: tuple[str, ...] = ()  # tutorial: keys of what is taught, in order
+    lessons: tuple[str, ...] = ()  # tutorial: keys of what is taught, in order (server.play.tutorial.LESSONS)
 
     @property
     def human_seats(self) -> tuple[int, ...]:
