@@ -21,7 +21,9 @@ _LARGEST_SIDE = 32
 class LayoutError(ValueError):
     """A grid that is not a kitchen. `row` and `column` count from 1; None where the fault has no single place."""
 
-    def __init__(self, source: str, reason: str, remedy: str, row: int | None = None, column: int | None = None) -> None:
+    def __init__(
+        self, source: str, reason: str, remedy: str, row: int | None = None, column: int | None = None
+    ) -> None:
         self.source, self.reason, self.remedy, self.row, self.column = source, reason, remedy, row, column
         place = "".join(f", {name} {value}" for name, value in (("row", row), ("column", column)) if value is not None)
         super().__init__(f"{source}{place}: {reason}. {remedy}")
@@ -74,7 +76,9 @@ def load_layout(name_or_path: str | Path) -> Layout:
         path = LAYOUT_FOLDER / f"{name_or_path}.layout"
     if not path.is_file():
         known = ", ".join(layout_names())
-        raise FileNotFoundError(f"there is no layout {str(name_or_path)!r}. Known: {known}; or give the path of a .layout file.")
+        raise FileNotFoundError(
+            f"there is no layout {str(name_or_path)!r}. Known: {known}; or give the path of a .layout file."
+        )
     return parse_layout(path.read_text(encoding="utf-8"), name=path.stem, source=str(name_or_path))
 
 
@@ -108,16 +112,33 @@ def _grid_of_dictionary(text: str, source: str) -> list[str]:
         settings = ast.literal_eval(text.strip())
     except (SyntaxError, ValueError) as error:
         row = getattr(error, "lineno", None)
-        raise LayoutError(source, f"this is no readable dictionary ({error})", "Check quotes, commas and brackets.", row) from None
+        raise LayoutError(
+            source, f"this is no readable dictionary ({error})", "Check quotes, commas and brackets.", row
+        ) from None
     if not isinstance(settings, dict) or not isinstance(settings.get("grid"), str):
         raise LayoutError(source, 'the dictionary has no text under "grid"', 'Add "grid": """...""" with the rows.')
-    fixed = {"cook_time": 20, "delivery_reward": 20, "onion_time": None, "tomato_time": None, "onion_value": None, "tomato_value": None}
+    fixed = {
+        "cook_time": 20,
+        "delivery_reward": 20,
+        "onion_time": None,
+        "tomato_time": None,
+        "onion_value": None,
+        "tomato_value": None,
+    }
     for key, wanted in fixed.items():
         if settings.get(key, wanted) not in (wanted, None):
-            raise LayoutError(source, f"{key} = {settings[key]!r} is not supported", f"This kitchen has {key} = {wanted}; remove the line.")
+            raise LayoutError(
+                source,
+                f"{key} = {settings[key]!r} is not supported",
+                f"This kitchen has {key} = {wanted}; remove the line.",
+            )
     orders = settings.get("start_all_orders")
     if orders is not None and orders != [{"ingredients": ["onion", "onion", "onion"]}]:
-        raise LayoutError(source, "only the order of three onions can be cooked", "Set start_all_orders to [three onions] or remove it.")
+        raise LayoutError(
+            source,
+            "only the order of three onions can be cooked",
+            "Set start_all_orders to [three onions] or remove it.",
+        )
     return [row.strip("\t") for row in _dedented(settings["grid"])]
 
 
@@ -129,7 +150,9 @@ def _dedented(grid: str) -> list[str]:
 def _check_grid(rows: list[str], source: str) -> list[tuple[int, int]]:
     """Refuses anything that is not a closed rectangle of known tiles with all it needs; returns the start cells."""
     if not rows or not rows[0]:
-        raise LayoutError(source, "the grid is empty", "Draw at least 3 rows, e.g. the shipped coordination_ring.layout.")
+        raise LayoutError(
+            source, "the grid is empty", "Draw at least 3 rows, e.g. the shipped coordination_ring.layout."
+        )
     width, height = len(rows[0]), len(rows)
     starts: dict[str, tuple[int, int]] = {}
     for y, row in enumerate(rows):
@@ -144,18 +167,28 @@ def _check_grid(rows: list[str], source: str) -> list[tuple[int, int]]:
         for x, tile in enumerate(row):
             _check_cell(tile, x, y, width, height, starts, source)
     if max(width, height) > _LARGEST_SIDE:
-        raise LayoutError(source, f"the kitchen is {width} x {height} cells", f"At most {_LARGEST_SIDE} x {_LARGEST_SIDE} can be played.")
+        raise LayoutError(
+            source,
+            f"the kitchen is {width} x {height} cells",
+            f"At most {_LARGEST_SIDE} x {_LARGEST_SIDE} can be played.",
+        )
     for player in range(1, PLAYERS + 1):
         if str(player) not in starts:
-            raise LayoutError(source, f"player {player} has no start cell", f"Write the digit {player} on a floor cell.")
+            raise LayoutError(
+                source, f"player {player} has no start cell", f"Write the digit {player} on a floor cell."
+            )
     text = "".join(rows)
     for tile, meaning in _REQUIRED.items():
         if tile not in text:
-            raise LayoutError(source, f"there is no {meaning}", f"Write {tile} on a counter cell that a chef can stand next to.")
+            raise LayoutError(
+                source, f"there is no {meaning}", f"Write {tile} on a counter cell that a chef can stand next to."
+            )
     return [starts[str(player)] for player in range(1, PLAYERS + 1)]
 
 
-def _check_cell(tile: str, x: int, y: int, width: int, height: int, starts: dict[str, tuple[int, int]], source: str) -> None:
+def _check_cell(
+    tile: str, x: int, y: int, width: int, height: int, starts: dict[str, tuple[int, int]], source: str
+) -> None:
     place = {"row": y + 1, "column": x + 1}
     if tile == "T":
         raise LayoutError(source, "tomatoes (T) are not served in this kitchen", "Use O (onions).", **place)
@@ -183,6 +216,8 @@ def _check_reach(rows: list[str], tiles: NDArray[np.int8], starts: list[tuple[in
                 queue.append(cell)
     for y, row in enumerate(rows):
         for x, tile in enumerate(row):
-            if tile in _REQUIRED and not any((x + dx, y + dy) in reached for dx, dy in zip(STEP_X, STEP_Y, strict=True)):
+            if tile in _REQUIRED and not any(
+                (x + dx, y + dy) in reached for dx, dy in zip(STEP_X, STEP_Y, strict=True)
+            ):
                 remedy = "Open a floor cell beside it that a chef can walk to, or remove it."
                 raise LayoutError(source, f"nobody can reach this {_REQUIRED[tile]}", remedy, y + 1, x + 1)

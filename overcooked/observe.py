@@ -1,7 +1,8 @@
 """State to planes: overcooked_ai's lossless encoding. Nothing else knows what a plane means."""
 
-from numba import njit
+import numpy as np
 
+from overcooked.compiled import inlined_kernel, kernel
 from overcooked.constants import (
     COOK_TIME,
     COOKING,
@@ -24,12 +25,15 @@ from overcooked.constants import (
 
 PLANES = 26
 URGENT_TIMESTEPS = 40
-_ME, _OTHER, _MY_FACING, _OTHER_FACING = 0, 1, 2, 6
+_MY_FACING, _OTHER_FACING = 2, 6
 _POT, _COUNTER, _ONIONS, _DISHES, _EXIT = 10, 11, 12, 14, 15
-_ONIONS_IN_POT, _ONIONS_IN_SOUP, _COOKING_LEFT, _SOUP_READY, _DISH, _ONION, _URGENT = 16, 18, 20, 21, 22, 23, 25
+# Unsigned, as they are added to unsigned cells: numba makes a float of a sum of uint64 and int64.
+_ME, _OTHER, _URGENT = np.uint64(0), np.uint64(1), np.uint64(25)
+_ONIONS_IN_POT, _ONIONS_IN_SOUP, _COOKING_LEFT, _SOUP_READY = np.uint64(16), np.uint64(18), np.uint64(20), np.uint64(21)
+_DISH, _ONION = np.uint64(22), np.uint64(23)
 
 
-@njit(cache=True)
+@kernel
 def static_planes(tiles, out):
     """Writes the planes that never change in a layout into `out` (width, height, 26) and clears the others."""
     out[:] = 0
@@ -48,54 +52,67 @@ def static_planes(tiles, out):
                 out[x, y, _EXIT] = 1
 
 
-@njit(cache=True, inline="always")
-def _write_item(out, x, y, item):
+@inlined_kernel
+def _add_item(out, cell, item):
     if item == ONION:
-        out[x, y, _ONION] += 1
+        out[cell + _ONION] += 1
     elif item == DISH:
-        out[x, y, _DISH] += 1
+        out[cell + _DISH] += 1
     elif item == SOUP:
-        out[x, y, _ONIONS_IN_SOUP] += ONIONS_PER_SOUP
-        out[x, y, _SOUP_READY] += 1
+        out[cell + _ONIONS_IN_SOUP] += ONIONS_PER_SOUP
+        out[cell + _SOUP_READY] += 1
 
 
-@njit(cache=True)
-def encode_game(static, pots, counters, players, contents, timestep, horizon, out):
+@inlined_kernel
+def _set_pot(out, cell, inside):
+    if inside < COOKING:
+        out[cell + _ONIONS_IN_POT] = inside
+    else:
+        out[cell + _ONIONS_IN_SOUP] = ONIONS_PER_SOUP
+        out[cell + _COOKING_LEFT] = COOK_TIME - (inside - COOKING)
+        if inside == READY:
+            out[cell + _SOUP_READY] = 1
+
+
+@kernel
+def encode_game(static, pots, counters, players, contents, timestep, horizon, out, game):
     """The planes of one game for both chefs. [lossless_state_encoding]
 
-    `static` (width, height, 26) from `static_planes`; `out` (2, width, height, 26): out[k] is what chef k sees, channels
-    last. A horizon of 0 means an endless game (the urgency plane stays empty).
+    `static` (width, height, 26) from `static_planes`; `out` is the flat view of (games, 2, width, height, 26), of which
+    row `game` is written: [k] is what chef k sees, channels last. A horizon of 0 means an endless game (the urgency
+    plane stays empty). Flat and unsigned, as only then the copy of the static planes is compiled to wide moves.
     """
+    height = contents.shape[1]
+    flat_static = static.reshape(-1)
+    size = np.uint64(flat_static.size)
     for me in range(2):
-        planes = out[me]
-        planes[:] = static
+        view = np.uint64(2 * game + me) * size
+        for i in range(size):
+            out[view + i] = flat_static[i]
         other = 1 - me
-        planes[players[me, X], players[me, Y], _ME] = 1
-        planes[players[other, X], players[other, Y], _OTHER] = 1
-        planes[players[me, X], players[me, Y], _MY_FACING + players[me, FACING]] = 1
-        planes[players[other, X], players[other, Y], _OTHER_FACING + players[other, FACING]] = 1
+        mine = view + np.uint64((players[me, X] * height + players[me, Y]) * PLANES)
+        others = view + np.uint64((players[other, X] * height + players[other, Y]) * PLANES)
+        out[mine + _ME] = 1
+        out[others + _OTHER] = 1
+        out[mine + np.uint64(_MY_FACING + players[me, FACING])] = 1
+        out[others + np.uint64(_OTHER_FACING + players[other, FACING])] = 1
         for k in range(pots.shape[0]):
-            x, y = pots[k, 0], pots[k, 1]
-            inside = contents[x, y]
-            if inside < COOKING:
-                planes[x, y, _ONIONS_IN_POT] = inside
-            else:
-                planes[x, y, _ONIONS_IN_SOUP] = ONIONS_PER_SOUP
-                planes[x, y, _COOKING_LEFT] = COOK_TIME - (inside - COOKING)
-                if inside == READY:
-                    planes[x, y, _SOUP_READY] = 1
+            cell = view + np.uint64((pots[k, 0] * height + pots[k, 1]) * PLANES)
+            _set_pot(out, cell, contents[pots[k, 0], pots[k, 1]])
         for k in range(counters.shape[0]):
             item = contents[counters[k, 0], counters[k, 1]]
             if item != NOTHING:
-                _write_item(planes, counters[k, 0], counters[k, 1], item)
-        for k in range(2):
-            _write_item(planes, players[k, X], players[k, Y], players[k, HELD])
+                _add_item(out, view + np.uint64((counters[k, 0] * height + counters[k, 1]) * PLANES), item)
+        _add_item(out, mine, players[me, HELD])
+        _add_item(out, others, players[other, HELD])
         if horizon > 0 and horizon - timestep < URGENT_TIMESTEPS:
-            planes[:, :, _URGENT] = 1
+            for cell in range(view, view + size, np.uint64(PLANES)):
+                out[cell + _URGENT] = 1
 
 
-@njit(cache=True)
+@kernel
 def encode(static, pots, counters, players, contents, timestep, horizon, out):
-    """The planes of many games: `out` (games, 2, width, height, 26), any 8-bit or wider integer type."""
+    """The planes of many games: `out` (games, 2, width, height, 26), contiguous, any 8-bit or wider integer type."""
+    flat = out.reshape(-1)
     for game in range(players.shape[0]):
-        encode_game(static, pots, counters, players[game], contents[game], timestep[game], horizon, out[game])
+        encode_game(static, pots, counters, players[game], contents[game], timestep[game], horizon, flat, game)

@@ -1,12 +1,11 @@
 """The rules of the kitchen: one transition function, compiled, for one game or ten thousand.
 
 They are overcooked_ai's with `old_dynamics=True` (names in brackets are its functions). A state is three integer arrays
-with the game first: `players` (games, 2, 4) int8 = x, y, facing, held; `contents` (games, width, height) int8 = the item
-on a counter or the contents of a pot (see `constants`); `timestep` (games,) int32. Events only: points are `score`'s.
+with the game first: `players` (games, 2, 4) int8 = x, y, facing, held; `contents` (games, width, height) int8 = what
+lies on a counter or is in a pot (see `constants`); `timestep` (games,) int32. Events only: points are `score`'s.
 """
 
-from numba import njit
-
+from overcooked.compiled import inlined_kernel, kernel
 from overcooked.constants import (
     COOKING,
     COUNTER,
@@ -49,8 +48,7 @@ from overcooked.constants import (
 __all__ = ["step", "step_game"]
 
 
-
-@njit(cache=True, inline="always")
+@inlined_kernel
 def _pots_at_start(pots, contents):
     """(wanting a dish, full): pots with 1-2 onions, cooking or ready; pots with three onions, cooking or ready.
 
@@ -67,15 +65,15 @@ def _pots_at_start(pots, contents):
     return wanting_dish, full
 
 
-@njit(cache=True, inline="always")
+@inlined_kernel
 def _dish_lies_on_counter(counters, contents):
-    for k in range(counters.shape[0]):
+    for k in range(counters.shape[0]):  # noqa: SIM110 numba has no generator expressions here
         if contents[counters[k, 0], counters[k, 1]] == DISH:
             return True
     return False
 
 
-@njit(cache=True)
+@kernel
 def _interact(tiles, pots, counters, players, contents, me, wanting_dish, full):
     """What the chef `me` does to the cell it faces; returns its events. [resolve_interacts, one player]"""
     facing = players[me, FACING]
@@ -143,7 +141,7 @@ def _interact(tiles, pots, counters, players, contents, me, wanting_dish, full):
     return 0
 
 
-@njit(cache=True, inline="always")
+@inlined_kernel
 def _move(tiles, players, first_action, second_action):
     """Both chefs turn and, where the way is free, walk. [resolve_movement, _handle_collisions]"""
     x0, y0 = players[0, X], players[0, Y]
@@ -168,7 +166,7 @@ def _move(tiles, players, first_action, second_action):
         players[1, Y] = to_y1
 
 
-@njit(cache=True)
+@kernel
 def step_game(tiles, pots, counters, players, contents, first_action, second_action, events):
     """One timestep of one game, in place. [get_state_transition]
 
@@ -192,7 +190,7 @@ def step_game(tiles, pots, counters, players, contents, first_action, second_act
             contents[pots[k, 0], pots[k, 1]] = inside + 1
 
 
-@njit(cache=True)
+@kernel
 def step(tiles, pots, counters, players, contents, timestep, actions, events):
     """One timestep of many games, in place.
 

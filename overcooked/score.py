@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from overcooked.compiled import inlined_kernel
 from overcooked.constants import (
     HELD,
     ONIONS_PER_SOUP,
@@ -23,15 +23,15 @@ DISH_REWARD = 3
 SOUP_REWARD = 5
 
 
-@njit(cache=True, inline="always")
+@inlined_kernel
 def sparse_reward(events: int) -> int:
     """Points of one chef's timestep: 20 for a delivered soup. Shared by both chefs: add the two."""
     return DELIVERY_REWARD if events & SOUP_DELIVERY else 0
 
 
-@njit(cache=True, inline="always")
+@inlined_kernel
 def shaped_reward(events: int) -> int:
-    """overcooked_ai's default shaping, to the chef who acted: 3 an onion into a pot, 3 a useful dish, 5 a soup lifted."""
+    """overcooked_ai's default shaping, to who acted: 3 an onion into a pot, 3 a useful dish, 5 a soup lifted."""
     reward = 0
     if events & POTTING_ONION:
         reward += PLACEMENT_REWARD
@@ -56,7 +56,7 @@ DEFAULT_PROGRESS = ProgressWeights()
 def progress_credit(
     layout: Layout, players: NDArray[np.int8], contents: NDArray[np.int8], weights: ProgressWeights = DEFAULT_PROGRESS
 ) -> float:
-    """The paper's "discount reward according to the process" of one game's last state; kept apart from the sparse score.
+    """The paper's "discount reward according to the process" of one game's last state; kept apart from sparse reward.
 
     `players` (2, 4), `contents` (width, height). Each onion in a pot counts (a full pot is three, cooked or not), each
     soup on a dish counts, held or on a counter; an empty dish counts nothing.

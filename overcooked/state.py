@@ -23,7 +23,7 @@ Record = dict[str, Any]
 
 @dataclass(eq=False)
 class Kitchens:
-    """`games` games on one layout. The arrays may be views into somebody else's buffers; `step` changes them in place."""
+    """`games` games on one layout. The arrays may be views into others' buffers; `step` changes them in place."""
 
     layout: Layout
     players: NDArray[np.int8]  # (games, 2, 4): x, y, facing, held
@@ -45,13 +45,18 @@ class Kitchens:
     def step(self, actions: NDArray[np.integer[Any]], events: NDArray[np.int32]) -> None:
         """One timestep of every game. `actions` (games, 2) in 0-5; `events` (games, 2) out, see `score`."""
         layout = self.layout
-        rules.step(layout.tiles, layout.pots, layout.counters, self.players, self.contents, self.timestep, actions, events)
+        rules.step(
+            layout.tiles, layout.pots, layout.counters, self.players, self.contents, self.timestep, actions, events
+        )
 
     def encode(self, out: NDArray[Any] | None = None, horizon: int = HORIZON) -> NDArray[Any]:
-        """What each chef sees: (games, 2, width, height, 26)."""
+        """What each chef sees: (games, 2, width, height, 26). ValueError for an unfit `out`."""
         layout = self.layout
+        shape = (self.games, PLAYERS, layout.width, layout.height, observe.PLANES)
         if out is None:
-            out = np.empty((self.games, PLAYERS, layout.width, layout.height, observe.PLANES), np.int8)
+            out = np.empty(shape, np.int8)
+        elif out.shape != shape or not out.flags.c_contiguous:
+            raise ValueError(f"observations must be a contiguous array of shape {shape}, not {out.shape}")
         observe.encode(
             layout.static_planes, layout.pots, layout.counters, self.players, self.contents, self.timestep, horizon, out
         )
@@ -61,8 +66,11 @@ class Kitchens:
         return Kitchens(self.layout, self.players.copy(), self.contents.copy(), self.timestep.copy())
 
     def hash(self, game: int = 0) -> str:
-        """16 hexadecimal digits, the same on every machine: BLAKE2b-64 of the layout's hash, the timestep (int32, little
-        endian), the players' rows and the contents [x][y] (int8)."""
+        """16 hexadecimal digits, the same on every machine.
+
+        BLAKE2b-64 of the layout's hash, the timestep (int32, little endian), the players' rows and the contents
+        [x][y] (int8).
+        """
         digest = hashlib.blake2b(bytes.fromhex(self.layout.sha256), digest_size=8)
         digest.update(int(self.timestep[game]).to_bytes(4, "little"))
         digest.update(self.players[game].tobytes())
@@ -70,8 +78,11 @@ class Kitchens:
         return digest.hexdigest()
 
     def record(self, game: int = 0) -> Record:
-        """The state as plain data: `t`, `p` [x, y, facing, held], `c` counters [x, y, item], `pots` [x, y, onions, tick]
-        (tick -1: not cooking; 20: ready). Cells in ascending order, as in the reference recordings."""
+        """The state as plain data, cells in ascending order: the schema of the reference recordings.
+
+        `t`, `p` [x, y, facing, held], `c` counters [x, y, item], `pots` [x, y, onions, tick] (tick -1: not
+        cooking; 20: ready).
+        """
         contents = self.contents[game]
         pots = []
         for x, y in self.layout.pots.tolist():

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from overcooked.compiled import kernel
 from overcooked.constants import COOKING, FACING, FLOOR, HELD, HORIZON, ONIONS_PER_SOUP, PLAYERS, READY, STEP_X, X, Y
 from overcooked.layout import Layout
 from overcooked.observe import PLANES, encode_game
@@ -87,19 +87,38 @@ class VectorEnv:
         dones: NDArray[np.bool_],  # (games,) out: the episode ended with this timestep
         observations: NDArray[Any] | None = None,  # (games, 2, width, height, 26) out; None: not encoded
     ) -> None:
-        """One timestep of every game. One that ended begins anew at once: its observation is the new episode's first."""
+        """One timestep of every game. One that ended begins anew at once: it shows the new episode's first state."""
         layout, kitchens = self.layout, self.kitchens
+        if observations is None:
+            observations = self._no_observations
+        elif observations.shape != (self.games, *self.observation_shape) or not observations.flags.c_contiguous:
+            raise ValueError(
+                f"observations must be contiguous, (games, {self.observation_shape}), not {observations.shape}"
+            )
+        if not len(actions) == len(sparse) == len(shaped) == len(dones) == self.games:
+            raise ValueError(f"actions, rewards and dones must have {self.games} rows, one a game")
         _step(
             layout.tiles, layout.pots, layout.counters, layout.starts, self._cells, layout.static_planes,
             kitchens.players, kitchens.contents, kitchens.timestep, self.horizon, self._random, self._random_chance,
             self._sums, self._finished, self._finished_count,
             actions, self.events, sparse, shaped, dones,
-            self._no_observations if observations is None else observations,
+            observations,
         )  # fmt: skip
 
     def encode(self, observations: NDArray[Any]) -> None:
         """The current states as the chefs see them: `observations` (games, 2, width, height, 26) out."""
         self.kitchens.encode(observations, self.horizon)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Everything that decides how the games go on, as arrays to store (views: copy what you keep)."""
+        kitchens = self.kitchens
+        arrays = {"players": kitchens.players, "contents": kitchens.contents, "timestep": kitchens.timestep}
+        return {**arrays, "sums": self._sums, "random": self._random}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Goes on from what `state` gave in an environment of the same layout, games, horizon and starts."""
+        for name, array in self.state().items():
+            array[:] = state[name]
 
     def take_finished(self) -> Finished:
         """The episodes that ended since the last call (the newest 4 x games, at least 1,024, are kept)."""
@@ -128,7 +147,7 @@ def _walkable_from(layout: Layout, x: int, y: int) -> list[tuple[int, int]]:
     return sorted(reached)
 
 
-@njit(cache=True)
+@kernel
 def _below(random, game, limit):
     """A random integer in 0..limit-1 from the game's own splitmix64 stream."""
     random[game] += np.uint64(0x9E3779B97F4A7C15)
@@ -139,7 +158,7 @@ def _below(random, game, limit):
     return np.int64((z >> np.uint64(32)) % np.uint64(limit))
 
 
-@njit(cache=True)
+@kernel
 def _begin(starts, cells, pots, players, contents, sums, random, game, random_chance):
     """Puts one game into the first state of an episode and clears its sums."""
     contents[:] = 0
@@ -154,7 +173,7 @@ def _begin(starts, cells, pots, players, contents, sums, random, game, random_ch
         _randomise(cells, pots, players, contents, random, game)
 
 
-@njit(cache=True)
+@kernel
 def _randomise(cells, pots, players, contents, random, game):
     """Any two free cells, facings, hands, and pots as they can be when a timestep begins (so never 3 raw onions)."""
     for k in range(2):
@@ -173,11 +192,12 @@ def _randomise(cells, pots, players, contents, random, game):
         )
 
 
-@njit(cache=True)
+@kernel
 def _step(
     tiles, pots, counters, starts, cells, static, players, contents, timestep, horizon, random, random_chance,
     sums, finished, finished_count, actions, events, sparse, shaped, dones, observations,
 ):  # fmt: skip
+    flat = observations.reshape(-1)
     for game in range(players.shape[0]):
         step_game(
             tiles, pots, counters, players[game], contents[game], actions[game, 0], actions[game, 1], events[game]
@@ -198,6 +218,4 @@ def _step(
             _begin(starts, cells, pots, players[game], contents[game], sums[game], random, game, random_chance)
             timestep[game] = 0
         if observations.shape[0] > 0:
-            encode_game(
-                static, pots, counters, players[game], contents[game], timestep[game], horizon, observations[game]
-            )
+            encode_game(static, pots, counters, players[game], contents[game], timestep[game], horizon, flat, game)

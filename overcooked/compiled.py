@@ -1,0 +1,29 @@
+"""The one decorator of the compiled kernels, and the care for their cache. It knows nothing of kitchens."""
+
+from contextlib import suppress
+from pathlib import Path
+
+from numba import njit
+
+# Compiled on first use, then kept beside the sources (`__pycache__/*.nbi`), so that the next process starts at once.
+kernel = njit(cache=True, error_model="numpy")
+inlined_kernel = njit(cache=True, error_model="numpy", inline="always")
+
+_FOLDER = Path(__file__).parent
+_KERNEL_SOURCES = ("compiled.py", "constants.py", "observe.py", "rules.py", "score.py", "vector_env.py")
+
+
+def forget_stale_code(folder: Path = _FOLDER) -> int:
+    """Deletes compiled code older than any kernel's source; returns how many files.
+
+    numba looks only at the file that a function is in. A changed rule would otherwise live on in `vector_env`.
+    """
+    newest = max((folder / source).stat().st_mtime_ns for source in _KERNEL_SOURCES)
+    stale = [file for file in (folder / "__pycache__").glob("*.nb[ic]") if file.stat().st_mtime_ns < newest]
+    for file in stale:
+        file.unlink(missing_ok=True)
+    return len(stale)
+
+
+with suppress(OSError):  # installed where we may not write: then nobody edits the sources there either
+    forget_stale_code()
