@@ -1,0 +1,113 @@
+"""The predictors that a study may name, and those that are no network: uniform, and degraded to a wanted accuracy."""
+
+import zlib
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.blackbox import is_foreign, load_foreign_predictor
+from models.protocols import STEPS, Observations, Predictions, Predictor
+from overcooked.constants import ACTIONS
+from overcooked.layout import Layout
+
+WEIGHTS = Path(__file__).parent / "weights"
+RANDOM = "random"
+
+
+class UnknownPredictor(ValueError):
+    """A name that no predictor has on this layout; the text says which there are."""
+
+
+def load_predictor(name: str, layout: Layout) -> Predictor:
+    """The predictor called `name`: `random`, a shipped one such as `sp_predictor_stream`, one degraded to an accuracy
+    such as `sp_predictor_stream@60`, or a foreign one (`module:Class`, an ONNX file). Raises ValueError (its kinds)
+    or OSError."""
+    if name == RANDOM:
+        return UniformPredictor()
+    if is_foreign(name):
+        return load_foreign_predictor(name, layout)
+    base, _, wanted = name.partition("@")
+    folder = WEIGHTS / layout.name / base
+    if not (folder / "config.json").is_file():
+        known = ", ".join(predictor_names(layout)) or "none"
+        raise UnknownPredictor(f"{layout.name} has no predictor {base!r}. Known there: {known}, {RANDOM}.")
+    from models.predictor import load_trained_predictor
+
+    trained, accuracy = load_trained_predictor(folder, layout)
+    return DegradedPredictor(trained, accuracy, _percent(name, wanted)) if wanted else trained
+
+
+def predictor_names(layout: Layout) -> list[str]:
+    """The trained predictors shipped for a layout."""
+    return sorted(path.parent.name for path in (WEIGHTS / layout.name).glob("*_predictor_*/config.json"))
+
+
+def _percent(name: str, text: str) -> float:
+    try:
+        value = float(text) / 100
+    except ValueError:
+        raise UnknownPredictor(f"{name}: after @ comes the wanted accuracy in percent, e.g. @60.") from None
+    if not 1 / ACTIONS <= value <= 1:
+        raise UnknownPredictor(f"{name}: an accuracy between {100 / ACTIONS:.0f} and 100 can be asked for.")
+    return value
+
+
+class UniformPredictor:
+    """Knows nothing: every action is as likely as any other. (What the random condition draws comes from the
+    episode's seed.)"""
+
+    memory = 1
+
+    def begin(self, slots: NDArray[np.intp]) -> None:
+        """Nothing to forget."""
+
+    def predict(
+        self,
+        slots: NDArray[np.intp],
+        observations: Observations,  # noqa: ARG002
+        last_actions: NDArray[np.int8],  # noqa: ARG002
+    ) -> Predictions:
+        return np.full((len(slots), STEPS, ACTIONS), 1 / ACTIONS, np.float32)
+
+
+class DegradedPredictor:
+    """A predictor made worse on purpose, to a wanted accuracy.
+
+    At some rate a step's answer is replaced by another action than the likeliest, which is right about one time in
+    five of those where the predictor errs. With accuracy a and rate r the result is a(1-r) + (1-a) r / 5; r follows
+    from it. Which steps are hit depends on the state and the actions before it, so that a repeated question gets the
+    same answer.
+    """
+
+    def __init__(self, predictor: Predictor, accuracy: float, wanted: float) -> None:
+        """`accuracy` as measured on unseen partners, `wanted` <= accuracy; both 0-1. Raises UnknownPredictor."""
+        if wanted > accuracy:
+            raise UnknownPredictor(
+                f"the predictor reaches {accuracy:.0%}; {wanted:.0%} cannot be had by making it worse."
+            )
+        self._predictor = predictor
+        self.memory = int(getattr(predictor, "memory", 1))
+        by_luck = (1 - accuracy) / (ACTIONS - 1)
+        self._rate = min(1.0, (accuracy - wanted) / (accuracy - by_luck))
+
+    def begin(self, slots: NDArray[np.intp]) -> None:
+        self._predictor.begin(slots)
+
+    def predict(
+        self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
+    ) -> Predictions:
+        answer = self._predictor.predict(slots, observations, last_actions).copy()
+        for row, (state, actions) in enumerate(zip(observations, last_actions, strict=True)):
+            draws = np.random.default_rng(zlib.crc32(state.tobytes(), zlib.crc32(actions.tobytes())))
+            for step in range(STEPS):
+                if draws.random() < self._rate:
+                    _mislead(answer[row, step], int(draws.integers(1, ACTIONS)))
+        return answer
+
+
+def _mislead(law: NDArray[np.float32], shift: int) -> None:
+    """Makes another action the likeliest: the two change places."""
+    right = int(law.argmax())
+    wrong = (right + shift) % ACTIONS
+    law[right], law[wrong] = law[wrong], law[right]

@@ -1,0 +1,207 @@
+"""Answers the live game's questions from worker processes, batched over games, by a deadline. The server side: no
+torch here.
+
+Our own models share workers; every foreign agent or predictor has a worker of its own, so that a slow one delays only
+itself.
+"""
+
+import asyncio
+import zlib
+from collections import Counter, deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.blackbox import is_foreign
+from models.lane import Lane, ModelsDown
+from models.protocols import STEPS, Decision, Question
+from models.wire import Answer, Load, Name, Row
+from overcooked.constants import ACTIONS, STAY
+
+__all__ = ["ModelServer", "ModelStatistics", "ModelsDown"]
+
+HANG_S = 1.0
+_KEPT_TIMES = 2000
+
+
+@dataclass(frozen=True)
+class ModelStatistics:
+    """What happened since the start."""
+
+    restarts: int  # workers replaced
+    late: int  # questions without an answer by their deadline (a worker that was too slow, or not there)
+    faults: dict[str, int]  # "layout/model: reason" -> how often
+    model_ms: tuple[float, float, float]  # a worker's time for one batch: median, 99 %, most
+
+
+class ModelServer:
+    """The `Models` of the live game. `start`, then `ask` from the event loop, `close` at the end.
+
+    `agents` and `predictors` are (layout, name) pairs, each name as the catalogue or a foreign model is called; a
+    question about any other is not answered.
+    """
+
+    def __init__(
+        self, agents: Sequence[Name], predictors: Sequence[Name], workers: int = 1, hang_s: float = HANG_S
+    ) -> None:
+        own = Load(
+            tuple(name for name in agents if not is_foreign(name[1])),
+            tuple(name for name in predictors if not is_foreign(name[1])),
+        )
+        self._own = [
+            Lane(own, int(number == 0), hang_s) for number in range(workers if any((own.agents, own.predictors)) else 0)
+        ]
+        self._foreign: dict[str, Lane] = {}
+        for foreign in dict.fromkeys(name for _, name in (*agents, *predictors) if is_foreign(name)):
+            load = Load(
+                tuple(pair for pair in agents if pair[1] == foreign),
+                tuple(pair for pair in predictors if pair[1] == foreign),
+            )
+            self._foreign[foreign] = Lane(load, 1, hang_s)
+        self._agents, self._predictors = frozenset(agents), frozenset(predictors)
+        self._seats: dict[str, set[int]] = {}
+        self._late = 0
+        self._faults: Counter[str] = Counter()
+        self._times: deque[float] = deque(maxlen=_KEPT_TIMES)
+
+    async def start(self) -> None:
+        """Loads and warms every model. Raises ModelsDown with the name and the reason; nothing is left running then."""
+        started = await asyncio.gather(*(lane.start() for lane in self._lanes), return_exceptions=True)
+        errors = [outcome for outcome in started if isinstance(outcome, BaseException)]
+        if errors:
+            await self.close()
+            raise errors[0]
+
+    async def close(self) -> None:
+        """Ends every worker."""
+        await asyncio.gather(*(lane.close() for lane in self._lanes))
+
+    async def ask(self, questions: Sequence[Question], deadline_ms: float) -> list[Decision | None]:
+        """One decision a question, in order; None where no answer came within `deadline_ms` or the model broke."""
+        batches = self._send(questions)
+        futures = [answer for _, _, answer in batches]
+        if futures:
+            await asyncio.wait(futures, timeout=deadline_ms / 1000)
+        found = [_Found() for _ in questions]
+        for lane, chosen, answer in batches:
+            if answer.done() and not answer.cancelled():
+                self._read(lane, [questions[k] for k in chosen], [found[k] for k in chosen], answer.result())
+            else:
+                answer.cancel()
+                self._late += len(chosen)
+        return [part.decision(question) for part, question in zip(found, questions, strict=True)]
+
+    def forget(self, game: str) -> None:
+        """The game is over: its memory is freed."""
+        keys = [_key(game, seat) for seat in self._seats.pop(game, ())]
+        for lane in self._lanes:
+            lane.forget(keys)
+
+    def statistics(self) -> ModelStatistics:
+        times = np.array(self._times) if self._times else np.zeros(1)
+        median, high, most = np.quantile(times, (0.5, 0.99, 1.0)).tolist()
+        restarts = sum(lane.restarts for lane in self._lanes)
+        return ModelStatistics(restarts, self._late, dict(self._faults), (median, high, most))
+
+    def worker_pids(self) -> list[int]:
+        """Of the workers that answer now (spares are not among them)."""
+        return [lane.pid for lane in self._lanes if lane.pid]
+
+    @property
+    def _lanes(self) -> list[Lane]:
+        return [*self._own, *self._foreign.values()]
+
+    def _lane(self, game: str, name: str) -> Lane:
+        if name in self._foreign:
+            return self._foreign[name]
+        return self._own[zlib.crc32(game.encode()) % len(self._own)]
+
+    def _send(self, questions: Sequence[Question]) -> "list[tuple[Lane, list[int], asyncio.Future[Answer]]]":
+        """Asks each worker about each layout once; returns what was asked: worker, indices of questions, answer to
+        come."""
+        groups: dict[tuple[Lane, str], list[tuple[int, str | None, str | None]]] = {}
+        for k, question in enumerate(questions):
+            for lane, agent, predictor in self._parts(question):
+                groups.setdefault((lane, question.layout), []).append((k, agent, predictor))
+        sent = []
+        for (lane, layout), parts in groups.items():
+            chosen = [k for k, _, _ in parts]
+            if lane.ready():
+                sent.append((lane, chosen, self._send_group(lane, layout, questions, parts)))
+            else:
+                self._late += len(chosen)
+        return sent
+
+    def _parts(self, question: Question) -> list[tuple[Lane, str | None, str | None]]:
+        """Who answers: one worker for agent and predictor together, or two."""
+        layout = question.layout
+        agent = question.agent if (layout, question.agent) in self._agents else None
+        predictor = question.predictor if (layout, question.predictor) in self._predictors else None
+        lanes: dict[Lane, list[str | None]] = {}
+        for position, name in enumerate((agent, predictor)):
+            if name is not None:
+                lanes.setdefault(self._lane(question.game, name), [None, None])[position] = name
+        return [(lane, names[0], names[1]) for lane, names in lanes.items()]
+
+    def _send_group(
+        self, lane: Lane, layout: str, questions: Sequence[Question], parts: list[tuple[int, str | None, str | None]]
+    ) -> "asyncio.Future[Answer]":
+        rows, states, actions = [], [], []
+        for k, agent, predictor in parts:
+            question = questions[k]
+            key = _key(question.game, question.seat)
+            self._seats.setdefault(question.game, set()).add(question.seat)
+            fresh = predictor is not None and lane.fresh(key, question.timestep)
+            history = question.history(lane.memory if fresh else 1)
+            length = len(history.observations)
+            rows.append(Row(key, agent, predictor, length, fresh, question.stuck, question.uniform))
+            states.append(history.observations)
+            actions.append(history.actions)
+            if predictor is not None:
+                lane.saw(key, question.timestep)
+        joined = np.concatenate(states, dtype=np.int8, casting="unsafe")
+        width, height, planes = joined.shape[1:]
+        return lane.ask(
+            layout,
+            (width, height, planes),
+            rows,
+            joined.tobytes(),
+            np.concatenate(actions, dtype=np.int8, casting="unsafe").tobytes(),
+        )
+
+    def _read(self, lane: Lane, questions: list[Question], found: "list[_Found]", answer: Answer) -> None:
+        self._times.append(answer.model_ms)
+        self._faults.update(f"{fault.model}: {fault.reason}" for fault in answer.faults)
+        acted = np.frombuffer(answer.acted, np.int8)
+        laws = np.frombuffer(answer.laws, np.float32).reshape(-1, ACTIONS)
+        predicted = np.frombuffer(answer.predicted, np.int8)
+        predictions = np.frombuffer(answer.predictions, np.float32).reshape(-1, STEPS, ACTIONS)
+        for k, (question, part) in enumerate(zip(questions, found, strict=True)):
+            if acted[k] >= 0:
+                part.action = int(acted[k])
+                part.probabilities = tuple(laws[k].tolist())
+            if predicted[k]:
+                part.prediction = tuple(tuple(step) for step in predictions[k].tolist())
+            elif question.predictor is not None:
+                lane.lost(_key(question.game, question.seat))
+
+
+@dataclass
+class _Found:
+    """What has been answered about one question so far."""
+
+    action: int | None = None
+    probabilities: tuple[float, ...] = ()
+    prediction: tuple[tuple[float, ...], ...] = ()
+
+    def decision(self, question: Question) -> Decision | None:
+        if question.agent is not None:
+            if self.action is None:
+                return None
+            return Decision(self.action, self.probabilities, self.prediction)
+        return Decision(STAY, (), self.prediction) if self.prediction else None
+
+
+def _key(game: str, seat: int) -> str:
+    return f"{game}/{seat}"

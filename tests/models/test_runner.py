@@ -1,0 +1,210 @@
+"""The model server with real worker processes."""
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from models.protocols import History, Question
+from models.runner import ModelsDown, ModelServer
+from overcooked.constants import EAST, NORTH, STAY
+from overcooked.layout import load_layout
+from overcooked.state import Kitchens
+
+LAYOUT = "coordination_ring"
+NORTHWARD, EVEN = "foreign_models:Northward", "foreign_models:EvenHanded"
+REMEMBERING = "foreign_models:Remembering"
+PATIENT_MS = 5000
+
+
+class Game:
+    """A game played elsewhere: random joint actions, all states kept."""
+
+    def __init__(self, name: str, seed: int = 0, layout: str = LAYOUT) -> None:
+        self.name, self.layout = name, layout
+        self.draws = np.random.default_rng(seed)
+        self.kitchens = Kitchens.start(load_layout(layout))
+        self.observations = [self.kitchens.encode()[0, 0].copy()]
+        self.actions = [(-1, -1)]
+
+    def play(self, timesteps: int = 1) -> "Game":
+        events = np.zeros((1, 2), np.int32)
+        for _ in range(timesteps):
+            joint = self.draws.integers(0, 6, (1, 2)).astype(np.int8)
+            self.kitchens.step(joint, events)
+            self.observations.append(self.kitchens.encode()[0, 0].copy())
+            self.actions.append(tuple(joint[0].tolist()))
+        return self
+
+    def history(self, k: int) -> History:
+        return History(np.array(self.observations[-k:], np.int8), np.array(self.actions[-k:], np.int8))
+
+    def question(self, agent=None, predictor=None, uniform=0.5, stuck=0) -> Question:
+        timestep = len(self.actions) - 1
+        return Question(self.name, self.layout, 0, timestep, agent, predictor, uniform, stuck, self.history)
+
+
+@pytest.fixture
+async def serving():
+    """Starts model servers and ends them."""
+    started = []
+
+    async def start(agents=(), predictors=(), **settings):
+        server = ModelServer([(LAYOUT, name) for name in agents], [(LAYOUT, name) for name in predictors], **settings)
+        started.append(server)
+        await server.start()
+        return server
+
+    yield start
+    for server in started:
+        await server.close()
+
+
+async def until(condition):
+    while not condition():
+        await asyncio.sleep(0.01)
+
+
+def test_server_side_never_loads_torch():
+    code = "import sys, models.runner; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+async def test_agent_and_predictor_answer_together(serving):
+    server = await serving([NORTHWARD], [REMEMBERING, "random"])
+    (decision,) = await server.ask([Game("a").question(NORTHWARD, "random")], PATIENT_MS)
+    assert decision.action == NORTH
+    assert decision.probabilities == pytest.approx((1, 0, 0, 0, 0, 0))
+    assert np.allclose(decision.prediction, 1 / 6)
+
+
+async def test_the_given_number_draws_the_action(serving):
+    server = await serving([EVEN])
+    uniforms = [0.01, 0.2, 0.4, 0.6, 0.7, 0.99]
+    asked = [Game(f"g{k}").question(EVEN, uniform=uniform) for k, uniform in enumerate(uniforms)]
+    assert [decision.action for decision in await server.ask(asked, PATIENT_MS)] == [0, 1, 2, 3, 4, 5]
+
+
+async def test_a_jammed_agent_is_mixed_as_its_mode_says(serving):
+    jamming = "foreign_models:Jamming"
+    server = await serving([jamming])
+    free, jammed = await server.ask(
+        [Game("a").question(jamming, uniform=0.6, stuck=1), Game("b").question(jamming, uniform=0.6, stuck=2)],
+        PATIENT_MS,
+    )
+    assert (free.action, jammed.action) == (NORTH, EAST)
+    assert jammed.probabilities == (0.25, 0.25, 0.25, 0.25, 0, 0)
+
+
+async def test_a_watched_human_is_only_predicted(serving):
+    server = await serving(predictors=["random"])
+    (decision,) = await server.ask([Game("a").question(predictor="random")], PATIENT_MS)
+    assert (decision.action, decision.probabilities) == (STAY, ())
+    assert len(decision.prediction) == 3
+
+
+async def test_games_of_many_lengths_are_told_apart(serving):
+    server = await serving(predictors=[REMEMBERING])
+    games = [Game(f"g{k}", seed=k).play(k) for k in range(12)]
+    together = await server.ask([game.question(predictor=REMEMBERING) for game in games], PATIENT_MS)
+    for game, decision in zip(games, together, strict=True):
+        seen = np.array(game.actions[-8:]).sum()
+        assert np.argmax(decision.prediction[0]) == seen % 6
+
+
+async def test_a_killed_worker_comes_back_and_answers_as_if_nothing_had_happened(serving):
+    server, undisturbed = await serving([EVEN], [REMEMBERING]), await serving([EVEN], [REMEMBERING])
+    game = Game("a", seed=3)
+    for timestep in range(30):
+        question = game.play().question(EVEN, REMEMBERING, uniform=timestep / 30)
+        if timestep == 20:
+            for pid in server.worker_pids():
+                os.kill(pid, signal.SIGKILL)
+            assert await server.ask([question], 200) == [None]
+            await until(lambda: len(server.worker_pids()) == 2)
+            continue
+        assert await server.ask([question], PATIENT_MS) == await undisturbed.ask([question], PATIENT_MS)
+    assert server.statistics().restarts == 2
+
+
+async def test_a_worker_that_hangs_is_replaced(serving):
+    hanging = "foreign_models:Hanging"
+    server = await serving([hanging], hang_s=0.3)
+    good, bad = Game("a"), Game("b")
+    bad.observations[-1][0, 0, 21] = 1
+    assert await server.ask([bad.question(hanging)], 50) == [None]
+    await until(lambda: server.statistics().restarts == 1)
+    (decision,) = await server.ask([good.question(hanging)], PATIENT_MS)
+    assert decision is not None
+
+
+async def test_a_late_answer_is_dropped_and_the_next_is_in_time(serving):
+    slow = "foreign_models:SlowAfterWarming"
+    server = await serving([slow])
+    game = Game("a")
+    assert await server.ask([game.question(slow)], 20) == [None]
+    (decision,) = await server.ask([game.play().question(slow, uniform=0.99)], PATIENT_MS)
+    assert decision.action == 5
+    assert server.statistics().late == 1
+    assert server.statistics().restarts == 0
+
+
+async def test_a_slow_agent_delays_no_other(serving):
+    slow = "foreign_models:SlowAfterWarming"
+    server = await serving([slow, NORTHWARD])
+    late, quick = await server.ask([Game("a").question(slow), Game("b").question(NORTHWARD)], 150)
+    assert late is None
+    assert quick.action == NORTH
+
+
+async def test_nan_is_no_answer_and_is_counted(serving):
+    broken = "foreign_models:BrokenAfterWarming"
+    server = await serving([broken])
+    game = Game("a")
+    answers = [(await server.ask([game.play().question(broken)], PATIENT_MS))[0] for _ in range(8)]
+    assert answers == [None] * 8
+    counted = server.statistics().faults
+    assert sum(count for fault, count in counted.items() if "NaN" in fault) == 5
+    assert sum(count for fault, count in counted.items() if "resting" in fault) == 3
+
+
+async def test_a_model_that_does_not_fit_is_refused_before_anything_is_served(serving):
+    with pytest.raises(ModelsDown, match=r"WrongShape cannot be used on coordination_ring: .*shape \(1, 3\)"):
+        await serving(["foreign_models:WrongShape"])
+    with pytest.raises(ModelsDown, match="no_such_module:Agent is not there"):
+        await serving(["no_such_module:Agent"])
+
+
+async def test_an_unknown_model_is_not_answered(serving):
+    server = await serving([NORTHWARD])
+    assert await server.ask([Game("a").question("somebody_else")], 50) == [None]
+
+
+async def test_a_forgotten_game_begins_anew(serving):
+    server = await serving(predictors=[REMEMBERING])
+    game = Game("a", seed=1).play(5)
+    before = await server.ask([game.question(predictor=REMEMBERING)], PATIENT_MS)
+    server.forget("a")
+    assert await server.ask([game.question(predictor=REMEMBERING)], PATIENT_MS) == before
+
+
+async def test_asking_twice_about_one_state_gives_the_same_answer(serving):
+    server = await serving(predictors=[REMEMBERING])
+    game = Game("a", seed=2)
+    for _ in range(12):
+        question = game.play().question(predictor=REMEMBERING)
+        assert await server.ask([question], PATIENT_MS) == await server.ask([question], PATIENT_MS)
+
+
+async def test_nothing_is_left_running_after_close():
+    server = ModelServer([(LAYOUT, NORTHWARD)], [(LAYOUT, "random")])
+    await server.start()
+    pids = server.worker_pids()
+    await server.close()
+    for pid in pids:
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
