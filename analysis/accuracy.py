@@ -1,0 +1,69 @@
+"""How often the predictor was right in the games that were played, beside the offline test.
+
+The interval is over people: ticks of one game are no independent trials.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import polars as pl
+
+from analysis import effects
+from analysis.results import Result
+from analysis.tables import STEPS
+
+
+def live(episodes: pl.DataFrame, layouts: Sequence[str], agents: Sequence[str]) -> list[Result]:
+    """Accuracy per agent and layout, for every step and for their mean (step 0); over all conditions, because the
+    predictor is asked in every one, and for each condition alone."""
+    rows = []
+    conditions = ["", *episodes["condition"].unique(maintain_order=True)]
+    for agent in agents:
+        for layout in [*layouts, "all"]:
+            for condition in conditions:
+                rows += [_row(episodes, layout, agent, str(condition), step) for step in range(STEPS + 1)]
+    return [row for row in rows if row.n]
+
+
+def _row(episodes: pl.DataFrame, layout: str, agent: str, condition: str, step: int) -> Result:
+    measure = f"accuracy_{step}" if step else "accuracy"
+    chosen = episodes.filter((pl.col("agent") == agent) & pl.col(measure).is_not_null())
+    if layout != "all":
+        chosen = chosen.filter(pl.col("layout") == layout)
+    if condition:
+        chosen = chosen.filter(pl.col("condition") == condition)
+    of_people = chosen.group_by("participant", maintain_order=True).agg(pl.col(measure).mean())[measure].to_numpy()
+    mean = effects.mean_interval(of_people)
+    return Result(
+        "accuracy",
+        "live",
+        layout,
+        agent,
+        condition=condition or "all",
+        step=step,
+        estimate=mean.value,
+        estimate_low=mean.low,
+        estimate_high=mean.high,
+        se=effects.standard_error(of_people),
+        n=of_people.size,
+        unit="people",
+        ci_level=mean.level,
+    )
+
+
+def offline(about: Mapping[str, object], layouts: Sequence[str], agents: Sequence[str]) -> list[Result]:
+    """Accuracy on partners never seen, as the predictors' cards say it: `offline_accuracy` of the export, a mapping
+    agent -> layout -> accuracies of the steps. No rows where the export has none."""
+    cards = about.get("offline_accuracy")
+    rows = []
+    for agent in agents:
+        known = cards.get(agent, {}) if isinstance(cards, Mapping) else {}
+        shares = {layout: [float(share) for share in known[layout]] for layout in layouts if layout in known}
+        if len(shares) == len(layouts) and layouts:
+            shares["all"] = [sum(column) / len(layouts) for column in zip(*shares.values(), strict=True)]
+        for layout, steps in shares.items():
+            means = [sum(steps) / len(steps), *steps]
+            rows += [
+                Result("accuracy", "offline", layout, agent, step=step, estimate=share, unit="predictions")
+                for step, share in enumerate(means)
+            ]
+    return rows

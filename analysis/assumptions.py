@@ -1,0 +1,46 @@
+"""Whether the tests' assumptions hold: normal residuals (Shapiro-Wilk) and equal variances (Levene, about medians)."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+import polars as pl
+from scipy import stats
+
+from analysis.compare import Values, samples
+from analysis.results import Result
+
+FEWEST = 3  # values below which neither test says anything
+
+
+def check(
+    episodes: pl.DataFrame, measure: str, conditions: Sequence[str], places: Sequence[tuple[str, str]]
+) -> Iterator[Result]:
+    """A Shapiro-Wilk and a Levene row for every (layout, agent)."""
+    for layout, agent in places:
+        found = samples(episodes, measure, conditions, layout=layout, agent=agent).values()
+        groups = [group for group in found if group.size >= FEWEST]
+        base = Result("assumptions", "", layout, agent, n=sum(group.size for group in groups))
+        yield _normality(replace(base, test="shapiro_wilk"), groups)
+        yield _equal_variance(replace(base, test="levene"), groups)
+
+
+def residuals(groups: Sequence[Values]) -> Values:
+    """Every value minus the mean of its group, end to end."""
+    return np.concatenate([group - group.mean() for group in groups]) if groups else np.empty(0)
+
+
+def _normality(base: Result, groups: Sequence[Values]) -> Result:
+    rest = residuals(groups)
+    if rest.size < FEWEST or np.ptp(rest) == 0:
+        return replace(base, note="too few different values")
+    test = stats.shapiro(rest)
+    return replace(base, statistic_name="W", statistic=float(test.statistic), p=float(test.pvalue))
+
+
+def _equal_variance(base: Result, groups: Sequence[Values]) -> Result:
+    if len(groups) < 2 or np.ptp(residuals(groups)) == 0:
+        return replace(base, note="too few conditions with different values")
+    f, p = stats.levene(*groups, center="median")
+    df = float(len(groups) - 1), float(base.n - len(groups))
+    return replace(base, statistic_name="F", statistic=float(f), df=df[0], df_residual=df[1], p=float(p))

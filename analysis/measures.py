@@ -1,0 +1,96 @@
+"""From ticks to measures of an episode: reward, idleness, lateness, and how often the predictor was right.
+
+Knows no statistics. Tick n holds the actions that made state n, and the prediction made on state n: its first step is
+about timestep n, whose action stands in tick n + 1.
+"""
+
+import polars as pl
+
+from analysis.tables import INTERACT, STAY, STEPS, Export
+
+MOVES = 4  # actions 0-3 are moves
+PUSHES = 8  # as often the same move in a row goes into a wall or a person: kitchens are at most so wide or high, nearly
+
+
+def episode_measures(export: Export) -> pl.DataFrame:
+    """The export's episodes with reward, and measures from their ticks: idle_share, longest_idle_s, interactions,
+    pushing_share, late_share, hidden_share, accuracy and accuracy_1..3 (shares, 0 to 1; null without ticks)."""
+    ticks = export.ticks.filter(pl.col("person").is_not_null())
+    of_ticks = ticks.group_by("episode").agg(
+        timesteps=pl.len(),
+        idle_share=(pl.col("person") == STAY).mean(),
+        interactions=(pl.col("person") == INTERACT).sum(),
+        late_share=pl.col("late").mean(),
+    )
+    episodes = export.episodes.with_columns(reward=pl.col("score") + pl.col("progress"))
+    for table in (of_ticks, longest_idle(ticks), pushing(ticks), accuracy_of_episodes(export.ticks)):
+        episodes = episodes.join(table, on="episode", how="left")
+    hidden = export.pauses.filter(pl.col("reason").is_in(["hidden", "blur"]))
+    hidden = hidden.group_by("episode").agg(hidden_ms=pl.col("duration_ms").sum())
+    length_ms = pl.col("timesteps") * pl.col("tick_ms")
+    return (
+        episodes.join(hidden, on="episode", how="left", maintain_order="left")
+        .with_columns(
+            longest_idle_s=pl.col("longest_idle") * pl.col("tick_ms") / 1000,
+            hidden_share=pl.col("hidden_ms").fill_null(0) / (length_ms + pl.col("hidden_ms").fill_null(0)),
+        )
+        .drop("hidden_ms", "longest_idle")
+    )
+
+
+def analysed(episodes: pl.DataFrame, participants: pl.DataFrame) -> pl.DataFrame:
+    """The episodes that count: played to their end; neither they nor their participant excluded by the researcher."""
+    out = participants.filter(pl.col("excluded") != "")["participant"]
+    return episodes.filter(
+        (pl.col("status") == "done") & (pl.col("excluded") == "") & ~pl.col("participant").is_in(out.to_list())
+    )
+
+
+def _runs(ticks: pl.DataFrame) -> pl.DataFrame:
+    """Runs of the same action of the person: episode, person, length."""
+    return (
+        ticks.sort("episode", "timestep")
+        .with_columns(run=pl.struct("episode", "person").rle_id())
+        .group_by("episode", "run")
+        .agg(person=pl.col("person").first(), length=pl.len())
+    )
+
+
+def longest_idle(ticks: pl.DataFrame) -> pl.DataFrame:
+    """The longest run of waiting in timesteps: episode, longest_idle."""
+    waiting = pl.when(pl.col("person") == STAY).then(pl.col("length")).otherwise(0)
+    return _runs(ticks).group_by("episode").agg(longest_idle=waiting.max())
+
+
+def pushing(ticks: pl.DataFrame) -> pl.DataFrame:
+    """Share of timesteps beyond the eighth of one and the same move in a row: whoever does that stands at a wall or at
+    the partner. A sign of being stuck that needs the actions only."""
+    beyond = pl.when(pl.col("person") < MOVES).then((pl.col("length").cast(pl.Int64) - PUSHES).clip(0)).otherwise(0)
+    return _runs(ticks).group_by("episode").agg(pushing_share=beyond.sum() / pl.col("length").sum())
+
+
+def prediction_hits(ticks: pl.DataFrame) -> pl.DataFrame:
+    """One row per prediction whose action was then seen: episode, timestep, step, hit."""
+    ticks = ticks.sort("episode", "timestep")
+    steps = []
+    for step in range(1, STEPS + 1):
+        done = pl.col("partner").shift(-step).over("episode")
+        hits = ticks.select(
+            "episode",
+            "timestep",
+            step=pl.lit(step, dtype=pl.Int8),
+            hit=(pl.col(f"predicted_{step}").cast(pl.Int8) == done),
+        )
+        steps.append(hits.drop_nulls("hit"))
+    return pl.concat(steps)
+
+
+def accuracy_of_episodes(ticks: pl.DataFrame) -> pl.DataFrame:
+    """episode, accuracy_1..3 and accuracy (their mean), shares of predicted actions that were then done."""
+    names = [f"accuracy_{step}" for step in range(1, STEPS + 1)]
+    rates = prediction_hits(ticks).group_by("episode", "step").agg(rate=pl.col("hit").mean())
+    episodes = rates.select("episode").unique()
+    for step, name in enumerate(names, start=1):
+        column = rates.filter(pl.col("step") == step).select("episode", pl.col("rate").alias(name))
+        episodes = episodes.join(column, on="episode", how="left")
+    return episodes.with_columns(accuracy=pl.mean_horizontal(names))

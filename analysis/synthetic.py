@@ -1,0 +1,148 @@
+"""Simulated exports with known effects: for tests and for trying a report before there is a study. Never a finding.
+
+Writes the same files and columns as `kitchenmind export`, and says `simulated` in them.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from analysis.tables import ACTIONS, AGENTS, CONDITIONS, LAYOUTS, STEPS
+
+SOUP = 20
+BASELINE = {  # mean reward by layout, invented
+    "coordination_ring": 78.0,
+    "double_rings": 65.0,
+    "double_counters": 55.0,
+    "matrix": 74.0,
+    "clear_division": 119.0,
+}
+QUESTIONS = ("satisfaction_partner", "satisfaction_predictor", "awareness", "efficiency")
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is true in the simulated world. Effects are points of reward and points of the answer scale against none."""
+
+    participants: int = 29  # in each condition
+    conditions: tuple[str, ...] = CONDITIONS
+    layouts: tuple[str, ...] = LAYOUTS
+    agents: tuple[str, ...] = AGENTS
+    reward_effect: Mapping[str, float] = field(default_factory=dict)  # by condition
+    answer_effect: Mapping[str, float] = field(default_factory=dict)  # by condition, all questions
+    agent_bonus: float = 16.0  # of every agent over the one before
+    person_sd: float = 8.0
+    residual_sd: float = 14.0
+    accuracy: tuple[float, ...] = (0.85, 0.78, 0.72)  # of the predictor's steps
+    timesteps: int = 400
+    broken: float = 0.011  # share of episodes that the researcher removes
+    seed: int = 1
+
+
+def write_export(truth: Truth, folder: Path) -> None:
+    """The simulated study as Parquet files and about.json in `folder`, which is made."""
+    folder.mkdir(parents=True, exist_ok=True)
+    generator = np.random.default_rng(truth.seed)
+    participants = _participants(truth)
+    episodes = _episodes(truth, participants, generator)
+    tables = {
+        "participants": participants,
+        "episodes": episodes,
+        "answers": _answers(truth, episodes, generator),
+        "ticks": _ticks(truth, episodes, generator),
+    }
+    for name, table in tables.items():
+        table.write_parquet(folder / f"{name}.parquet")
+    about = {"title": "Simulated study", "simulated": True, "seed": truth.seed, "offline_accuracy": _offline(truth)}
+    (folder / "about.json").write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+
+
+def _offline(truth: Truth) -> dict[str, dict[str, list[float]]]:
+    shares = [min(1.0, share + 0.04) for share in truth.accuracy]
+    return {agent: dict.fromkeys(truth.layouts, shares) for agent in truth.agents}
+
+
+def _participants(truth: Truth) -> pl.DataFrame:
+    conditions = [name for _ in range(truth.participants) for name in truth.conditions]
+    return pl.DataFrame(
+        {
+            "participant": [f"p{number:05d}" for number in range(len(conditions))],
+            "condition": conditions,
+            "status": "completed",
+            "simulated": True,
+        }
+    )
+
+
+def _episodes(truth: Truth, participants: pl.DataFrame, generator: np.random.Generator) -> pl.DataFrame:
+    """Everybody plays every layout with every agent: reward = layout + agent + condition + person + noise."""
+    rows = []
+    for person, condition in participants.select("participant", "condition").iter_rows():
+        talent = generator.normal(0, truth.person_sd)
+        for number, (layout, agent) in enumerate([(x, y) for x in truth.layouts for y in truth.agents], start=1):
+            mean = BASELINE.get(layout, 70.0) + truth.agent_bonus * truth.agents.index(agent)
+            mean += talent + truth.reward_effect.get(condition, 0.0)
+            reward = max(0.0, round(generator.normal(mean, truth.residual_sd), 1))
+            removed = "technical fault" if generator.random() < truth.broken else ""
+            rows.append((f"{person}e{number:02d}", person, condition, layout, agent, number, reward, removed))
+    names = ["episode", "participant_0", "condition", "layout", "agent_1", "number", "reward", "excluded"]
+    score = (pl.col("reward") // SOUP) * SOUP
+    return (
+        pl.DataFrame(rows, schema=names, orient="row")
+        .with_columns(
+            score=score,
+            progress=(pl.col("reward") - score).round(1),
+            soups=score // SOUP,
+            participant_1=pl.lit(None, dtype=pl.String),
+            agent_0=pl.lit(None, dtype=pl.String),
+            watched_seat=1,
+            kind=pl.lit("episode"),
+            status=pl.lit("done"),
+            horizon=truth.timesteps,
+            tick_ms=200,
+        )
+        .drop("reward")
+    )
+
+
+def _answers(truth: Truth, episodes: pl.DataFrame, generator: np.random.Generator) -> pl.DataFrame:
+    rows = []
+    mood: dict[str, float] = {}
+    for episode, person, condition in episodes.select("episode", "participant_0", "condition").iter_rows():
+        leaning = mood.setdefault(person, generator.normal(4.2, 0.6))
+        for question in QUESTIONS:
+            if question == "satisfaction_predictor" and condition == "none":
+                continue
+            answer = generator.normal(leaning + truth.answer_effect.get(condition, 0.0), 1.1)
+            rows.append((person, episode, question, int(np.clip(round(answer), 1, 7))))
+    return pl.DataFrame(rows, schema=["participant", "episode", "question", "value"], orient="row")
+
+
+def _ticks(truth: Truth, episodes: pl.DataFrame, generator: np.random.Generator) -> pl.DataFrame:
+    """Actions at random and predictions that are right as often as the truth says."""
+    games, length = episodes.height, truth.timesteps
+    actions = generator.integers(0, ACTIONS, (games, length, 2), dtype=np.int8)
+    columns = {
+        "episode": np.repeat(episodes["episode"].to_numpy(), length + 1),
+        "timestep": np.tile(np.arange(length + 1), games),
+        "late": np.zeros(games * (length + 1), dtype=bool),
+        "late_ms": generator.exponential(0.4, games * (length + 1)).round(2),
+    }
+    table = pl.DataFrame(columns)
+    for seat in (0, 1):
+        made = np.concatenate([np.zeros((games, 1), dtype=np.int8), actions[:, :, seat]], axis=1)
+        values = pl.Series(made.ravel())
+        first = pl.col("timestep") == 0
+        table = table.with_columns(pl.when(first).then(None).otherwise(values).alias(f"action_{seat}"))
+    for step in range(1, STEPS + 1):
+        coming = np.full((games, length + 1), -1, dtype=np.int8)
+        coming[:, : length + 1 - step] = actions[:, step - 1 :, 1]
+        wrong = (coming + generator.integers(1, ACTIONS, coming.shape)) % ACTIONS
+        right = generator.random(coming.shape) < truth.accuracy[step - 1]
+        guess = np.where(coming < 0, 4, np.where(right, coming, wrong)).astype(np.int8)
+        table = table.with_columns(pl.Series(f"predicted_{step}", guess.ravel()))
+    return table
