@@ -1,0 +1,71 @@
+"""Answers to questions, and which pages a participant was on when."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import Connection, select, update
+from sqlalchemy.dialects.postgresql import insert as postgresql_insert
+from sqlalchemy.dialects.sqlite import insert as sqlite_insert
+
+from server.store.tables import answers, visits
+
+
+@dataclass(frozen=True)
+class Page:
+    """One submitted page. `values`: by question key; `episode_id`: the episode that the questions are about."""
+
+    participant_id: str
+    step_key: str
+    values: Mapping[str, Any]
+    episode_id: str | None = None
+    took_ms: float | None = None
+
+
+def save(connection: Connection, page: Page) -> int:
+    """Stores what has no answer yet and returns how many that were: the first answer to a question stays."""
+    now = datetime.now(UTC)
+    insert = postgresql_insert if connection.dialect.name == "postgresql" else sqlite_insert
+    stored = 0
+    for question_key, value in page.values.items():
+        row = {
+            "participant_id": page.participant_id,
+            "episode_id": page.episode_id,
+            "step_key": page.step_key,
+            "question_key": question_key,
+            "value": value,
+            "submitted_at": now,
+            "took_ms": page.took_ms,
+        }
+        stored += connection.execute(insert(answers).values(row).on_conflict_do_nothing()).rowcount
+    return stored
+
+
+def of_participant(connection: Connection, participant_id: str) -> dict[str, dict[str, Any]]:
+    """All answers: step key -> question key -> value, in the order of submission."""
+    query = select(answers.c.step_key, answers.c.question_key, answers.c.value)
+    query = query.where(answers.c.participant_id == participant_id).order_by(answers.c.id)
+    found: dict[str, dict[str, Any]] = {}
+    for step_key, question_key, value in connection.execute(query):
+        found.setdefault(step_key, {})[question_key] = value
+    return found
+
+
+def enter(connection: Connection, participant_id: str, step_key: str) -> None:
+    """The participant asked for the page of this step."""
+    row = {"participant_id": participant_id, "step_key": step_key, "entered_at": datetime.now(UTC)}
+    connection.execute(visits.insert().values(row))
+
+
+def leave(connection: Connection, participant_id: str, step_key: str) -> float | None:
+    """The page was submitted: closes its newest visit and returns how long it lasted, in ms (None: no visit)."""
+    now = datetime.now(UTC)
+    here = (visits.c.participant_id == participant_id, visits.c.step_key == step_key, visits.c.left_at.is_(None))
+    last = connection.execute(
+        select(visits.c.id, visits.c.entered_at).where(*here).order_by(visits.c.id.desc())
+    ).first()
+    if last is None:
+        return None
+    connection.execute(update(visits).where(visits.c.id == last.id).values(left_at=now))
+    return float((now - last.entered_at).total_seconds() * 1000)

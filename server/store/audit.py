@@ -1,0 +1,71 @@
+"""The audit log: who did what. Entries are only ever added; each carries the hash of the one before.
+
+A changed or missing entry shows. A detail that names a participant who withdrew is blanked; the chain holds, as it
+goes over the salted hash of the detail.
+"""
+
+import hashlib
+import json
+import secrets
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import Connection, select, update
+
+from server.store.tables import audit
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One entry; `detail` is None where it was blanked."""
+
+    id: int
+    at: datetime
+    actor: str
+    action: str
+    detail: dict[str, Any] | None
+
+
+def add(connection: Connection, actor: str, action: str, detail: Mapping[str, Any] | None = None) -> int:
+    """Adds an entry and returns its number. `detail` is JSON without secrets."""
+    last = connection.execute(select(audit.c.id, audit.c.hash).order_by(audit.c.id.desc()).limit(1)).first()
+    entry_id, previous = (last.id + 1, last.hash) if last else (1, "")
+    at = datetime.now(UTC)
+    text, salt = json.dumps(dict(detail or {}), sort_keys=True), secrets.token_hex(16)
+    detail_hash = _sha256(salt, text)
+    row = {"id": entry_id, "at": at, "actor": actor, "action": action, "detail": text, "salt": salt}
+    row |= {"detail_hash": detail_hash, "hash": _sha256(previous, entry_id, at.isoformat(), actor, action, detail_hash)}
+    connection.execute(audit.insert().values(row))
+    return entry_id
+
+
+def entries(connection: Connection) -> list[Entry]:
+    """The whole log, oldest first."""
+    return [
+        Entry(row.id, row.at, row.actor, row.action, None if row.detail is None else json.loads(row.detail))
+        for row in connection.execute(select(audit).order_by(audit.c.id))
+    ]
+
+
+def first_forged(connection: Connection) -> int | None:
+    """The number of the first entry that was changed, or before which entries are missing; None: the log is whole."""
+    previous = ""
+    for expected, row in enumerate(connection.execute(select(audit).order_by(audit.c.id)), start=1):
+        wanted = _sha256(previous, row.id, row.at.isoformat(), row.actor, row.action, row.detail_hash)
+        told = row.detail is None or _sha256(row.salt, row.detail) == row.detail_hash
+        if row.id != expected or row.hash != wanted or not told:
+            return expected
+        previous = row.hash
+    return None
+
+
+def forget(connection: Connection, word: str) -> int:
+    """Blanks every detail in which `word` (a participant's id) occurs; returns how many."""
+    blank = update(audit).where(audit.c.detail.contains(word, autoescape=True))
+    return connection.execute(blank.values(detail=None, salt=None)).rowcount
+
+
+def _sha256(*parts: object) -> str:
+    return hashlib.sha256(json.dumps([str(part) for part in parts]).encode()).hexdigest()

@@ -1,0 +1,179 @@
+"""The database as everybody uses it: `write` through one thread, `read` through a few. Knows no table but `heartbeat`.
+
+Functions that wait to be written share one transaction, so that one fsync carries many games (group commit). What
+`write` returned for is durable. When the database cannot commit, `DatabaseDown` is raised and nothing was acknowledged.
+"""
+
+import asyncio
+import queue
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any, Concatenate, ParamSpec, TypeVar
+
+from sqlalchemy import Connection, Engine
+from sqlalchemy.exc import DBAPIError
+
+from server.store import engines
+from server.store.engines import DatabaseDown, DatabaseInUse
+from server.store.tables import heartbeat
+
+__all__ = ["Database", "DatabaseDown", "DatabaseInUse"]
+
+P = ParamSpec("P")
+T = TypeVar("T")
+LARGEST_GROUP = 256
+
+
+@dataclass
+class _Job:
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
+    keywords: dict[str, Any]
+    future: "Future[Any]"
+
+
+class Database:
+    """One database, one writer. `url`: sqlite:///path/to/file.db or postgresql://user@host/name.
+
+    Raises DatabaseInUse when another server has it open, DatabaseDown when it cannot be reached, ValueError for an
+    address that is neither. `read_only`: for export and checks; takes no lock, `write` is refused.
+    """
+
+    def __init__(self, url: str, *, read_only: bool = False, readers: int = 4) -> None:
+        self.url = engines.normal_url(url)
+        self.read_only = read_only
+        self._reader_engine: Engine = engines.reader(self.url)
+        self._readers = ThreadPoolExecutor(readers, thread_name_prefix="database-reader")
+        self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
+        self._closed = False
+        if not read_only:
+            self._writer = engines.Writer(self.url)
+            self._thread = threading.Thread(target=self._write_forever, name="database-writer", daemon=True)
+            self._thread.start()
+
+    async def write(self, function: Callable[Concatenate[Connection, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """What `function(connection, *args)` returns, once its transaction is durable.
+
+        Its own exceptions come through and undo only its own work. Raises DatabaseDown: nothing was committed, the same
+        call may be repeated. Cancelled while it waits, it is never begun.
+        """
+        return await asyncio.wrap_future(self._submit(function, args, kwargs))
+
+    def write_now(self, function: Callable[Concatenate[Connection, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """`write` for code outside an event loop; blocks."""
+        result: T = self._submit(function, args, kwargs).result()
+        return result
+
+    async def read(self, function: Callable[Concatenate[Connection, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """What `function(connection, *args)` reads, from one consistent view. Raises DatabaseDown."""
+        return await asyncio.get_running_loop().run_in_executor(
+            self._readers, lambda: self.read_now(function, *args, **kwargs)
+        )
+
+    def read_now(self, function: Callable[Concatenate[Connection, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """`read` for code outside an event loop; blocks."""
+        try:
+            with self._reader_engine.begin() as connection:
+                return function(connection, *args, **kwargs)
+        except DBAPIError as error:
+            raise engines.translated(error) from error
+
+    async def probe(self) -> None:
+        """Returns once a real commit went through. Raises DatabaseDown."""
+        await self.write(_beat)
+
+    def close(self) -> None:
+        """Finishes what waits, then lets go of the database. May be called twice."""
+        if self._closed:
+            return
+        self._closed = True
+        self._jobs.put(None)
+        self._readers.shutdown()
+        self._reader_engine.dispose()
+        if not self.read_only:
+            self._thread.join()
+            self._writer.close()  # last, so that SQLite's log is folded into the file
+
+    def __enter__(self) -> "Database":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _submit(self, function: Callable[..., T], args: tuple[Any, ...], kwargs: dict[str, Any]) -> "Future[T]":
+        if self.read_only:
+            raise ValueError("this database was opened for reading only")
+        if self._closed:
+            raise DatabaseDown("the database has been closed")
+        future: Future[T] = Future()
+        self._jobs.put(_Job(function, args, kwargs, future))
+        return future
+
+    def _write_forever(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            group = [job]
+            stop = False
+            while len(group) < LARGEST_GROUP and not stop:
+                try:
+                    waiting = self._jobs.get_nowait()
+                except queue.Empty:
+                    break
+                stop = waiting is None
+                if waiting is not None:
+                    group.append(waiting)
+            self._commit([job for job in group if job.future.set_running_or_notify_cancel()])
+            if stop:
+                return
+
+    def _commit(self, group: list[_Job]) -> None:
+        """Runs the group in one transaction, then tells everybody in it."""
+        if not group:
+            return
+        results: list[tuple[_Job, Any]] = []
+        refused: list[tuple[_Job, BaseException]] = []
+        try:
+            with self._writer.transaction() as connection:
+                for job in group:
+                    _run(connection, job, len(group) > 1, results, refused)
+        except Exception as error:  # noqa: BLE001 - whatever it was, everybody in the group must hear of it
+            down = error if isinstance(error, DatabaseDown) else engines.translated(error)
+            told = {id(job) for job, _ in refused}
+            for job in group:
+                if id(job) not in told:
+                    job.future.set_exception(down)
+        else:
+            for job, result in results:
+                job.future.set_result(result)
+        for job, reason in refused:
+            job.future.set_exception(reason)
+
+
+def _run(
+    connection: Connection,
+    job: _Job,
+    shared: bool,
+    results: list[tuple[_Job, Any]],
+    refused: list[tuple[_Job, BaseException]],
+) -> None:
+    """One function of a group. Alone it needs no savepoint: its failure undoes the transaction."""
+    if not shared:
+        results.append((job, job.function(connection, *job.arguments, **job.keywords)))
+        return
+    try:
+        with connection.begin_nested():
+            result = job.function(connection, *job.arguments, **job.keywords)
+    except Exception as error:
+        if engines.is_down(error):
+            raise
+        refused.append((job, error))
+    else:
+        results.append((job, result))
+
+
+def _beat(connection: Connection) -> None:
+    now = datetime.now(UTC)
+    if connection.execute(heartbeat.update().values(at=now)).rowcount == 0:
+        connection.execute(heartbeat.insert().values(id=1, at=now))

@@ -1,0 +1,215 @@
+"""What differs between SQLite and PostgreSQL: connecting, locking out a second server, what "down" looks like."""
+
+import fcntl
+import os
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+from urllib.parse import quote
+
+import psycopg
+from sqlalchemy import Connection, Engine, create_engine, event, text
+from sqlalchemy.engine import URL, make_url
+from sqlalchemy.exc import ArgumentError, DBAPIError
+from sqlalchemy.pool import QueuePool
+
+BUSY_TIMEOUT_S = 30
+CONNECT_TIMEOUT_S = 5
+_ADVISORY_LOCK = 0x6B69_7463_6865_6E01  # any constant will do, as long as it never changes
+_ADDRESSES = "Use sqlite:///file.db or postgresql://user@host/name."
+_SQLITE_DOWN = {
+    sqlite3.SQLITE_BUSY,
+    sqlite3.SQLITE_LOCKED,
+    sqlite3.SQLITE_NOMEM,
+    sqlite3.SQLITE_READONLY,
+    sqlite3.SQLITE_IOERR,
+    sqlite3.SQLITE_CORRUPT,
+    sqlite3.SQLITE_FULL,
+    sqlite3.SQLITE_CANTOPEN,
+    sqlite3.SQLITE_PROTOCOL,
+    sqlite3.SQLITE_NOTADB,
+}
+# Connection lost, out of resources (disk full), stopped by an operator, system error, read only, lock, deadlock.
+_POSTGRES_DOWN = ("08", "53", "57", "58", "25006", "55P03", "40")
+
+
+class DatabaseDown(Exception):
+    """The database cannot be reached or cannot commit (stopped, locked, disk full, input/output error)."""
+
+
+class DatabaseInUse(DatabaseDown):
+    """Another server has this database open."""
+
+
+def normal_url(url: str) -> URL:
+    """The address with its driver. Raises ValueError for one that is neither SQLite in a file nor PostgreSQL."""
+    try:
+        parsed = make_url(url)
+    except ArgumentError:
+        raise ValueError(
+            f"{url!r} is no database address. Use sqlite:///file.db or postgresql://user@host/name."
+        ) from None
+    backend = parsed.get_backend_name()
+    if backend == "postgresql":
+        return parsed.set(drivername="postgresql+psycopg")
+    if backend != "sqlite":
+        raise ValueError(f"{backend} is not supported. {_ADDRESSES}")
+    if parsed.database in (None, "", ":memory:"):
+        raise ValueError("a database in memory would lose every game. Use sqlite:///file.db.")
+    return parsed.set(database=str(Path(str(parsed.database)).absolute()))
+
+
+def is_down(error: BaseException) -> bool:
+    """Whether the database is to blame (and the same call may succeed later), not the call."""
+    if isinstance(error, DatabaseDown):
+        return True
+    if not isinstance(error, DBAPIError):
+        return False
+    original = error.orig
+    if isinstance(original, sqlite3.Error):
+        return getattr(original, "sqlite_errorcode", 0) & 0xFF in _SQLITE_DOWN
+    if error.connection_invalidated:
+        return True
+    if isinstance(original, psycopg.Error):
+        if original.sqlstate is None:
+            return isinstance(original, psycopg.OperationalError | psycopg.InterfaceError)
+        return original.sqlstate.startswith(_POSTGRES_DOWN)
+    return False
+
+
+def translated(error: BaseException) -> BaseException:
+    """DatabaseDown where the database is to blame, the error itself otherwise. The text holds no stored data."""
+    if isinstance(error, DBAPIError) and is_down(error):
+        return DatabaseDown(f"{type(error.orig).__name__}: {error.orig}")
+    return error
+
+
+def writer_engine(url: URL) -> Engine:
+    """One connection that may write. SQLite: the only one that ever writes or checkpoints."""
+    if url.get_backend_name() == "postgresql":
+        return create_engine(url, pool_size=1, max_overflow=0, connect_args={"connect_timeout": CONNECT_TIMEOUT_S})
+    engine = create_engine(
+        url,
+        poolclass=QueuePool,
+        pool_size=1,
+        max_overflow=0,
+        connect_args={"timeout": BUSY_TIMEOUT_S, "check_same_thread": False},
+    )
+    _sqlite_settings(
+        engine,
+        "BEGIN IMMEDIATE",
+        "PRAGMA journal_mode=WAL",
+        "PRAGMA synchronous=FULL",  # NORMAL would lose the last commits with the power
+        "PRAGMA foreign_keys=ON",
+        "PRAGMA secure_delete=ON",  # what a participant withdraws is overwritten
+    )
+    return engine
+
+
+def reader(url: URL) -> Engine:
+    """Connections that cannot write: on SQLite opened read-only, on PostgreSQL in read-only transactions."""
+    if url.get_backend_name() == "postgresql":
+        options = {"connect_timeout": CONNECT_TIMEOUT_S, "options": "-c default_transaction_read_only=on"}
+        return create_engine(
+            url, pool_size=4, pool_pre_ping=True, connect_args=options, isolation_level="REPEATABLE READ"
+        )
+    readable = URL.create("sqlite", database=f"file:{quote(str(url.database))}", query={"mode": "ro", "uri": "true"})
+    engine = create_engine(
+        readable, poolclass=QueuePool, pool_size=4, connect_args={"timeout": BUSY_TIMEOUT_S, "check_same_thread": False}
+    )
+    _sqlite_settings(engine, "BEGIN", "PRAGMA query_only=ON")
+    return engine
+
+
+def _sqlite_settings(engine: Engine, begin: str, *pragmas: str) -> None:
+    """Our own BEGIN: Python's driver would begin too late for a consistent view and end before a savepoint."""
+
+    def connect(connection: Any, _: Any) -> None:
+        connection.isolation_level = None
+        for pragma in pragmas:
+            connection.execute(pragma).close()
+
+    event.listen(engine, "connect", connect)
+    event.listen(engine, "begin", lambda connection: connection.exec_driver_sql(begin))
+
+
+class Writer:
+    """The one connection that writes, with the lock that keeps a second server out."""
+
+    def __init__(self, url: URL) -> None:
+        self._postgres = url.get_backend_name() == "postgresql"
+        self._file: IO[str] | None = None if self._postgres else _lock_file(url)
+        self._engine = writer_engine(url)
+        self._connection: Connection | None = None
+        try:
+            self._connect()
+        except BaseException:
+            self.close()
+            raise
+
+    @contextmanager
+    def transaction(self) -> Iterator[Connection]:
+        """Commits at the end. After an error of the database the connection is made anew."""
+        connection = self._connection or self._connect()
+        try:
+            with connection.begin():
+                yield connection
+        except BaseException as error:
+            if is_down(error):
+                self._disconnect()
+            raise
+
+    def close(self) -> None:
+        """Lets the next server in."""
+        self._disconnect()
+        self._engine.dispose()
+        if self._file is not None:
+            self._file.close()
+
+    def _connect(self) -> Connection:
+        try:
+            connection = self._engine.connect()
+            if (
+                self._postgres
+                and not connection.execute(
+                    text("SELECT pg_try_advisory_lock(:key)"), {"key": _ADVISORY_LOCK}
+                ).scalar_one()
+            ):
+                connection.close()
+                raise DatabaseInUse(f"another kitchenmind server uses {self._engine.url}. Stop it first.")
+            connection.rollback()
+        except DBAPIError as error:
+            raise translated(error) from error
+        self._connection = connection
+        return connection
+
+    def _disconnect(self) -> None:
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            connection.invalidate()
+            connection.close()
+
+
+def _lock_file(url: URL) -> IO[str]:
+    """Held while the server lives; the system lets go of it when the process dies, however it dies."""
+    path = Path(f"{url.database}.lock")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = path.open("a+", encoding="utf-8")
+    except OSError as error:
+        raise DatabaseDown(f"cannot open {path}: {error.strerror}") from error
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.seek(0)
+        owner = file.read().strip() or "unknown"
+        file.close()
+        raise DatabaseInUse(
+            f"another kitchenmind server (process {owner}) uses {url.database}. Stop it, or use another database."
+        ) from None
+    file.truncate(0)
+    file.write(f"{os.getpid()}\n")
+    file.flush()
+    return file

@@ -1,0 +1,240 @@
+"""Episodes: drawn up, played tick by tick, paused, ended, taken up again. The live game writes to `StoreRecorder`."""
+
+import asyncio
+import hashlib
+import secrets
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+import msgspec
+import structlog
+from sqlalchemy import Connection, func, or_, select, update
+
+from server.play.recorder import AWAY_REASONS, EpisodeRecord, EpisodeResult, PauseRecord, RecorderDown, TickRecord
+from server.play.spec import EpisodeSpec
+from server.store import ticks as tick_rows
+from server.store.database import Database, DatabaseDown
+from server.store.tables import episodes, pauses, ticks
+
+PATIENCE_S = 1.0
+_log = structlog.get_logger(__name__)
+
+
+@dataclass(frozen=True)
+class NewEpisode:
+    """What is known before the first tick. Pairs are by seat; None where the seat is the other kind's."""
+
+    spec: EpisodeSpec
+    step_key: str  # step of the participants' plan
+    participants: tuple[str | None, str | None] = (None, None)
+    study_id: int | None = None
+    condition: str | None = None
+    agent_sha256s: tuple[str | None, str | None] = (None, None)
+    predictor_sha256: str | None = None
+    code_version: str = "unknown"
+
+
+@dataclass(frozen=True)
+class Episode:
+    """What there is to know of an episode without its ticks."""
+
+    id: str
+    study_id: int | None
+    step_key: str
+    attempt: int
+    kind: str
+    number: int
+    participant_0: str | None
+    participant_1: str | None
+    condition: str | None
+    layout: str
+    status: str
+    end_reason: str | None
+    score: int | None
+    soups: int | None
+    progress: float | None
+    passed: bool | None
+    final_hash: str | None
+    created_at: datetime
+    started_at: datetime | None
+    ended_at: datetime | None
+
+
+class BrokenEpisode(Exception):
+    """What is stored of an episode cannot be: the text says what and where."""
+
+
+class TickConflict(Exception):
+    """Another tick is stored in this place: two servers play the same episode, or the rules changed under it."""
+
+
+_COLUMNS = [episodes.c[name] for name in Episode.__dataclass_fields__]
+
+
+def create(connection: Connection, new: NewEpisode) -> str:
+    """A new episode's id. It is the next attempt of its participants at their step."""
+    spec = new.spec
+    tried = select(func.max(episodes.c.attempt)).where(episodes.c.step_key == new.step_key, _has(new.participants))
+    last = connection.execute(tried).scalar() if any(new.participants) else None
+    row = {
+        "id": secrets.token_hex(8),
+        "study_id": new.study_id,
+        "step_key": new.step_key,
+        "attempt": (last or 0) + 1,
+        "participant_0": new.participants[0],
+        "participant_1": new.participants[1],
+        "condition": new.condition,
+        "layout_sha256": hashlib.sha256(spec.grid.encode()).hexdigest(),
+        "agent_0": spec.agents[0],
+        "agent_1": spec.agents[1],
+        "agent_0_sha256": new.agent_sha256s[0],
+        "agent_1_sha256": new.agent_sha256s[1],
+        "predictor_sha256": new.predictor_sha256,
+        "spec": msgspec.to_builtins(spec),
+        "code_version": new.code_version,
+        "created_at": datetime.now(UTC),
+    }
+    for name in (
+        "kind",
+        "number",
+        "layout",
+        "grid",
+        "predictor",
+        "watched_seat",
+        "shown",
+        "seed",
+        "horizon",
+        "tick_ms",
+    ):
+        row[name] = getattr(spec, name)
+    connection.execute(episodes.insert().values(row))
+    return str(row["id"])
+
+
+def of_step(connection: Connection, participant_id: str, step_key: str) -> Episode | None:
+    """The participant's latest attempt at a step."""
+    query = select(*_COLUMNS).where(episodes.c.step_key == step_key, _has((participant_id,)))
+    row = connection.execute(query.order_by(episodes.c.attempt.desc())).first()
+    return Episode(**row._mapping) if row else None
+
+
+def of_participant(connection: Connection, participant_id: str) -> list[Episode]:
+    """All the participant's episodes, oldest first."""
+    query = select(*_COLUMNS).where(_has((participant_id,))).order_by(episodes.c.created_at, episodes.c.id)
+    return [Episode(**row._mapping) for row in connection.execute(query)]
+
+
+def get(connection: Connection, episode_id: str) -> Episode | None:
+    """The episode with this id."""
+    row = connection.execute(select(*_COLUMNS).where(episodes.c.id == episode_id)).first()
+    return Episode(**row._mapping) if row else None
+
+
+def unfinished(connection: Connection, study_id: int | None = None) -> list[str]:
+    """Ids of episodes (of one study version) that can still be played, oldest first."""
+    query = select(episodes.c.id).where(episodes.c.status.in_(("new", "running")))
+    if study_id is not None:
+        query = query.where(episodes.c.study_id == study_id)
+    return list(connection.execute(query.order_by(episodes.c.created_at, episodes.c.id)).scalars())
+
+
+def load(connection: Connection, episode_id: str) -> EpisodeRecord | None:
+    """The episode, ready to go on where its last stored tick left it. Raises BrokenEpisode."""
+    row = connection.execute(select(episodes).where(episodes.c.id == episode_id)).first()
+    if row is None:
+        return None
+    query = select(ticks).where(ticks.c.episode_id == episode_id).order_by(ticks.c.timestep)
+    stored = connection.execute(query).all()
+    for expected, tick in enumerate(stored):
+        if tick.timestep != expected:
+            raise BrokenEpisode(f"episode {episode_id} has no tick {expected} although it has tick {tick.timestep}")
+    last = tick_rows.record_of(stored[-1]) if stored else None
+    paused = select(func.coalesce(func.sum(pauses.c.duration_ms), 0.0))
+    paused = paused.where(pauses.c.episode_id == episode_id, pauses.c.reason.in_(AWAY_REASONS))
+    return EpisodeRecord(
+        episode=episode_id,
+        participants=(row.participant_0, row.participant_1),
+        spec=msgspec.convert(row.spec, EpisodeSpec),
+        joint_actions=tuple((tick.action_0, tick.action_1) for tick in stored[1:]),
+        last_hash=last.state_hash if last else None,
+        status=row.status,
+        paused_ms=connection.execute(paused).scalar_one(),
+        next_actions=last.next_actions if last else None,
+        displayed=last.displayed if last else None,
+    )
+
+
+def pause(connection: Connection, record: PauseRecord) -> None:
+    """Stores the beginning of a pause, and its end when called again with the same start."""
+    row: dict[str, Any] = {
+        "timestep": record.timestep,
+        "reason": record.reason,
+        "duration_ms": record.duration_ms,
+    }
+    here = (pauses.c.episode_id == record.episode, pauses.c.started_at == record.started_at)
+    if connection.execute(update(pauses).where(*here).values(row)).rowcount == 0 and get(connection, record.episode):
+        connection.execute(pauses.insert().values(episode_id=record.episode, started_at=record.started_at, **row))
+
+
+def pauses_of(connection: Connection, episode_id: str) -> list[PauseRecord]:
+    """The episode's pauses, in order."""
+    query = select(pauses).where(pauses.c.episode_id == episode_id).order_by(pauses.c.started_at)
+    return [
+        PauseRecord(row.episode_id, row.timestep, row.reason, row.started_at, row.duration_ms)
+        for row in connection.execute(query)
+    ]
+
+
+def end(connection: Connection, result: EpisodeResult) -> bool:
+    """Stores how the episode ended. False if its end was stored before: the first one stays."""
+    query = update(episodes).where(episodes.c.id == result.episode, episodes.c.status.in_(("new", "running")))
+    values = {
+        "status": result.status,
+        "end_reason": result.reason,
+        "score": result.score,
+        "soups": result.soups,
+        "progress": result.progress,
+        "passed": result.passed,
+        "final_hash": result.final_hash,
+        "ended_at": datetime.now(UTC),
+    }
+    return connection.execute(query.values(values)).rowcount == 1
+
+
+def _has(participants: Sequence[str | None]) -> Any:
+    present = [participant for participant in participants if participant is not None]
+    return or_(episodes.c.participant_0.in_(present), episodes.c.participant_1.in_(present))
+
+
+class StoreRecorder:
+    """The live game's recorder. What takes longer than `patience_s` counts as RecorderDown, so that the game pauses and
+    says so; asking again is safe, as what is stored already is not stored twice."""
+
+    def __init__(self, database: Database, patience_s: float = PATIENCE_S) -> None:
+        self._database = database
+        self._patience_s = patience_s
+
+    async def ticks(self, records: Sequence[TickRecord]) -> None:
+        """Raises TickConflict; ticks of an episode that was deleted (its participant withdrew) are dropped."""
+        stored = await self._write(tick_rows.insert, records)
+        if stored.gone:
+            _log.info("ticks of deleted episodes dropped", episodes=len(stored.gone))
+        if stored.conflicts:
+            places = ", ".join(f"episode {episode} timestep {timestep}" for episode, timestep in stored.conflicts)
+            raise TickConflict(f"another tick is stored already: {places}")
+
+    async def pause(self, record: PauseRecord) -> None:
+        await self._write(pause, record)
+
+    async def end(self, result: EpisodeResult) -> None:
+        await self._write(end, result)
+
+    async def _write(self, function: Any, argument: Any) -> Any:
+        try:
+            return await asyncio.wait_for(self._database.write(function, argument), self._patience_s)
+        except TimeoutError:
+            raise RecorderDown(f"the database did not commit within {self._patience_s} s") from None
+        except DatabaseDown as error:
+            raise RecorderDown(str(error)) from error

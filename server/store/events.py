@@ -1,0 +1,47 @@
+"""Things that happened beside the game: reloads, takeovers, errors on the browser's console, round trips."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import Connection, select
+
+from server.store.tables import events
+
+
+@dataclass(frozen=True)
+class Event:
+    """`kind`: reload, takeover, trouble, rtt, ...; `detail`: JSON; no personal data, no tokens."""
+
+    kind: str
+    at: datetime
+    participant_id: str | None = None
+    episode_id: str | None = None
+    detail: Mapping[str, Any] = field(default_factory=dict)
+
+
+def add(connection: Connection, *new: Event) -> None:
+    """Stores events."""
+    if new:
+        rows = [
+            {
+                "kind": event.kind,
+                "at": event.at,
+                "participant_id": event.participant_id,
+                "episode_id": event.episode_id,
+                "detail": dict(event.detail),
+            }
+            for event in new
+        ]
+        connection.execute(events.insert(), rows)
+
+
+def of_participant(connection: Connection, participant_id: str, kind: str | None = None) -> list[Event]:
+    """What happened to a participant, in order."""
+    query = select(events).where(events.c.participant_id == participant_id).order_by(events.c.id)
+    if kind is not None:
+        query = query.where(events.c.kind == kind)
+    return [
+        Event(row.kind, row.at, row.participant_id, row.episode_id, row.detail) for row in connection.execute(query)
+    ]

@@ -1,0 +1,39 @@
+"""Brings a database to the tables of this version, or makes a new one. `kitchenmind serve` runs it first."""
+
+from pathlib import Path
+
+from alembic import command
+from alembic.config import Config
+from alembic.script import ScriptDirectory
+from alembic.util import CommandError
+from sqlalchemy.exc import DBAPIError
+
+from server.store import engines
+
+MIGRATIONS = Path(__file__).resolve().parents[2] / "migrations"
+
+
+class DatabaseTooNew(Exception):
+    """The database was written by a later version of this software."""
+
+
+def migrate(url: str) -> None:
+    """Creates or upgrades the tables. Raises DatabaseInUse, DatabaseDown, DatabaseTooNew, ValueError (bad address)."""
+    config = Config()
+    config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
+    writer = engines.Writer(engines.normal_url(url))
+    try:
+        with writer.transaction() as connection:
+            config.attributes["connection"] = connection
+            command.upgrade(config, "head")
+    except CommandError as error:
+        raise DatabaseTooNew(f"{error}. Use the kitchenmind that made this database, or a later one.") from None
+    except DBAPIError as error:
+        raise engines.translated(error) from error
+    finally:
+        writer.close()
+
+
+def newest_revision() -> str:
+    """The revision that `migrate` leads to."""
+    return str(ScriptDirectory(str(MIGRATIONS)).get_current_head())

@@ -1,0 +1,192 @@
+"""Participants: who is where in the study. Personal data is kept apart and never leaves this file but for its owner."""
+
+import hashlib
+import secrets
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import ColumnElement, Connection, func, select, update
+
+from server.store.tables import RECRUITMENT_ID, participants, personal, studies, withdrawals
+
+Counts = dict[str, dict[str, int]]
+
+
+@dataclass(frozen=True)
+class Participant:
+    """One row, without anything personal and without the token's hash."""
+
+    id: str
+    study_id: int
+    number: int
+    condition: str
+    seed: int
+    position: int
+    status: str
+    language: str
+    simulated: bool
+    started_at: datetime
+    last_seen_at: datetime
+    completed_at: datetime | None
+    completion_code: str | None
+
+
+@dataclass(frozen=True)
+class NewParticipant:
+    """What is known when somebody consents. `token`: what the cookie will carry; only its hash is stored."""
+
+    study_id: int
+    condition: str
+    seed: int  # 63 bits
+    token: str
+    language: str = "en"
+    simulated: bool = False
+    recruitment_id: str | None = (
+        None  # the recruiter's id of the person (PROLIFIC_PID, ...): one row per person and study
+    )
+    personal: Mapping[str, str] = field(default_factory=dict)
+
+
+_COLUMNS = [participants.c[name] for name in Participant.__dataclass_fields__]
+
+
+def new_token() -> str:
+    """256 random bits for a participant's cookie."""
+    return secrets.token_urlsafe(32)
+
+
+def token_hash(token: str) -> str:
+    """What is stored of a token."""
+    return hashlib.sha256(token.encode()).hexdigest()
+
+
+def create(connection: Connection, new: NewParticipant) -> Participant:
+    """The participant, numbered in order of consent; the study version is frozen by the first one.
+
+    A person who is in the study already (same `recruitment_id`) gets the row that there is, with the new token.
+    """
+    if new.recruitment_id is not None:
+        known = by_recruitment_id(connection, new.study_id, new.recruitment_id)
+        if known is not None:
+            replace_token(connection, known.id, new.token)
+            return known
+    now = datetime.now(UTC)
+    number = connection.execute(
+        update(studies)
+        .where(studies.c.id == new.study_id)
+        .values(started=studies.c.started + 1, frozen_at=func.coalesce(studies.c.frozen_at, now))
+        .returning(studies.c.started)
+    ).scalar_one()
+    row = {
+        "id": secrets.token_hex(8),
+        "study_id": new.study_id,
+        "number": number,
+        "condition": new.condition,
+        "seed": new.seed,
+        "token_hash": token_hash(new.token),
+        "language": new.language,
+        "simulated": new.simulated,
+        "started_at": now,
+        "last_seen_at": now,
+    }
+    made = connection.execute(participants.insert().values(row).returning(*_COLUMNS)).one()
+    facts = dict(new.personal) | ({RECRUITMENT_ID: new.recruitment_id} if new.recruitment_id is not None else {})
+    for key, value in facts.items():
+        add_personal(connection, row["id"], new.study_id, key, value)
+    return Participant(**made._mapping)
+
+
+def add_personal(connection: Connection, participant_id: str, study_id: int, key: str, value: str) -> None:
+    """Keeps a fact about the person, apart from the data; a second one under its key is an IntegrityError."""
+    row = {"participant_id": participant_id, "study_id": study_id, "key": key, "value": value}
+    connection.execute(personal.insert().values(row))
+
+
+def personal_of(connection: Connection, participant_id: str) -> dict[str, str]:
+    """What is kept about the person: recruitment ids for the way back to the recruiter, contact."""
+    query = select(personal.c.key, personal.c.value).where(personal.c.participant_id == participant_id)
+    return dict(connection.execute(query).tuples().all())
+
+
+def get(connection: Connection, participant_id: str) -> Participant | None:
+    """The participant with this id."""
+    return _one(connection, participants.c.id == participant_id)
+
+
+def by_token(connection: Connection, token: str) -> Participant | None:
+    """The participant whose cookie this is."""
+    return _one(connection, participants.c.token_hash == token_hash(token))
+
+
+def by_recruitment_id(connection: Connection, study_id: int, recruitment_id: str) -> Participant | None:
+    """The participant that the recruiter knows by this id."""
+    person = select(personal.c.participant_id).where(
+        personal.c.study_id == study_id, personal.c.key == RECRUITMENT_ID, personal.c.value == recruitment_id
+    )
+    return _one(connection, participants.c.id.in_(person))
+
+
+def of_study(connection: Connection, study_id: int) -> list[Participant]:
+    """All participants of a study version, in order of consent."""
+    query = select(*_COLUMNS).where(participants.c.study_id == study_id).order_by(participants.c.number)
+    return [Participant(**row._mapping) for row in connection.execute(query)]
+
+
+def replace_token(connection: Connection, participant_id: str, token: str) -> None:
+    """From now on only this token is the participant's: the device before is out."""
+    query = update(participants).where(participants.c.id == participant_id)
+    connection.execute(query.values(token_hash=token_hash(token)))
+
+
+def seen(connection: Connection, participant_id: str) -> None:
+    """Notes that the participant is there now."""
+    query = update(participants).where(participants.c.id == participant_id)
+    connection.execute(query.values(last_seen_at=datetime.now(UTC)))
+
+
+def advance(connection: Connection, participant_id: str, position: int, to: int) -> bool:
+    """Moves on from step `position` to step `to`. False, and nothing changes, if the participant is no longer there
+    (the page was submitted twice, or in another tab) or no longer active."""
+    query = update(participants).where(
+        participants.c.id == participant_id, participants.c.position == position, participants.c.status == "active"
+    )
+    return connection.execute(query.values(position=to, last_seen_at=datetime.now(UTC))).rowcount == 1
+
+
+def complete(connection: Connection, participant_id: str, code: str | None) -> str | None:
+    """Marks the study as done and returns the completion code: the first one given, however often this is called."""
+    now = datetime.now(UTC)
+    query = update(participants).where(participants.c.id == participant_id, participants.c.status == "active")
+    connection.execute(query.values(status="completed", completed_at=now, last_seen_at=now, completion_code=code))
+    stored = select(participants.c.completion_code).where(participants.c.id == participant_id)
+    return connection.execute(stored).scalar_one_or_none()
+
+
+def leave(connection: Connection, participant_id: str, status: str) -> bool:
+    """Ends the participation early: screened_out, timed_out or returned. False if it was not active. The data stays."""
+    if status not in ("screened_out", "timed_out", "returned"):
+        raise ValueError(f"{status!r} is no way to leave: screened_out, timed_out or returned (withdraw deletes data)")
+    query = update(participants).where(participants.c.id == participant_id, participants.c.status == "active")
+    return connection.execute(query.values(status=status, last_seen_at=datetime.now(UTC))).rowcount == 1
+
+
+def counts(connection: Connection, study_id: int, simulated: bool | None = None) -> Counts:
+    """How many of each status each condition has, e.g. {"tom": {"active": 2, "withdrawn": 1}}, for assignment."""
+    query = select(participants.c.condition, participants.c.status, func.count())
+    query = query.where(participants.c.study_id == study_id)
+    if simulated is not None:
+        query = query.where(participants.c.simulated == simulated)
+    found: Counts = {}
+    for condition, status, count in connection.execute(query.group_by(participants.c.condition, participants.c.status)):
+        found.setdefault(condition, {})[status] = count
+    gone = select(withdrawals.c.condition, func.count()).where(withdrawals.c.study_id == study_id)
+    for condition, count in connection.execute(gone.group_by(withdrawals.c.condition)):
+        found.setdefault(condition, {})["withdrawn"] = count
+    return found
+
+
+def _one(connection: Connection, condition: ColumnElement[bool]) -> Participant | None:
+    row: Any = connection.execute(select(*_COLUMNS).where(condition)).first()
+    return Participant(**row._mapping) if row else None

@@ -1,0 +1,52 @@
+"""Study files as they were when people took part: every version kept word for word."""
+
+import hashlib
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import Connection, Row, func, select
+
+from server.store.tables import studies
+
+
+@dataclass(frozen=True)
+class Study:
+    """One version of one study file."""
+
+    id: int
+    key: str
+    version: int
+    sha256: str
+    source: str
+    started: int
+    created_at: datetime
+    frozen_at: datetime | None
+
+
+def register(connection: Connection, key: str, source: str) -> Study:
+    """The version with this text, made if there is none: a changed file is a new version, the same file never is."""
+    sha256 = hashlib.sha256(source.encode()).hexdigest()
+    known = connection.execute(select(studies).where(studies.c.key == key, studies.c.sha256 == sha256)).first()
+    if known is None:
+        last = connection.execute(select(func.max(studies.c.version)).where(studies.c.key == key)).scalar() or 0
+        row = {"key": key, "version": last + 1, "sha256": sha256, "source": source, "created_at": datetime.now(UTC)}
+        known = connection.execute(studies.insert().values(row).returning(*studies.c)).one()
+    return _study(known)
+
+
+def get(connection: Connection, study_id: int) -> Study | None:
+    """The version with this number."""
+    row = connection.execute(select(studies).where(studies.c.id == study_id)).first()
+    return _study(row) if row else None
+
+
+def every(connection: Connection, key: str | None = None) -> list[Study]:
+    """All versions (of one key), oldest first."""
+    query = select(studies).order_by(studies.c.id)
+    if key is not None:
+        query = query.where(studies.c.key == key)
+    return [_study(row) for row in connection.execute(query)]
+
+
+def _study(row: "Row[tuple[object, ...]]") -> Study:
+    return Study(**row._mapping)
