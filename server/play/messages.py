@@ -1,7 +1,7 @@
 """Every message between browser and server, typed, by direction. JSON text frames; `type` tells them apart.
 
-docs/protocol.md describes when each is sent; a test holds the two together. Unknown types, unknown fields and wrong types
-are refused with `Refused` (the game goes on); a frame over MAX_FRAME_BYTES closes the socket with 1009.
+docs/protocol.md describes when each is sent; a test holds the two together. Unknown types, unknown fields and wrong
+types are refused with `Refused` (the game goes on); a frame over MAX_FRAME_BYTES closes the socket with 1009.
 """
 
 from typing import Annotated, Literal
@@ -23,19 +23,19 @@ class FromBrowser(Struct, tag_field="type", tag=str.lower, forbid_unknown_fields
     """Base of what a browser may send."""
 
 
-class Hello(FromBrowser):
-    """First message on a socket. `tab` is drawn once per tab: the newest tab of a participant plays, others are told so."""
+class Hello(FromBrowser, frozen=True):
+    """First message on a socket. `tab` is drawn once per tab: a participant's newest tab plays, others are told so."""
 
     protocol: int
     tab: Annotated[str, Meta(min_length=8, max_length=64, pattern="^[A-Za-z0-9_-]+$")]
     last_timestep: Annotated[int, Meta(ge=-1, le=100_000)] = -1
 
 
-class Ready(FromBrowser):
+class Ready(FromBrowser, frozen=True):
     """The participant pressed start (or came back): the countdown may begin."""
 
 
-class Input(FromBrowser):
+class Input(FromBrowser, frozen=True):
     """The keys as they are now, sent on every change. `held`: the move key held down (repeated every timestep until the
     next Input), None if none. `tap`: an action just pressed, to be done once. `client_ms`: performance.now()."""
 
@@ -45,19 +45,19 @@ class Input(FromBrowser):
     client_ms: Milliseconds
 
 
-class Away(FromBrowser):
+class Away(FromBrowser, frozen=True):
     """The page was hidden or lost the focus: pause."""
 
     reason: Literal["hidden", "blur"]
 
 
-class Pong(FromBrowser):
+class Pong(FromBrowser, frozen=True):
     """Answer to Ping: the server measures the round trip."""
 
     id: Seq
 
 
-class Trouble(FromBrowser):
+class Trouble(FromBrowser, frozen=True):
     """An error on the participant's browser console, for the researcher's problem list."""
 
     text: Annotated[str, Meta(max_length=500)]
@@ -76,12 +76,12 @@ class Kitchen(Struct, frozen=True):
     t: int
     players: tuple[tuple[int, int, int, int], ...]  # x, y, facing 0-3 N S E W, held 0 nothing 1 onion 2 dish 3 soup
     counters: tuple[tuple[int, int, int], ...]  # x, y, item
-    pots: tuple[tuple[int, int, int, int], ...]  # x, y, onions, tick (-1 not cooking, 20 ready); pots that are not empty
+    pots: tuple[tuple[int, int, int, int], ...]  # not empty ones: x, y, onions, tick (-1 not cooking, 20 ready)
     score: int
     soups: int
 
 
-class Welcome(ToBrowser):
+class Welcome(ToBrowser, frozen=True):
     """Answer to Hello: all that is needed to draw, whether the episode is new or goes on."""
 
     protocol: int
@@ -103,15 +103,16 @@ class Welcome(ToBrowser):
     endless: bool = False  # no time limit (tutorial)
 
 
-class Countdown(ToBrowser):
+class Countdown(ToBrowser, frozen=True):
     """The game starts or goes on in `seconds`."""
 
     seconds: int
 
 
-class Tick(ToBrowser):
-    """One timestep has been played and stored. `prediction`: for each step [action 0-6, opacity in %], about the timesteps
-    t, t+1, t+2 of `state`; all conditions carry the same bytes. `applied`: the seq of the newest Input taken into account."""
+class Tick(ToBrowser, frozen=True):
+    """One timestep has been played and stored. `prediction`: for each step [action 0-6, opacity in %], about the
+    timesteps t, t+1, t+2 of `state`; all conditions carry the same bytes. `applied`: the seq of the newest Input that
+    had arrived when the timestep was played (-1: none)."""
 
     state: Kitchen
     prediction: tuple[tuple[ShownAction, int], ...]
@@ -120,14 +121,15 @@ class Tick(ToBrowser):
     late: bool  # the partner missed its deadline and waited
 
 
-class Paused(ToBrowser):
-    """Nothing moves. `reason`: hidden, blur, lost, other_tab, partner (the other human), database, researcher, server."""
+class Paused(ToBrowser, frozen=True):
+    """Nothing moves. `reason`: hidden, blur, lost, other_tab, partner (the other human is away), database, researcher,
+    server."""
 
     reason: str
     left_s: float  # how long the pause may last; 0: no limit
 
 
-class Lesson(ToBrowser):
+class Lesson(ToBrowser, frozen=True):
     """Tutorial: which step is being taught, by its key in the study's texts."""
 
     key: str
@@ -136,7 +138,7 @@ class Lesson(ToBrowser):
     done: bool
 
 
-class Ended(ToBrowser):
+class Ended(ToBrowser, frozen=True):
     """The episode is over and stored; go on at `next`."""
 
     score: int
@@ -146,26 +148,26 @@ class Ended(ToBrowser):
     next: str
 
 
-class Ping(ToBrowser):
+class Ping(ToBrowser, frozen=True):
     """Asks for a Pong."""
 
     id: int
 
 
-class Notice(ToBrowser):
+class Notice(ToBrowser, frozen=True):
     """A message from the researcher."""
 
     text: str
 
 
-class Refused(ToBrowser):
+class Refused(ToBrowser, frozen=True):
     """What was sent is not understood or not allowed now; nothing changed."""
 
     code: str
     reason: str
 
 
-class Superseded(ToBrowser):
+class Superseded(ToBrowser, frozen=True):
     """Another tab or device has taken over; this socket closes with 4001."""
 
 
@@ -182,9 +184,10 @@ class BadMessage(ValueError):
 def decode(frame: str | bytes) -> Incoming:
     """The message in a text frame. Raises BadMessage."""
     try:
-        return _decoder.decode(frame)
+        message: Incoming = _decoder.decode(frame)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise BadMessage(str(error)) from None
+    return message
 
 
 def encode(message: Outgoing) -> bytes:

@@ -7,7 +7,6 @@ from typing import Literal, Protocol
 
 from server.play.spec import EpisodeSpec
 
-
 AWAY_REASONS = frozenset({"hidden", "blur", "lost", "other_tab"})  # these count against the limits of `PauseLimits`
 PAUSE_REASONS = AWAY_REASONS | {"database", "researcher", "server"}
 
@@ -34,7 +33,7 @@ class TickRecord:
     shaped: tuple[int, int]
     events: tuple[int, int]  # bits, overcooked.constants.EVENT_NAMES
     next_actions: tuple[int | None, int | None]  # decided by agents on state n (None: human seat or no answer)
-    prediction: tuple[tuple[float, ...], ...]  # 3 x 6 probabilities for timesteps n, n+1, n+2 by the episode's predictor; empty: none or late
+    prediction: tuple[tuple[float, ...], ...]  # (3, 6) probabilities for timesteps n, n+1, n+2; empty: none or late
     displayed: tuple[tuple[int, int], ...]  # what the frame carried: [action 0-6, opacity %] a step; 6 = nothing
     keys: tuple[KeyRecord, ...]
     scheduled_ms: float  # deadline of this tick, milliseconds since the episode's first tick, pauses not counted
@@ -45,14 +44,14 @@ class TickRecord:
 
 @dataclass(frozen=True)
 class PauseRecord:
-    """One interruption of one game: told when it begins (`duration_ms` None) and again when it is over. The two have the
-    same `episode` and `started_at`: the second replaces the first."""
+    """One interruption of one game: told when it begins (`duration_ms` None) and again when it is over. The two have
+    the same `episode` and `started_at`: the second replaces the first."""
 
     episode: str
     timestep: int
     reason: str  # one of PAUSE_REASONS
     started_at: datetime  # UTC
-    duration_ms: float | None  # until everybody was ready again; the 3-2-1 that follows is not counted. None: still lasting
+    duration_ms: float | None  # until all were ready again; the 3-2-1 that follows is not counted. None: still lasting
 
 
 @dataclass(frozen=True)

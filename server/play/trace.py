@@ -92,11 +92,13 @@ class Trace:
 
     def players(self) -> NDArray[np.int8]:
         """(2, 4): x, y, facing, held."""
-        return self._players[self.timestep]
+        players: NDArray[np.int8] = self._players[self.timestep]
+        return players
 
     def contents(self) -> NDArray[np.int8]:
         """(width, height): items on counters, contents of pots."""
-        return self._contents[self.timestep]
+        contents: NDArray[np.int8] = self._contents[self.timestep]
+        return contents
 
     def pot_contents(self) -> list[int]:
         inside = self.contents()

@@ -1,4 +1,4 @@
-"""What a tutorial teaches and when a lesson is learnt: from what was done in the game alone, so a restart knows it too."""
+"""What a tutorial teaches and when a lesson is learnt: told from the game alone, so a restart knows it too."""
 
 from overcooked.constants import (
     COOKING,

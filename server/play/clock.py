@@ -1,0 +1,27 @@
+"""Time of the live game: monotonic seconds, in tests and simulations many times faster than the wall's."""
+
+import asyncio
+import time
+from datetime import UTC, datetime
+
+
+class Clock:
+    """`now()` grows by `speed` seconds a second. Setting the machine's wall clock does not move it."""
+
+    def __init__(self, speed: float = 1.0) -> None:
+        if speed <= 0:
+            raise ValueError(f"a clock must run forward; speed = {speed}")
+        self.speed = speed
+
+    def now(self) -> float:
+        """Seconds since some fixed moment; only differences mean something."""
+        return time.monotonic() * self.speed
+
+    def wall(self) -> datetime:
+        """UTC, for records; never used to measure."""
+        return datetime.now(UTC)
+
+    async def sleep_until(self, moment: float) -> None:
+        """Returns at or after `moment` of `now()`; the event loop may wake up a millisecond early, this does not."""
+        while (left_s := (moment - self.now()) / self.speed) > 0:
+            await asyncio.sleep(left_s)

@@ -1,0 +1,62 @@
+"""What the models are asked about a state, and what their answers decide. Knows no clock; never runs a network."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from models.protocols import Decision, Question
+from overcooked.constants import ACTIONS
+from server.play.randomness import PARTNER, uniform
+from server.play.spec import EpisodeSpec
+from server.play.trace import Trace
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What the models said about one state."""
+
+    next_actions: tuple[int | None, int | None]  # by seat; None: a human's seat, or no answer in time
+    prediction: tuple[tuple[float, ...], ...]  # (steps, 6); empty: no predictor, or no answer in time
+    late: bool  # somebody who was asked did not answer in time
+
+
+NO_ANSWERS = Answers((None, None), (), late=False)
+
+
+def questions(episode: str, spec: EpisodeSpec, trace: Trace) -> list[Question]:
+    """One question for each chef whom an agent plays or a predictor watches."""
+    asked = []
+    for seat, agent in enumerate(spec.agents):
+        predictor = spec.predictor if seat == spec.watched_seat else None
+        if agent is None and predictor is None:
+            continue
+        asked.append(
+            Question(
+                game=episode,
+                layout=spec.layout,
+                seat=seat,
+                timestep=trace.timestep,
+                agent=agent,
+                predictor=predictor,
+                uniform=uniform(spec.seed, trace.timestep, PARTNER + seat),
+                stuck=trace.stuck[seat],
+                history=trace.history(seat),
+            )
+        )
+    return asked
+
+
+def answers(asked: Sequence[Question], decisions: Sequence[Decision | None]) -> Answers:
+    """Puts the decisions on the questions of one state together; an action that is none counts as no answer."""
+    next_actions: list[int | None] = [None, None]
+    prediction: tuple[tuple[float, ...], ...] = ()
+    late = False
+    for question, decision in zip(asked, decisions, strict=True):
+        if decision is None or not 0 <= decision.action < ACTIONS:
+            late = True
+            continue
+        if question.agent is not None:
+            next_actions[question.seat] = decision.action
+        if question.predictor is not None:
+            prediction = decision.prediction
+            late = late or not prediction
+    return Answers((next_actions[0], next_actions[1]), prediction, late)

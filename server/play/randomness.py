@@ -1,0 +1,23 @@
+"""All chance in an episode: a number for (seed, timestep, purpose); a restarted game draws the same ones again."""
+
+from typing import Final
+
+PARTNER: Final = 1  # + seat: draws the agent's action
+MARKS: Final = 16  # + step: the random marks of the "random" condition
+
+_MASK = (1 << 64) - 1
+_GOLDEN = 0x9E3779B97F4A7C15
+
+
+def _splitmix64(state: int) -> int:
+    """One output of SplitMix64 (Steele, Lea and Flood 2014) for the given state."""
+    mixed = (state + _GOLDEN) & _MASK
+    mixed = ((mixed ^ (mixed >> 30)) * 0xBF58476D1CE4E5B9) & _MASK
+    mixed = ((mixed ^ (mixed >> 27)) * 0x94D049BB133111EB) & _MASK
+    return mixed ^ (mixed >> 31)
+
+
+def uniform(seed: int, timestep: int, purpose: int) -> float:
+    """A number in [0, 1), independent for every (seed, timestep, purpose), the same on every machine."""
+    mixed = _splitmix64(_splitmix64(_splitmix64(seed & _MASK) ^ timestep) ^ purpose)
+    return (mixed >> 11) * 2.0**-53

@@ -1,0 +1,264 @@
+"""One episode as a pure state machine: keys and decisions in, states, records and messages out.
+
+No sockets, no database, no clock: times come in as seconds of the caller's clock. `loop` drives it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import datetime
+from typing import Final, Literal
+
+from models.protocols import Decision, Question
+from overcooked.constants import STAY
+from overcooked.layout import parse_layout
+from overcooked.score import progress_credit
+from server.play import messages, overlay, partner
+from server.play.holds import NOT_STARTED, Holder, Holds
+from server.play.keys import Keys
+from server.play.recorder import EpisodeRecord, EpisodeResult, KeyRecord, PauseRecord, TickRecord
+from server.play.trace import Step, Trace
+from server.play.tutorial import Tutor
+
+Phase = Literal["waiting", "countdown", "running", "paused", "ended"]
+VIEWER: Final = -1  # the "seat" of a participant who watches two agents
+COUNTDOWN_S: Final = 3
+_STILL: Final = Step((STAY, STAY), (0, 0), (0, 0), (0, 0))
+
+
+class ReplayMismatch(Exception):
+    """The stored actions do not lead to the stored state: the record is damaged and must not be played on."""
+
+
+class Session:
+    """One episode from its record: new, or re-simulated to where it stood.
+
+    A timestep: `begin_tick` (rules) -> questions to the models -> `finish_tick` (record) -> once stored `tick_message`.
+    """
+
+    def __init__(self, record: EpisodeRecord, now: float) -> None:
+        """Raises ReplayMismatch, LayoutError."""
+        spec = record.spec
+        self.episode, self.spec = record.episode, spec
+        self.people: tuple[int, ...] = spec.human_seats or (VIEWER,)
+        self.keys = {seat: Keys() for seat in spec.human_seats}
+        self.trace = Trace(parse_layout(record.spec.grid, spec.layout), spec.horizon)
+        lessons = tuple(key for key in spec.lessons if key != "marks" or spec.shown != "nothing")
+        self.tutor = Tutor(lessons, self.people[0]) if lessons and spec.human_seats else None
+        self._replay(record)
+        self.stored = record.last_hash is not None  # is the current state stored, with what was decided on it?
+        self.next_actions = record.next_actions or (None, None)
+        self.displayed = record.displayed or overlay.display(spec, self.trace.timestep, ())
+        self.late = False
+        self.resumed = self.stored and self.trace.timestep > 0
+        self.phase: Phase = "paused" if self.resumed else "waiting"
+        self.holds = Holds(spec.pause, record.paused_ms)
+        self.pause_record: PauseRecord | None = None  # of the pause that lasts
+        self._paused_since = now
+        for person in self.people:
+            self.holds.hold(person, "server" if self.resumed else NOT_STARTED, now)
+        self._zero = 0.0  # when timestep 0 would have been, had there been no pause
+        self._asked: list[Question] = []
+        self._step = _STILL
+        self._keys_used: tuple[KeyRecord, ...] = ()
+        self._applied = dict.fromkeys(self.people, -1)
+        self._late_ms = 0.0
+
+    def _replay(self, record: EpisodeRecord) -> None:
+        for actions in record.joint_actions:
+            step = self.trace.step(actions)
+            if self.tutor is not None:
+                self.tutor.watch(self.trace, step)
+        if record.last_hash is not None and self.trace.hash() != record.last_hash:
+            place = f"episode {record.episode}, timestep {self.trace.timestep}"
+            raise ReplayMismatch(f"{place}: the stored actions do not lead to the stored state")
+
+    # When
+
+    @property
+    def tick_s(self) -> float:
+        return self.spec.tick_ms / 1000
+
+    @property
+    def next_deadline(self) -> float:
+        """When the next timestep is due; means something during countdown and running."""
+        return self._zero + (self.trace.timestep + 1) * self.tick_s
+
+    @property
+    def moving(self) -> bool:
+        """The clock of the game runs, or is about to."""
+        return self.phase in ("countdown", "running")
+
+    @property
+    def over(self) -> bool:
+        """Nothing is left to play; the result waits to be stored."""
+        if self.spec.horizon and self.trace.timestep >= self.spec.horizon:
+            return True
+        return self.tutor is not None and self.tutor.finished
+
+    # People
+
+    def key(self, seat: int, keys: messages.Input, now: float) -> bool:
+        """A person's keys. False: a message seen before, nothing changed."""
+        go = self._zero + self.trace.timestep * self.tick_s
+        if self.phase in ("waiting", "paused", "ended"):
+            fresh = self.keys[seat].press(keys, now, taps_count=False)
+            self.keys[seat].clear()
+            return fresh
+        return self.keys[seat].press(keys, now, taps_count=now >= go)
+
+    def pause(self, holder: Holder, reason: str, now: float, at: datetime) -> PauseRecord | None:
+        """Stops the game at once; returns the PauseRecord to store if it was moving. Before the start nothing pauses."""
+        for keys in self.keys.values():
+            keys.clear()
+        if self.phase == "ended" or (self.phase == "waiting" and isinstance(holder, int) and holder in self.holds):
+            return None
+        started = self.stored or self.trace.timestep > 0
+        self.holds.hold(holder, reason if started or isinstance(holder, str) else NOT_STARTED, now)
+        if not self.moving:
+            return None
+        self.phase = "paused" if started else "waiting"
+        if not started:
+            return None
+        self._paused_since = now
+        self.pause_record = PauseRecord(self.episode, self.trace.timestep, reason, at, None)
+        return self.pause_record
+
+    def release(self, holder: Holder, now: float) -> bool:
+        """Somebody is back. True: nothing holds the game any more, `count_down` may be called."""
+        self.holds.release(holder, now)
+        return not self.holds and self.phase in ("waiting", "paused")
+
+    def count_down(self, now: float, go: float) -> PauseRecord | None:
+        """The game moves at `go`; returns the PauseRecord of the pause that is over, to be stored."""
+        self.phase = "countdown"
+        self.start_at(go)
+        record, self.pause_record = self.pause_record, None
+        return None if record is None else replace(record, duration_ms=round((now - self._paused_since) * 1000, 3))
+
+    def start_at(self, go: float) -> None:
+        """Moves the deadlines: the current state stands until `go`, the next one comes a tick later."""
+        self._zero = go - self.trace.timestep * self.tick_s
+
+    # Ticks
+
+    def begin_start(self) -> list[Question]:
+        """Questions about the start state; `finish_tick` makes its record."""
+        self._asked = partner.questions(self.episode, self.spec, self.trace)
+        return self._asked
+
+    def begin_tick(self, now: float) -> list[Question]:
+        """Plays the timestep that is due: the newest keys, the partner's decided action, the rules.
+
+        Returns what the models are asked about the new state; nothing when the episode is over with it.
+        """
+        self._late_ms = max(0.0, (now - self.next_deadline) * 1000)
+        self.phase, self.stored = "running", False
+        self._step = self.trace.step(self._joint_action())
+        if self.tutor is not None:
+            self.tutor.watch(self.trace, self._step)
+        self._asked = [] if self.over else partner.questions(self.episode, self.spec, self.trace)
+        return self._asked
+
+    def _joint_action(self) -> tuple[int, int]:
+        actions = [STAY if action is None else action for action in self.next_actions]
+        used = []
+        for seat, keys in self.keys.items():
+            self._applied[seat] = keys.seq
+            actions[seat], press = keys.take()
+            if press is not None:
+                received_ms = round((press.received - self._zero) * 1000, 3)
+                used.append(KeyRecord(seat, press.seq, press.client_ms, received_ms))
+        self._keys_used = tuple(used)
+        return actions[0], actions[1]
+
+    def finish_tick(self, decisions: Sequence[Decision | None], models_ms: float) -> TickRecord:
+        """What there is to store about the state that `begin_tick` or `begin_start` made."""
+        if models_ms > self.spec.deadline_ms:
+            decisions = [None] * len(self._asked)
+        answers = partner.answers(self._asked, decisions)
+        timestep, step = self.trace.timestep, self._step
+        self.next_actions, self.late = answers.next_actions, answers.late
+        if self.over:
+            self.displayed = tuple((overlay.NOTHING_SHOWN, opacity) for _, opacity in self.displayed)
+        else:
+            self.displayed = overlay.display(self.spec, timestep, answers.prediction)
+        return TickRecord(
+            episode=self.episode,
+            timestep=timestep,
+            actions=step.actions if timestep else None,
+            state_hash=self.trace.hash(),
+            rewards=step.rewards,
+            shaped=step.shaped,
+            events=step.events,
+            next_actions=self.next_actions,
+            prediction=answers.prediction,
+            displayed=self.displayed,
+            keys=self._keys_used,
+            scheduled_ms=timestep * float(self.spec.tick_ms),
+            late_ms=round(self._late_ms, 3),
+            models_ms=round(models_ms, 3),
+            late=answers.late,
+        )
+
+    # What people are told
+
+    def tick_message(self, person: int) -> messages.Tick:
+        """The frame of the current state. Only for a state that is stored."""
+        actions = self.trace.last_actions or (STAY, STAY)
+        return messages.Tick(self.trace.kitchen(), self.displayed, actions, self._applied[person], self.late)
+
+    def welcome(self, person: int) -> messages.Welcome:
+        spec = self.spec
+        return messages.Welcome(
+            protocol=messages.PROTOCOL,
+            episode=self.episode,
+            kind=spec.kind,
+            number=spec.number,
+            episodes=spec.episodes,
+            layout=spec.layout,
+            title=spec.title,
+            grid=self.trace.layout.grid,
+            seat=person,
+            watched_seat=spec.watched_seat,
+            horizon=spec.horizon,
+            tick_ms=spec.tick_ms,
+            steps=spec.steps_shown,
+            shows_predictions=spec.shown != "nothing",
+            state=self.trace.kitchen(),
+            resumed=self.stored and self.trace.timestep > 0,
+            endless=spec.horizon == 0,
+        )
+
+    def paused(self, person: int, now: float) -> messages.Paused:
+        left_s = self.holds.left_s(now)
+        return messages.Paused(self.holds.reason(person), 0.0 if left_s is None else round(max(0.1, left_s), 1))
+
+    def lesson(self) -> messages.Lesson | None:
+        """Which lesson is being taught; None outside a tutorial."""
+        if self.tutor is None:
+            return None
+        lessons = self.tutor.lessons
+        index = min(self.tutor.index, len(lessons) - 1)
+        return messages.Lesson(lessons[index], index, len(lessons), self.tutor.finished)
+
+    # The end
+
+    def result(self, status: Literal["done", "aborted"] = "done", reason: str = "") -> EpisodeResult:
+        """How the episode ends now. `passed`: played to its end; a tutorial only with a delivery."""
+        self.phase = "ended"
+        passed = status == "done" and (self.spec.kind != "tutorial" or self._delivered())
+        credit = progress_credit(self.trace.layout, self.trace.players(), self.trace.contents(), self.spec.progress)
+        default = "horizon" if self.spec.horizon and self.trace.timestep >= self.spec.horizon else "lessons"
+        return EpisodeResult(
+            episode=self.episode,
+            status=status,
+            reason=reason or default,
+            score=self.trace.score,
+            soups=self.trace.soups,
+            progress=credit,
+            passed=passed,
+            final_hash=self.trace.hash(),
+        )
+
+    def _delivered(self) -> bool:
+        return self.tutor.delivered if self.tutor is not None else self.trace.soups > 0
