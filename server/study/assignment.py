@@ -1,0 +1,51 @@
+"""Which condition the next participant gets. Pure: counts come from the database, chance from the study's seed."""
+
+import random
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from server.study.order import derived_seed
+from server.study.plan import Condition, Study
+
+
+@dataclass(frozen=True)
+class Count:
+    """How many hold a place in a condition. Whoever dropped out, was screened out, withdrew or timed out holds none."""
+
+    completed: int = 0
+    active: int = 0
+
+    @property
+    def held(self) -> int:
+        return self.completed + self.active
+
+
+class StudyFullError(Exception):
+    """Every condition has reached its quota."""
+
+
+def next_condition(study: Study, counts: Mapping[str, Count], number: int) -> str:
+    """The condition of the participant who is the `number`-th (from 0) to consent.
+
+    Of the conditions below their quota, the one whose held places are fewest for its weight; equal ones are drawn by
+    the study's seed and `number`. So places that dropouts leave are filled first. Raises StudyFullError.
+    """
+    open_ones = [condition for condition in study.conditions if not _is_full(condition, counts)]
+    if not open_ones:
+        raise StudyFullError(study.name)
+    # What the share would be with one more: for weights 1 and 2 the places are taken 2, 1, 2, 2, 1, 2 ...
+    share = {
+        condition.name: (counts.get(condition.name, Count()).held + 1) / condition.weight for condition in open_ones
+    }
+    fewest = min(share.values())
+    candidates = [name for name, value in share.items() if value == fewest]
+    return random.Random(derived_seed(study.seed, "condition", number)).choice(candidates)  # noqa: S311 - no secret
+
+
+def participant_seed(study: Study, number: int) -> int:
+    """The seed of the participant who is the `number`-th to consent: order and episodes follow from it."""
+    return derived_seed(study.seed, "participant", number)
+
+
+def _is_full(condition: Condition, counts: Mapping[str, Count]) -> bool:
+    return condition.quota is not None and counts.get(condition.name, Count()).held >= condition.quota

@@ -1,0 +1,187 @@
+"""What must fit together in a study file, beyond each value being right by itself. Pure: yields problems."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import BaseModel
+
+from server.study.assignment import participant_seed
+from server.study.order import episode_order
+from server.study.plan import FIXED_PAGES, Study
+from server.study.questionnaire import ChoiceQuestion, MultipleQuestion, Questionnaire, RankingQuestion
+from server.study.text import Text
+
+Path = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something wrong at a place of the file. A warning does not keep the study from being served."""
+
+    path: Path
+    reason: str
+    remedy: str
+    warning: bool = False
+
+
+def problems(study: Study) -> Iterator[Problem]:
+    """Everything wrong with a study whose single values are right."""
+    yield from _missing_translations(study, study.languages)
+    yield from _names(study)
+    yield from _flow(study)
+    yield from _conditions(study)
+    for key, questionnaire in study.questionnaires.items():
+        yield from _questions(study, questionnaire, ("questionnaires", key))
+    if study.quiz:
+        yield from _questions(study, study.quiz, ("quiz",))
+        if not any(isinstance(question, ChoiceQuestion) and question.correct for question in study.quiz.questions):
+            yield Problem(
+                ("quiz",), "no question of the quiz has a correct answer", "Add `correct:` to its choice questions."
+            )
+    yield from _episodes(study)
+    yield from _recruitment(study)
+
+
+def balance(study: Study, participants: int = 60) -> dict[str, Counter[tuple[str, int]]]:
+    """How often each layout and agent stands at each place, over simulated participants, by (name, place from 0)."""
+    layouts: Counter[tuple[str, int]] = Counter()
+    agents: Counter[tuple[str, int]] = Counter()
+    for number in range(participants):
+        for place, (layout, agent) in enumerate(episode_order(study, participant_seed(study, number), number)):
+            layouts[layout, place] += 1
+            agents[agent, place] += 1
+    return {"layout": layouts, "agent": agents}
+
+
+def _missing_translations(part: Any, languages: tuple[str, ...], path: Path = ()) -> Iterator[Problem]:
+    if isinstance(part, Text):
+        for language in part.missing(languages):
+            yield Problem(
+                path, f"no words in {language!r}", f"Add `{language}: ...`, or take {language!r} out of `languages`."
+            )
+    elif isinstance(part, BaseModel):
+        for name in type(part).model_fields:
+            yield from _missing_translations(getattr(part, name), languages, (*path, name))
+    elif isinstance(part, dict):
+        for key, value in part.items():
+            yield from _missing_translations(value, languages, (*path, key))
+    elif isinstance(part, tuple):
+        for index, value in enumerate(part):
+            yield from _missing_translations(value, languages, (*path, index))
+
+
+def _names(study: Study) -> Iterator[Problem]:
+    for block in ("conditions", "agents", "layouts"):
+        names = [part.name for part in getattr(study, block)]
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                yield Problem((block, index, "name"), f"{name!r} is there twice", "Give each its own name.")
+    if len(set(study.languages)) < len(study.languages):
+        yield Problem(("languages",), "a language is there twice", "Name each once.")
+    for key in study.questionnaires:
+        if key in study.pages or key in FIXED_PAGES:
+            yield Problem(("questionnaires", key), f"{key!r} also names a page", "Give the questionnaire another key.")
+    for key in study.pages:
+        if key in FIXED_PAGES:
+            yield Problem(("pages", key), f"{key!r} is a built-in page", "Give the page another key.")
+
+
+def _flow(study: Study) -> Iterator[Problem]:
+    known = [*FIXED_PAGES, *study.pages, *study.questionnaires]
+    for index, entry in enumerate(study.flow):
+        if entry not in known:
+            yield Problem(("flow", index), f"there is no page {entry!r}", f"Known: {', '.join(known)}.")
+        if entry in study.flow[:index]:
+            yield Problem(("flow", index), f"{entry!r} comes twice", "Each page comes once; copy it under another key.")
+    if study.flow[-1] != "thanks":
+        yield Problem(
+            ("flow",), "the way does not end with thanks", "Make `thanks` the last entry: it gives the completion code."
+        )
+    if "quiz" in study.flow and study.quiz is None:
+        yield Problem(("flow", study.flow.index("quiz")), "there is no quiz block", "Add `quiz:` with its questions.")
+    if study.quiz is not None and "quiz" not in study.flow:
+        yield Problem(("quiz",), "nobody reaches the quiz", "Add `quiz` to `flow`, or remove the block.")
+    for block, keys in (("pages", study.pages), ("questionnaires", study.questionnaires)):
+        for key in keys:
+            if key not in study.flow and key != study.after_episode:
+                yield Problem((block, key), f"nobody reaches {key!r}", "Add it to `flow`, or remove it.")
+    if study.after_episode and study.after_episode not in study.questionnaires:
+        yield Problem(
+            ("after_episode",), f"there is no questionnaire {study.after_episode!r}", "Name one of `questionnaires`."
+        )
+
+
+def _conditions(study: Study) -> Iterator[Problem]:
+    for index, condition in enumerate(study.conditions):
+        if (condition.predictor == "degraded") != (condition.accuracy is not None):
+            reason = "`accuracy` and `predictor: degraded` belong together"
+            yield Problem(
+                ("conditions", index), reason, "Set `accuracy: 0.5` beside `predictor: degraded`, or remove it."
+            )
+
+
+def _questions(study: Study, questionnaire: Questionnaire, path: Path) -> Iterator[Problem]:
+    keys = [question.key for question in questionnaire.questions]
+    conditions = {condition.name for condition in study.conditions}
+    for index, question in enumerate(questionnaire.questions):
+        place = (*path, "questions", index)
+        if question.key in keys[:index]:
+            yield Problem((*place, "key"), f"{question.key!r} is there twice", "Give each question its own key.")
+        if isinstance(question.conditions, tuple):
+            for name in set(question.conditions) - conditions:
+                yield Problem(
+                    (*place, "conditions"),
+                    f"there is no condition {name!r}",
+                    f"Known: {', '.join(sorted(conditions))}.",
+                )
+        if isinstance(question, ChoiceQuestion | MultipleQuestion | RankingQuestion):
+            values = [option.value for option in question.options]
+            if len(set(values)) < len(values):
+                yield Problem((*place, "options"), "two options have the same value", "Give each its own value.")
+
+
+def _episodes(study: Study) -> Iterator[Problem]:
+    count = len(study.layouts) * len(study.agents) * study.order.repeat
+    for index, number in enumerate(study.breaks.after):
+        if not 1 <= number < count:
+            yield Problem(
+                ("breaks", "after", index), f"there is no break after episode {number}", f"Use 1 to {count - 1}."
+            )
+    if study.order.rule == "paper" and len(study.agents) != 2:
+        yield Problem(
+            ("order", "rule"), "the paper's rule alternates two agents", "List two agents, or use `latin_square`."
+        )
+    if study.game.deadline_ms >= study.game.tick_ms:
+        yield Problem(
+            ("game", "deadline_ms"), "the models' deadline lies beyond the tick", "Make it shorter than `tick_ms`."
+        )
+    if study.game.pause.each_s > study.game.pause.episode_s:
+        yield Problem(
+            ("game", "pause"), "one pause may last longer than all together", "Make `episode_s` at least `each_s`."
+        )
+
+
+def _recruitment(study: Study) -> Iterator[Problem]:
+    recruitment = study.recruitment
+    if recruitment.required and recruitment.person_parameter is None:
+        yield Problem(("recruitment", "required"), "no parameter names the person", "Set `person:` or a `source`.")
+    known = {"code", "person", *recruitment.extra_parameters}
+    for name in ("completed", "screened_out", "declined"):
+        outcome = getattr(recruitment, name)
+        for placeholder in _placeholders(outcome.url or ""):
+            if placeholder not in known:
+                reason = f"the address has an unknown placeholder {{{placeholder}}}"
+                yield Problem(("recruitment", name, "url"), reason, f"Known: {', '.join(sorted(known))}.")
+    if recruitment.source == "prolific" and not recruitment.completed.code:
+        yield Problem(
+            ("recruitment", "completed"),
+            "Prolific needs a fixed code",
+            "Add `code:` as shown by Prolific.",
+            warning=True,
+        )
+
+
+def _placeholders(url: str) -> list[str]:
+    return [piece.split("}", 1)[0] for piece in url.split("{")[1:] if "}" in piece]

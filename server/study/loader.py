@@ -1,0 +1,214 @@
+"""From a study file to a Study. Everything wrong is said at once, each with file, line, reason and remedy."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Any
+
+import yaml
+from pydantic import ValidationError
+
+from server.study.checks import Path, Problem, problems
+from server.study.plan import Study
+
+LARGEST_BYTES = 1_000_000
+LARGEST_NODES = 50_000
+
+
+class StudyError(ValueError):
+    """A study file that cannot be used. `lines` has one sentence a problem, each naming its place and remedy."""
+
+    def __init__(self, lines: Sequence[str]) -> None:
+        self.lines = tuple(lines)
+        super().__init__("\n".join(self.lines))
+
+
+@dataclass(frozen=True)
+class StudyFile:
+    """A study with the file it comes from. `sha256` of the bytes is its version; `warnings` do not stop it."""
+
+    study: Study
+    source: str
+    text: str
+    sha256: str
+    places: "Places"
+    warnings: tuple[str, ...] = ()
+
+    def describe(self, problem: Problem) -> str:
+        """`file:line: reason. remedy`, as all errors read."""
+        return self.places.describe(problem)
+
+
+class Places:
+    """Which line each value of a file stands on."""
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+        self._lines: dict[Path, int] = {}
+
+    def put(self, path: Path, line: int) -> None:
+        self._lines[path] = line
+
+    def line(self, path: Path) -> int:
+        """The line (from 1) of a value, or of the nearest block around it."""
+        while path not in self._lines and path:
+            path = path[:-1]
+        return self._lines.get(path, 1)
+
+    def nearest(self, path: Path) -> Path:
+        """The path as far as the file has it: a validator's own marks (the type of a question) are left out."""
+        known: Path = ()
+        for piece in path:
+            if (*known, piece) in self._lines:
+                known = (*known, piece)
+        return known
+
+    def describe(self, problem: Problem) -> str:
+        path = self.nearest(problem.path)
+        place = ".".join(str(piece) for piece in path)
+        where = f"{self.source}:{self.line(path)}: "
+        return f"{where}{place + ': ' if place else ''}{problem.reason.rstrip('.')}. {problem.remedy}".rstrip()
+
+
+def load_study(path: str | FilePath) -> StudyFile:
+    """The study in a file. Raises StudyError (all problems at once), FileNotFoundError."""
+    file = FilePath(path)
+    data = file.read_bytes()
+    if len(data) > LARGEST_BYTES:
+        raise StudyError([f"{path}:1: the file has {len(data):,} bytes. At most {LARGEST_BYTES:,} are read."])
+    try:
+        return parse_study(data.decode("utf-8"), str(path))
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise StudyError([f"{path}:{line}: this is not UTF-8. Save the file as UTF-8."]) from None
+
+
+def parse_study(text: str, source: str = "study.yaml") -> StudyFile:
+    """The study written in `text`. Raises StudyError."""
+    places = Places(source)
+    data = _read(text, places)
+    try:
+        study = Study.model_validate(data)
+    except ValidationError as error:
+        found = sorted(
+            (_problem(one, places) for one in error.errors(include_url=False)), key=lambda one: places.line(one.path)
+        )
+        raise StudyError([places.describe(problem) for problem in found]) from None
+    found = sorted(problems(study), key=lambda one: places.line(places.nearest(one.path)))
+    wrong = [places.describe(problem) for problem in found if not problem.warning]
+    if wrong:
+        raise StudyError(wrong)
+    warnings = tuple(places.describe(problem) for problem in found if problem.warning)
+    return StudyFile(study, source, text, hashlib.sha256(text.encode()).hexdigest(), places, warnings)
+
+
+def _read(text: str, places: Places) -> Any:
+    try:
+        root = yaml.compose(text, Loader=yaml.SafeLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = mark.line + 1 if mark else 1
+        raise StudyError(
+            [f"{places.source}:{line}: this is no YAML: {error.problem}. {_yaml_remedy(error.problem or '')}"]
+        ) from None
+    except yaml.YAMLError as error:
+        raise StudyError([f"{places.source}:1: this is no YAML: {error}. Save the file as plain UTF-8 text."]) from None
+    if not isinstance(root, yaml.MappingNode):
+        raise StudyError([f"{places.source}:1: a study is a mapping of keys. Start from `kitchenmind study new NAME`."])
+    return _Reader(places).value(root, ())
+
+
+def _yaml_remedy(problem: str) -> str:
+    if "\\t" in problem or "tab" in problem:
+        return "Indent with spaces, not tabs."
+    return "Check indentation, colons and quotes in this line and the one above."
+
+
+class _Reader:
+    """Plain values from YAML nodes, remembering lines; safe tags only, no key twice, no bomb of aliases."""
+
+    def __init__(self, places: Places) -> None:
+        self._places = places
+        self._nodes = 0
+        self._scalars = yaml.SafeLoader("")
+
+    def value(self, node: yaml.Node, path: Path) -> Any:
+        self._nodes += 1
+        line = node.start_mark.line + 1
+        self._places.put(path, line) if path else None
+        if self._nodes > LARGEST_NODES or len(path) > 20:
+            self._refuse(line, "the file is nested too deep or its aliases unfold to too much", "Write the values out.")
+        if isinstance(node, yaml.MappingNode):
+            return self._mapping(node, path)
+        if isinstance(node, yaml.SequenceNode):
+            return [self.value(item, (*path, index)) for index, item in enumerate(node.value)]
+        if not node.tag.startswith("tag:yaml.org,2002:") or node.tag.endswith(("timestamp", "binary")):
+            return (
+                str(node.value)
+                if node.tag.endswith("timestamp")
+                else self._refuse(line, f"the tag {node.tag} is not allowed", "Remove it.")
+            )
+        if node.tag.endswith(":bool") and str(node.value).lower() not in ("true", "false"):
+            return str(node.value)  # yes, no, on and off are words, also in answers
+        try:
+            return self._scalars.construct_object(node)
+        except (yaml.YAMLError, ValueError) as error:
+            return self._refuse(line, f"this value cannot be read ({error})", "Put it in quotes.")
+
+    def _mapping(self, node: yaml.MappingNode, path: Path) -> dict[str, Any]:
+        result: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            key, line = str(key_node.value), key_node.start_mark.line + 1
+            if key in result:
+                self._refuse(line, f"the key {key!r} is there twice in this block", "Leave one of the two.")
+            result[key] = self.value(value_node, (*path, key))
+            self._places.put((*path, key), line)
+        return result
+
+    def _refuse(self, line: int, reason: str, remedy: str) -> Any:
+        raise StudyError([f"{self._places.source}:{line}: {reason}. {remedy}"])
+
+
+# What pydantic calls a fault -> how to mend it; {} are the fault's own numbers.
+_REMEDIES = {
+    "missing": "Add it.",
+    "int_parsing": "Write a whole number.",
+    "int_type": "Write a whole number.",
+    "float_parsing": "Write a number.",
+    "float_type": "Write a number.",
+    "bool_parsing": "Write true or false.",
+    "bool_type": "Write true or false.",
+    "string_type": "Put the value in quotes.",
+    "tuple_type": "Write a list: one `- ...` a line.",
+    "dict_type": "Write a block of `key: value` lines.",
+    "model_type": "Write a block of `key: value` lines.",
+    "model_attributes_type": "Write a block of `key: value` lines.",
+    "union_tag_not_found": "Add `type:`, one of scale, choice, multiple, text, number, ranking.",
+    "string_pattern_mismatch": "It must look like {pattern}",
+    "too_short": "Add at least {min_length}.",
+    "too_long": "Leave at most {max_length}.",
+}
+
+
+def _problem(error: Any, places: Places) -> Problem:
+    path: Path = tuple(error["loc"])
+    context = error.get("ctx", {})
+    kind, message = error["type"], error["msg"]
+    if kind == "unknown_key":
+        return Problem((*places.nearest(path), context["key"]), f"unknown key {context['key']!r}", context["remedy"])
+    if kind == "missing":
+        block, name = places.nearest(path[:-1]), path[-1]
+        return Problem(block, f"{name!r} is missing here", f"Add `{name}: ...`.")
+    if kind in ("literal_error", "union_tag_invalid"):
+        expected = context.get("expected") or context.get("expected_tags")
+        return Problem(
+            places.nearest(path),
+            f"{error['input']!r} is not possible here" if kind == "literal_error" else "unknown type",
+            f"Use {expected}.",
+        )
+    if kind == "value_error":
+        reason, _, remedy = str(context["error"]).rpartition(". ")
+        return Problem(places.nearest(path), reason or remedy, f"{remedy}." if reason else "")
+    remedy = _REMEDIES.get(kind, "").format_map(context) if kind in _REMEDIES else ""
+    return Problem(places.nearest(path), message[0].lower() + message[1:], remedy)

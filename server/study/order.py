@@ -1,0 +1,70 @@
+"""In which order one participant meets layouts and agents. Pure: the same seed and number give the same order."""
+
+import hashlib
+import random
+from collections.abc import Sequence
+
+from server.study.plan import Study
+
+Pair = tuple[str, str]  # layout, agent
+
+
+def derived_seed(*parts: str | int) -> int:
+    """63 bits that follow from the parts alone, on every machine."""
+    text = "\x1f".join(str(part) for part in parts)
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") >> 1
+
+
+def episode_order(study: Study, seed: int, number: int) -> tuple[Pair, ...]:
+    """All episodes of the participant with this seed, the `number`-th (from 0) of the study or condition."""
+    layouts = [layout.name for layout in study.layouts]
+    agents = [agent.name for agent in study.agents]
+    rounds = [
+        _once(study.order.rule, layouts, agents, derived_seed(seed, "order", turn), number)
+        for turn in range(study.order.repeat)
+    ]
+    return tuple(pair for once in rounds for pair in once)
+
+
+def _once(rule: str, layouts: list[str], agents: list[str], seed: int, number: int) -> list[Pair]:
+    chance = random.Random(seed)  # noqa: S311 - an order, not a secret
+    if rule == "paper":
+        return _paper(layouts, agents, chance)
+    if rule == "shuffled":
+        pairs = [(layout, agent) for layout in layouts for agent in agents]
+        chance.shuffle(pairs)
+        return pairs
+    if rule == "latin_square":
+        row = balanced_square(len(layouts))[number % len(balanced_square(len(layouts)))]
+        turned = [layouts[column] for column in row]
+        first = agents if (number // len(layouts)) % 2 == 0 else agents[::-1]
+        return _alternating(turned, first)
+    return [(layout, agent) for layout in layouts for agent in agents]
+
+
+def _paper(layouts: list[str], agents: list[str], chance: random.Random) -> list[Pair]:
+    """The published rule: agents at random in the first layout, then the reverse of the layout before."""
+    first = list(agents)
+    chance.shuffle(first)
+    return _alternating(layouts, first)
+
+
+def _alternating(layouts: Sequence[str], agents: Sequence[str]) -> list[Pair]:
+    return [
+        (layout, agent) for turn, layout in enumerate(layouts) for agent in (agents if turn % 2 == 0 else agents[::-1])
+    ]
+
+
+def balanced_square(size: int) -> list[list[int]]:
+    """A Latin square in which everything follows everything else equally often (Williams 1949); odd sizes need the
+    mirrored rows too, so they have twice as many."""
+    zigzag = [0]
+    low, high = 1, size - 1
+    while len(zigzag) < size:
+        zigzag.append(low)
+        low += 1
+        if len(zigzag) < size:
+            zigzag.append(high)
+            high -= 1
+    rows = [[(cell + shift) % size for cell in zigzag] for shift in range(size)]
+    return rows if size % 2 == 0 else rows + [row[::-1] for row in rows]

@@ -1,0 +1,260 @@
+"""What a study file may say, as frozen models. Knows words and numbers only: no game, no database, no web."""
+
+from typing import Annotated, Literal, TypeVar
+
+from pydantic import Field
+
+from server.study.part import Part
+from server.study.questionnaire import AnyQuestion, Key, Questionnaire
+from server.study.text import Text
+
+Lesson = Literal["walk", "fetch", "fill", "wait", "plate", "deliver", "marks"]
+LESSONS: tuple[Lesson, ...] = ("walk", "fetch", "fill", "wait", "plate", "deliver", "marks")
+# Entries of `flow` that need no block of their own.
+FIXED_PAGES = ("introduction", "quiz", "tutorial", "episodes", "thanks")
+
+
+class Outcome(Part):
+    """What somebody gets who leaves the study in one of its ways."""
+
+    code: Annotated[str, Field(pattern=r"^[A-Za-z0-9-]{4,40}$")] | None = None
+    """A fixed code, as Prolific wants it. Empty: everybody who finishes gets their own."""
+    url: Annotated[str, Field(pattern=r"^https://[A-Za-z0-9.-]+(:\d+)?(/.*)?$")] | None = None
+    """Where the last page leads. {code}, {person} and the names of `recruitment.extra` are filled in."""
+
+
+class Recruitment(Part):
+    """Where participants come from: the parameters of their link, and what they carry back."""
+
+    source: Literal["none", "prolific", "mturk", "sona"] = "none"
+    person: str | None = None
+    """The link's parameter that names the person. Empty: the source's usual one."""
+    extra: tuple[str, ...] | None = None
+    """Further parameters that are kept. Empty: the source's usual ones."""
+    required: bool = False
+    """Refuse a link without the person's parameter."""
+    completed: Outcome = Outcome()
+    screened_out: Outcome = Outcome()
+    declined: Outcome = Outcome()
+
+    @property
+    def person_parameter(self) -> str | None:
+        usual = {"none": None, "prolific": "PROLIFIC_PID", "mturk": "workerId", "sona": "survey_code"}
+        return self.person or usual[self.source]
+
+    @property
+    def extra_parameters(self) -> tuple[str, ...]:
+        usual = {"prolific": ("STUDY_ID", "SESSION_ID"), "mturk": ("assignmentId", "hitId")}
+        return usual.get(self.source, ()) if self.extra is None else self.extra
+
+
+class Condition(Part):
+    """One arm of the study. Participants are never told which they are in."""
+
+    name: Key
+    predictor: Literal["none", "random", "tom", "degraded"]
+    """What is drawn: nothing, uniformly random steps, the predictor's, or the predictor's with a share made random."""
+    accuracy: Annotated[float, Field(ge=0, le=1)] | None = None
+    """With `degraded`: the share of timesteps in which the predictor's own answer is drawn; the others are random."""
+    weight: Annotated[int, Field(ge=1, le=1000)] = 1
+    quota: Annotated[int, Field(ge=1)] | None = None
+    """At most so many participants. Empty: no limit."""
+
+    @property
+    def shows_predictions(self) -> bool:
+        return self.predictor != "none"
+
+
+class Agent(Part):
+    """An AI partner."""
+
+    name: Key
+    """Names the agent in the study and, unless `model` says otherwise, its checkpoint."""
+    model: str | None = None
+    """The catalogue's name of the agent."""
+    mode: Literal["card", "greedy", "sampled"] = "card"
+    """How it acts: as its card says, always its likeliest action, or drawn from its probabilities."""
+
+    @property
+    def catalogue_name(self) -> str:
+        name = self.model or self.name
+        return name if self.mode == "card" else f"{name}:{self.mode}"
+
+
+class Kitchen(Part):
+    """A layout: a shipped one by its name, or an own grid."""
+
+    name: Key
+    title: Text
+    grid: str | None = None
+    """The rows as drawn: X counter, O onions, D dishes, P pot, S exit, a space for floor, 1 and 2 for the chefs."""
+
+
+class Order(Part):
+    """In which order a participant meets layouts and agents."""
+
+    rule: Literal["fixed", "shuffled", "latin_square", "paper"] = "fixed"
+    """fixed: as listed. shuffled: all episodes mixed. latin_square: layouts by a balanced square, agents alternating.
+    paper: layouts as listed, agents of the first layout at random, in every later one the reverse of the one before."""
+    repeat: Annotated[int, Field(ge=1, le=20)] = 1
+    """How often each layout and agent is played."""
+
+
+class Predictor(Part):
+    """What watches the partner."""
+
+    form: Literal["window", "stream"] = "window"
+    """The paper's window of ten steps, or the one that keeps a running memory."""
+    steps_shown: Annotated[int, Field(ge=1, le=3)] = 3
+    confidence_opacity: bool = False
+    """Draw a step the paler, the less sure the predictor is."""
+
+
+class Pause(Part):
+    """How long somebody may be away in an episode."""
+
+    each_s: Annotated[float, Field(gt=0, le=3600)] = 30
+    episode_s: Annotated[float, Field(gt=0, le=7200)] = 60
+
+
+class Progress(Part):
+    """Points for unfinished soups when the time is up, kept apart from the score."""
+
+    onion_in_pot: Annotated[float, Field(ge=0)] = 3
+    soup_on_dish: Annotated[float, Field(ge=0)] = 17
+
+
+class Game(Part):
+    """The settings of every episode."""
+
+    tick_ms: Annotated[int, Field(ge=20, le=2000)] = 200
+    horizon: Annotated[int, Field(ge=1, le=10_000)] = 400
+    human_seat: Literal[0, 1] = 0
+    deadline_ms: Annotated[int, Field(ge=5, le=2000)] = 120
+    """How long the models may take in a tick; later, the partner waits."""
+    pause: Pause = Pause()
+    progress: Progress = Progress()
+
+
+class Tutorial(Part):
+    """The practice game: endless, passed with a delivery."""
+
+    layout: Kitchen | None = None
+    """Empty: the built-in practice kitchen."""
+    agent: str = "sp"
+    """Who stands beside the participant: the name of an agent, or of a layout's own."""
+    lessons: tuple[Lesson, ...] = LESSONS
+    skippable: bool = False
+
+
+class EntryChecks(Part):
+    """What a device must be able to do before anybody is asked for consent."""
+
+    width: int = 320
+    height: int = 480
+    """The smallest screen, in CSS pixels; the two may be swapped."""
+    input: bool = True
+    """A keyboard or a touch screen."""
+    websocket: bool = True
+    latency_ms: Annotated[int, Field(ge=20)] | None = 600
+    """The slowest median round trip. Empty: not measured."""
+
+
+class Quiz(Questionnaire):
+    """The comprehension check: every question with a `correct` answer has to be answered correctly."""
+
+    attempts: Annotated[int, Field(ge=1)] | None = None
+    """After so many failures the participant is screened out. Empty: as often as they like."""
+
+
+class Fact(Part):
+    """One line of the consent page's summary."""
+
+    label: Text
+    value: Text
+
+
+class Section(Part):
+    """A heading with Markdown below it."""
+
+    title: Text
+    body: Text
+
+
+class Consent(Part):
+    """The first page. Nothing is stored before somebody agrees."""
+
+    title: Text
+    lead: Text
+    facts: Annotated[tuple[Fact, ...], Field(max_length=6)] = ()
+    sections: Annotated[tuple[Section, ...], Field(min_length=1)]
+    boxes: Annotated[tuple[Text, ...], Field(min_length=1)]
+    """Each has to be ticked."""
+
+
+class Breaks(Part):
+    """Pages between episodes on which nothing is to be done."""
+
+    after: tuple[int, ...] = ()
+    """Numbers of the episodes that a break follows."""
+
+
+Named = TypeVar("Named", Condition, Agent, Kitchen)
+
+
+class Study(Part):
+    """One study: everything that happens between the link and the completion code."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]{0,39}$")]
+    """Names the study in its address and its data."""
+    title: Text
+    summary: Text
+    """A sentence for the page on which a study is chosen."""
+    languages: Annotated[tuple[str, ...], Field(min_length=1)] = ("en",)
+    seed: Annotated[int, Field(ge=0, lt=2**63)]
+    """All randomness of the study follows from it."""
+    duration_min: Annotated[int, Field(ge=1, le=600)]
+    timeout_min: Annotated[int, Field(ge=1)] = 120
+    """Somebody who was not seen for so long no longer holds a place in a condition."""
+    contact: Text | None = None
+    recruitment: Recruitment = Recruitment()
+    entry: EntryChecks = EntryChecks()
+    consent: Consent
+    conditions: Annotated[tuple[Condition, ...], Field(min_length=1)]
+    agents: Annotated[tuple[Agent, ...], Field(min_length=1)]
+    layouts: Annotated[tuple[Kitchen, ...], Field(min_length=1)]
+    predictor: Predictor = Predictor()
+    game: Game = Game()
+    order: Order = Order()
+    tutorial: Tutorial = Tutorial()
+    quiz: Quiz | None = None
+    questionnaires: dict[Key, Questionnaire] = Field(default_factory=dict)
+    after_episode: str | None = None
+    """The questionnaire that follows every episode."""
+    breaks: Breaks = Breaks()
+    pages: dict[Key, Section] = Field(default_factory=dict)
+    flow: Annotated[tuple[str, ...], Field(min_length=1)]
+    """The way: introduction, quiz, tutorial, episodes, thanks, and the names of pages and questionnaires."""
+
+    def condition(self, name: str) -> Condition:
+        """Raises KeyError for a name that the study does not have."""
+        return _named(self.conditions, name)
+
+    def agent(self, name: str) -> Agent:
+        return _named(self.agents, name)
+
+    def layout(self, name: str) -> Kitchen:
+        return _named(self.layouts, name)
+
+    def questions(self, key: str) -> tuple[AnyQuestion, ...]:
+        """The questions of a questionnaire, or of the quiz."""
+        if key == "quiz" and self.quiz is not None:
+            return self.quiz.questions
+        return self.questionnaires[key].questions
+
+
+def _named(parts: tuple[Named, ...], name: str) -> Named:
+    for part in parts:
+        if part.name == name:
+            return part
+    raise KeyError(name)

@@ -1,0 +1,243 @@
+"""Questions, and whether answers to them are right. Pure: the same check serves the page, the bots and the import."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from server.study.part import Part
+from server.study.text import Text
+
+Key = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+Value = int | float | str | list[str]
+Answers = dict[str, Value]
+
+
+class Option(Part):
+    """One of several things to choose."""
+
+    value: Key
+    """What the data say."""
+    text: Text
+
+
+class Question(Part):
+    """What all questions share."""
+
+    key: Key
+    """Names the answer in the data."""
+    text: Text
+    hint: Text | None = None
+    """A line below the question."""
+    required: bool = True
+    conditions: Literal["all", "with_predictor"] | tuple[str, ...] = "all"
+    """Who is asked: everybody, those who are shown predictions, or the conditions named."""
+
+
+class ScaleQuestion(Question):
+    """A number from 1 to `points`, nothing chosen beforehand; the keys 1-9 answer it."""
+
+    type: Literal["scale"]
+    points: Annotated[int, Field(ge=2, le=9)] = 7
+    low: Text
+    high: Text
+    attention: int | None = None
+    """An attention check: the number that the text asks for. A wrong one is accepted, and flagged in the data."""
+
+    @model_validator(mode="after")
+    def _attention_is_on_the_scale(self) -> "ScaleQuestion":
+        if self.attention is not None and not 1 <= self.attention <= self.points:
+            raise ValueError(f"attention: {self.attention} is not on the scale. Use 1 to {self.points}")
+        return self
+
+
+class ChoiceQuestion(Question):
+    """One of the options. `correct` makes it a question of the comprehension quiz."""
+
+    type: Literal["choice"]
+    options: Annotated[tuple[Option, ...], Field(min_length=2)]
+    correct: str | None = None
+    explanation: Text | None = None
+    """Shown when the answer was not correct."""
+    attention: str | None = None
+    """An attention check: the value that the text asks for."""
+
+    @model_validator(mode="after")
+    def _right_answers_are_options(self) -> "ChoiceQuestion":
+        values = [option.value for option in self.options]
+        for name, value in (("correct", self.correct), ("attention", self.attention)):
+            if value is not None and value not in values:
+                raise ValueError(f"{name}: {value!r} is none of the options. Use one of {', '.join(values)}")
+        return self
+
+
+class MultipleQuestion(Question):
+    """Any number of the options."""
+
+    type: Literal["multiple"]
+    options: Annotated[tuple[Option, ...], Field(min_length=2)]
+    at_least: Annotated[int, Field(ge=0)] = 1
+    at_most: int | None = None
+
+
+class TextQuestion(Question):
+    """Free words."""
+
+    type: Literal["text"]
+    max_length: Annotated[int, Field(ge=1, le=5000)] = 500
+    lines: Annotated[int, Field(ge=1, le=20)] = 3
+
+
+class NumberQuestion(Question):
+    """A number in a range."""
+
+    type: Literal["number"]
+    minimum: float
+    maximum: float
+    whole: bool = True
+
+
+class RankingQuestion(Question):
+    """The options in order: each gets its own place."""
+
+    type: Literal["ranking"]
+    options: Annotated[tuple[Option, ...], Field(min_length=2, max_length=9)]
+
+
+AnyQuestion = Annotated[
+    ScaleQuestion | ChoiceQuestion | MultipleQuestion | TextQuestion | NumberQuestion | RankingQuestion,
+    Field(discriminator="type"),
+]
+
+
+class Questionnaire(Part):
+    """A page of questions."""
+
+    title: Text
+    lead: Text | None = None
+    questions: Annotated[tuple[AnyQuestion, ...], Field(min_length=1)]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Why an answer is refused: a key of the locale's `faults`, with its numbers."""
+
+    reason: str
+    numbers: Mapping[str, int | float | str]
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What a form's answers are worth. `answers` holds the good ones, `faults` the rest by question key."""
+
+    answers: Answers
+    faults: dict[str, Fault]
+
+
+def asked(questions: tuple[AnyQuestion, ...], condition: str, shows_predictions: bool) -> tuple[AnyQuestion, ...]:
+    """The questions that a participant in `condition` gets."""
+
+    def is_asked(question: Question) -> bool:
+        if question.conditions == "with_predictor":
+            return shows_predictions
+        return question.conditions == "all" or condition in question.conditions
+
+    return tuple(question for question in questions if is_asked(question))
+
+
+def check_answers(questions: tuple[AnyQuestion, ...], form: Mapping[str, list[str]]) -> Checked:
+    """Answers of a submitted form (all values by field name) against the questions that were asked."""
+    answers: Answers = {}
+    faults: dict[str, Fault] = {}
+    for question in questions:
+        values = [value.strip() for value in form.get(question.key, []) if value.strip()]
+        result = _check_ranking(question, form) if isinstance(question, RankingQuestion) else _check(question, values)
+        if isinstance(result, Fault):
+            faults[question.key] = result
+        elif result is not None:
+            answers[question.key] = result
+    return Checked(answers, faults)
+
+
+def is_correct(question: AnyQuestion, answer: Value | None) -> bool:
+    """Whether a quiz question was answered correctly; a question without a correct answer always is."""
+    return not isinstance(question, ChoiceQuestion) or question.correct is None or answer == question.correct
+
+
+def is_attentive(question: AnyQuestion, answer: Value | None) -> bool | None:
+    """Whether an attention check was passed; None where the question is none."""
+    if isinstance(question, ScaleQuestion | ChoiceQuestion) and question.attention is not None:
+        return answer == question.attention
+    return None
+
+
+def _check(question: AnyQuestion, values: list[str]) -> Value | Fault | None:
+    if isinstance(question, MultipleQuestion):
+        return _check_multiple(question, values)
+    if not values:
+        return Fault(f"missing_{question.type}", _range(question)) if question.required else None
+    if len(values) > 1:
+        return Fault("several", {})
+    value = values[0]
+    match question:
+        case ScaleQuestion():
+            good = value.isascii() and value.isdigit() and len(value) == 1 and 1 <= int(value) <= question.points
+            return int(value) if good else Fault("missing_scale", _range(question))
+        case ChoiceQuestion():
+            return value if value in {option.value for option in question.options} else Fault("missing_choice", {})
+        case TextQuestion():
+            return (
+                value
+                if len(value) <= question.max_length
+                else Fault("long", {"most": question.max_length, "length": len(value)})
+            )
+        case NumberQuestion():
+            return _check_number(question, value)
+        case _:
+            raise AssertionError(question.type)
+
+
+def _range(question: AnyQuestion) -> dict[str, int | float | str]:
+    match question:
+        case ScaleQuestion():
+            return {"low": 1, "high": question.points}
+        case NumberQuestion():
+            return {"low": f"{question.minimum:g}", "high": f"{question.maximum:g}"}
+        case _:
+            return {}
+
+
+def _check_number(question: NumberQuestion, value: str) -> int | float | Fault:
+    try:
+        number = float(value.replace(",", ".")) if len(value) <= 32 else float("nan")
+    except ValueError:
+        number = float("nan")
+    if not question.minimum <= number <= question.maximum:
+        return Fault("missing_number", _range(question))
+    if question.whole and number != int(number):
+        return Fault("whole", _range(question))
+    return int(number) if question.whole else number
+
+
+def _check_multiple(question: MultipleQuestion, values: list[str]) -> list[str] | Fault | None:
+    chosen = [option.value for option in question.options if option.value in values]
+    if len(chosen) != len(set(values)):
+        return Fault("missing_choice", {})
+    if not chosen and not question.required:
+        return None
+    most = question.at_most or len(question.options)
+    least = max(question.at_least, 1) if question.required else question.at_least
+    return chosen if least <= len(chosen) <= most else Fault("missing_multiple", {"low": least, "high": most})
+
+
+def _check_ranking(question: RankingQuestion, form: Mapping[str, list[str]]) -> list[str] | Fault | None:
+    """A ranking comes as one field an option, `key.option` = place from 1."""
+    places = {
+        option.value: "".join(form.get(f"{question.key}.{option.value}", [""])[:1]) for option in question.options
+    }
+    if not question.required and not any(places.values()):
+        return None
+    if sorted(places.values()) != [str(place) for place in range(1, len(places) + 1)]:
+        return Fault("missing_ranking", {"high": len(places)})
+    return sorted(places, key=lambda value: int(places[value]))

@@ -1,0 +1,93 @@
+"""The whole way of one participant after consent: which page follows which. Pure functions of the study and a seed."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from server.study.order import derived_seed, episode_order
+from server.study.plan import Study
+
+Kind = Literal["introduction", "quiz", "questionnaire", "page", "tutorial", "ready", "episode", "break", "thanks"]
+Phase = Literal["consent", "introduction", "practice", "rounds", "finish"]
+PHASES: tuple[Phase, ...] = ("consent", "introduction", "practice", "rounds", "finish")
+GAMES: tuple[Kind, ...] = ("tutorial", "episode")
+
+
+@dataclass(frozen=True)
+class Step:
+    """One station of the way. `key` is unique in it and stays the same whatever happens to the participant."""
+
+    key: str
+    kind: Kind
+    phase: Phase
+    page: str = ""  # the study's page or questionnaire that is shown
+    number: int = 0  # of the episode, from 1: the one that this step is, prepares or follows
+    layout: str = ""
+    agent: str = ""
+    seed: int = 0  # of the episode
+
+    @property
+    def is_game(self) -> bool:
+        return self.kind in GAMES
+
+
+def steps(study: Study, condition: str, seed: int, number: int = 0) -> tuple[Step, ...]:
+    """The way of the participant with this seed, the `number`-th (from 0) in the condition. Raises KeyError for an
+    unknown condition. The condition never changes the order: only what is drawn and asked."""
+    study.condition(condition)
+    way: list[Step] = []
+    for entry in study.flow:
+        if entry == "episodes":
+            way.extend(_episodes(study, seed, number))
+        elif entry == "tutorial":
+            way.append(
+                Step(
+                    "tutorial", "tutorial", "practice", seed=derived_seed(seed, "tutorial"), agent=study.tutorial.agent
+                )
+            )
+        else:
+            way.append(_page(study, entry, _phase(study, entry)))
+    return tuple(way)
+
+
+def episodes_of(study: Study) -> int:
+    """How many episodes everybody plays."""
+    return len(study.layouts) * len(study.agents) * study.order.repeat if "episodes" in study.flow else 0
+
+
+def position(way: tuple[Step, ...], key: str) -> int:
+    """The index of a step. Raises KeyError for a key that this way does not have."""
+    for index, step in enumerate(way):
+        if step.key == key:
+            return index
+    raise KeyError(key)
+
+
+def _episodes(study: Study, seed: int, number: int) -> list[Step]:
+    way: list[Step] = []
+    order = episode_order(study, seed, number)
+    for turn, (layout, agent) in enumerate(order, start=1):
+        game = {"number": turn, "layout": layout, "agent": agent}
+        name = f"{turn:02d}"
+        way.append(Step(f"ready-{name}", "ready", "rounds", number=turn, layout=layout, agent=agent))
+        way.append(Step(f"episode-{name}", "episode", "rounds", **game, seed=derived_seed(seed, "episode", turn)))  # type: ignore[arg-type]
+        if study.after_episode:
+            key = f"{study.after_episode}-{name}"
+            way.append(Step(key, "questionnaire", "rounds", study.after_episode, turn, layout, agent))
+        if turn in study.breaks.after and turn < len(order):
+            way.append(Step(f"break-{name}", "break", "rounds", number=turn))
+    return way
+
+
+def _page(study: Study, entry: str, phase: Phase) -> Step:
+    if entry in ("introduction", "quiz", "thanks"):
+        return Step(entry, entry, phase)  # type: ignore[arg-type]
+    kind: Kind = "questionnaire" if entry in study.questionnaires else "page"
+    return Step(entry, kind, phase, entry)
+
+
+def _phase(study: Study, entry: str) -> Phase:
+    """Which part of the progress bar a page belongs to: by what comes before it."""
+    before = study.flow[: study.flow.index(entry)]
+    if entry == "thanks" or "episodes" in before:
+        return "finish"
+    return "practice" if "tutorial" in before else "introduction"
