@@ -112,7 +112,11 @@ class VectorEnv:
     def state(self) -> dict[str, NDArray[Any]]:
         """Everything that decides how the games go on, as arrays to store (views: copy what you keep)."""
         kitchens = self.kitchens
-        arrays = {"players": kitchens.players, "contents": kitchens.contents, "timestep": kitchens.timestep}
+        arrays: dict[str, NDArray[Any]] = {
+            "players": kitchens.players,
+            "contents": kitchens.contents,
+            "timestep": kitchens.timestep,
+        }
         return {**arrays, "sums": self._sums, "random": self._random}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
