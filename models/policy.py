@@ -51,8 +51,13 @@ class Head(nn.Module):
         nn.init.zeros_(self.value.bias)
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        for layer in self.layers:
-            x = nn.functional.leaky_relu(layer(x), _SLOPE)
+        return self.after_first(self.layers[0](x))
+
+    def after_first(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """The rest of the way from what the first layer gave."""
+        for layer in self.layers[1:]:
+            x = layer(nn.functional.leaky_relu(x, _SLOPE))
+        x = nn.functional.leaky_relu(x, _SLOPE)
         return self.policy(x), self.value(x).squeeze(-1)
 
 
@@ -107,12 +112,15 @@ class MlpPolicy(nn.Module):
         self.head = Head(len(columns), config.hidden)
 
     def forward(self, observations: Tensor) -> tuple[Tensor, Tensor]:
-        logits, values = self.from_columns(observations.flatten(1)[:, self.columns])
+        logits, values = self.from_columns(observations.flatten(1)[:, self.columns].float())
         return logits, values
 
     def from_columns(self, entries: Tensor) -> tuple[Tensor, Tensor]:
-        """The same from the chosen entries alone (B, inputs), any number type: what training stores."""
-        logits, values = self.head(entries.to(self.scale.dtype) * self.scale)
+        """The same from the chosen entries alone, (B, inputs): what training stores. bfloat16 entries are multiplied in
+        bfloat16 (the entries are small integers, exact there)."""
+        first = self.head.layers[0]
+        x = nn.functional.linear(entries, (first.weight * self.scale).to(entries.dtype)).float() + first.bias
+        logits, values = self.head.after_first(x)
         return logits, values
 
 

@@ -1,0 +1,111 @@
+"""From a run to agents on disk: trains one, keeps its skill levels. It must not know for which study they are made."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import torch
+from safetensors.torch import load_file
+
+from models.checkpoint import load_checkpoint
+from models.policy import Network, NetworkConfig, build_network, save_agent
+from models.protocols import Mode
+from overcooked.layout import Layout, parse_layout
+from training.config import AgentConfig, changed
+from training.partners import PartnerPool, load_partners
+from training.ppo import Progress, Trainer, run_settings, train
+from training.runlog import RunFolder
+
+PEOPLE = Mode(temperature=0.0, stuck_after=8, stuck_mix=0.5)  # decided by measurement: docs/decisions
+NO_FIGURES: Mapping[str, Any] = MappingProxyType({})
+SKILLS = (35, 70, 100)  # percent of the best reward of a run
+
+
+def train_agent(
+    config: AgentConfig,
+    layout: Layout,
+    seed: int,
+    path: Path,
+    partners: Sequence[Path] = (),
+    progress: Progress | None = None,
+) -> RunFolder:
+    """One complete run, or the rest of an interrupted one, in the folder `path`."""
+    torch.set_num_threads(1)
+    names = [f"{path.parent.name} {path.name} {load_checkpoint(path).sha256[:12]}" for path in partners]
+    folder = RunFolder(path, run_settings(config, layout, seed, names))
+    if not folder.done():
+        pool = PartnerPool(load_partners(partners, layout), config.games_per_partner) if partners else None
+        train(Trainer(config, layout, seed, pool), folder, progress)
+    return folder
+
+
+def skill_snapshot(folder: RunFolder, skill: int) -> tuple[int, float, Path]:
+    """The snapshot whose reward is nearest to `skill` percent of the run's best, from the way up: (timesteps, reward, file)."""
+    snapshots = folder.snapshots()
+    best = max(range(len(snapshots)), key=lambda k: snapshots[k][1])
+    wanted = snapshots[best][1] * skill / 100
+    return min(snapshots[: best + 1], key=lambda snapshot: abs(snapshot[1] - wanted))
+
+
+def snapshot_network(path: Path, config: AgentConfig, layout: Layout) -> tuple[Network, NetworkConfig]:
+    """The network of a snapshot file."""
+    settings = NetworkConfig(config.network, config.filters, config.hidden)
+    network = build_network(settings, layout)
+    network.load_state_dict({name: tensor.float() for name, tensor in load_file(path).items()})
+    return network, settings
+
+
+def ship(
+    folder: RunFolder,
+    skill: int,
+    target: Path,
+    name: str,
+    mode: Mode = PEOPLE,
+    figures: Mapping[str, Any] = NO_FIGURES,
+) -> str:
+    """Writes a run's network at a skill level as a checkpoint with its card; returns its sha256."""
+    settings = folder.settings
+    layout = parse_layout(settings["grid"], settings["layout"])
+    config = changed(AgentConfig(), settings["config"], str(folder.path))
+    timesteps, reward, path = skill_snapshot(folder, skill)
+    network, network_config = snapshot_network(path, config, layout)
+    facts = {
+        "agent": name,
+        "seed": settings["seed"],
+        "skill": skill,
+        "timesteps": timesteps,
+        "training_reward": round(reward, 1),
+    }
+    text = card(folder, name, skill, mode, {**facts, **figures})
+    return save_agent(
+        target, network, network_config, layout, mode, text, **facts, revision=folder.revision, measured=figures
+    )
+
+
+def card(folder: RunFolder, name: str, skill: int, mode: Mode, facts: dict[str, Any]) -> str:
+    """The page that travels with the weights: what it is, how it was made, what it does."""
+    settings = folder.settings
+    partners = settings["partners"]
+    how = f"best response to {len(partners)} partners (fictitious co-play)" if partners else "self-play"
+    changes = {k: v for k, v in settings["config"].items() if v != asdict(AgentConfig()).get(k)}
+    lines = [
+        f"# {name}: an agent for {settings['layout']}",
+        "",
+        f"A {settings['config']['network']} trained by PPO, {how}; kept at {skill} % of its run's best reward.",
+        f"Acts with temperature {mode.temperature:g}; after {mode.stuck_after} timesteps without a change of its own cell, facing or",
+        f"hand, {mode.stuck_mix:.0%} of the probability goes to the four moves, so two chefs never jam for good.",
+        "",
+        "| fact | value |",
+        "|---|---|",
+        *(f"| {key.replace('_', ' ')} | {value} |" for key, value in facts.items()),
+        f"| environment timesteps of the run | {settings['config']['timesteps']:,} |",
+        f"| training time, one core | {folder.seconds():.0f} s |",
+        f"| code revision | {folder.revision} |",
+        f"| settings other than the defaults | {changes or 'none'} |",
+        "",
+        "Points are per episode of 400 timesteps; self-play and held-out figures are in the mode above, weights as stored (16 bits).",
+        "The grid is ours (only Coordination Ring is the published one); see config.json for it.",
+    ]
+    return "\n".join(lines)

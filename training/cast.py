@@ -1,0 +1,78 @@
+"""The tasks that make the agents of one kitchen: the population, the targets, the feature lender, and their choice.
+
+It must not know how tasks are scheduled. Presets are TOML files in training/configs (`study_*.toml`).
+"""
+
+import tomllib
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from overcooked.layout import load_layout
+from training.agents import SKILLS, ship, train_agent
+from training.config import CONFIG_FOLDER, AgentConfig, ConfigError, changed
+from training.study import Task, Work
+
+ROLES = ("population_sp", "target_sp", "population_fcp", "target_fcp", "features")
+_SEEDS = {"population_sp": 1, "target_sp": 11, "population_fcp": 21, "target_fcp": 31, "features": 41}
+
+
+@dataclass(frozen=True)
+class Preset:
+    """How large a study's cast is and how long everybody trains."""
+
+    name: str
+    population: int
+    targets: int
+    settings: dict[str, Any]
+
+    def config(self, layout: str, role: str) -> AgentConfig:
+        """The training config of a role in a kitchen. Raises ConfigError."""
+        config = changed(AgentConfig(), self.settings.get(role, {}), f"{self.name}: [{role}]")
+        further = self.settings.get("layout", {}).get(layout, {}).get(role, {})
+        return changed(config, further, f"{self.name}: [layout.{layout}.{role}]")
+
+
+def load_preset(name: str) -> Preset:
+    """A preset by its name, e.g. cpu. Raises ConfigError."""
+    path = CONFIG_FOLDER / f"study_{name}.toml"
+    if not path.is_file():
+        known = ", ".join(sorted(p.stem.removeprefix("study_") for p in CONFIG_FOLDER.glob("study_*.toml")))
+        raise ConfigError(f"there is no preset {name!r}. Known: {known}.")
+    settings = tomllib.loads(path.read_text(encoding="utf-8"))
+    return Preset(name, int(settings.pop("population")), int(settings.pop("targets")), settings)
+
+
+def agent_tasks(layout: str, preset: Preset) -> list[Task]:
+    """Everything that trains an agent for `layout`: names are ROLE_SEED."""
+    population = seeds("population_sp", preset)
+    tasks = []
+    for role in ROLES:
+        config = preset.config(layout, role)
+        inputs = tuple(population) if role in ("population_fcp", "target_fcp", "features") else ()
+        settings = {"config": asdict(config), "grid": load_layout(layout).text}
+        for name in seeds(role, preset):
+            minutes = config.timesteps / (50_000 if config.network == "mlp" else 7_000) / 60
+            tasks.append(Task(layout, name, _train, settings, inputs, minutes))
+    return tasks
+
+
+def seeds(role: str, preset: Preset) -> list[str]:
+    """The names of a role's runs."""
+    count = {"features": 1, "population_sp": preset.population, "population_fcp": preset.population}.get(
+        role, preset.targets
+    )
+    return [f"{role}_{_SEEDS[role] + k}" for k in range(count)]
+
+
+def _train(work: Work) -> None:
+    """Trains one agent and leaves its skill levels as checkpoints in <folder>/35, 70 and 100."""
+    layout = load_layout(work.task.layout)
+    config = changed(AgentConfig(), work.task.settings["config"], work.task.label)
+    partners = [folder / str(skill) for folder in work.inputs.values() for skill in SKILLS]
+    role, _, seed = work.task.name.rpartition("_")
+    run = train_agent(
+        config, layout, int(seed), work.folder / "run", partners, lambda n, _: work.report(n / config.timesteps)
+    )
+    for skill in SKILLS:
+        ship(run, skill, work.folder / str(skill), f"{role}_{seed}_{skill}")

@@ -1,0 +1,106 @@
+"""How well agents cook: with themselves and with partners they never met, in the mode in which people meet them.
+
+It must not know how agents were trained.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.acting import Stuck, distribution, draw
+from models.protocols import Mode, Policy
+from overcooked.constants import HORIZON, PLAYERS
+from overcooked.layout import Layout
+from overcooked.vector_env import VectorEnv
+
+
+@dataclass(frozen=True)
+class Player:
+    """An agent at the table: what it would do, and how it makes up its mind."""
+
+    policy: Policy
+    mode: Mode
+
+
+@dataclass(frozen=True)
+class Games:
+    """What came of some games; the second and third figure are about the chef in the first seat given."""
+
+    scores: NDArray[np.float64]  # (games,): points per 400 timesteps
+    certainty: float  # mean of the largest probability of its action: the ceiling of a step-1 predictor
+    stuck: float  # share of timesteps in which it was stuck
+    longest_jam: int  # most timesteps in a row in which nothing about either chef changed
+
+
+def play(layout: Layout, players: Sequence[Player], games: int, seed: int, horizon: int = HORIZON) -> Games:
+    """`games` episodes of one pair from the standard start; `players` in the order of the seats."""
+    random = np.random.default_rng(seed)
+    env = VectorEnv(layout, games, horizon=horizon + 1)  # never reset within: the last state stays
+    observations = np.zeros((games, *env.observation_shape), np.int8)
+    env.kitchens.encode(observations, horizon)
+    stuck = [Stuck(env.kitchens.players[:, seat]) for seat in range(PLAYERS)]
+    actions, dones = np.zeros((games, PLAYERS), np.int8), np.zeros(games, np.bool_)
+    sparse, shaped = np.zeros((games, PLAYERS), np.int32), np.zeros((games, PLAYERS), np.int32)
+    scores, certainty, stuck_share, longest = np.zeros(games), 0.0, 0.0, 0
+    for _ in range(horizon):
+        for seat, player in enumerate(players):
+            seen = np.ascontiguousarray(observations[:, seat])
+            law = distribution(player.policy.probabilities(seen), stuck[seat].counts, player.mode)
+            actions[:, seat] = draw(law, random.random(games))
+            if seat == 0:
+                certainty += float(law.max(1).mean())
+                stuck_share += float((stuck[0].counts >= player.mode.stuck_after).mean())
+        env.step(actions, sparse, shaped, dones)
+        env.kitchens.encode(observations, horizon)
+        scores += sparse.sum(1)
+        for seat in range(PLAYERS):
+            stuck[seat].update(env.kitchens.players[:, seat])
+        longest = max(longest, int(np.minimum(stuck[0].counts, stuck[1].counts).max()))
+    return Games(scores * HORIZON / horizon, certainty / horizon, stuck_share / horizon, longest)
+
+
+def with_itself(layout: Layout, player: Player, episodes: int = 40, seed: int = 0) -> Games:
+    """Self-play."""
+    return play(layout, (player, player), episodes, seed)
+
+
+def with_partners(
+    layout: Layout, player: Player, partners: Iterable[Policy], episodes: int = 8, seed: int = 0
+) -> NDArray[np.float64]:
+    """Mean points with each partner, (partners, 2 seats, 2): the partner decided (the agent's own mode), then sampling."""
+    modes = (player.mode, replace(player.mode, temperature=1.0))
+    means = [
+        [
+            [_from_seat(layout, player, Player(partner, mode), seat, episodes, seed).mean() for mode in modes]
+            for seat in range(PLAYERS)
+        ]
+        for partner in partners
+    ]
+    return np.array(means)
+
+
+def _from_seat(
+    layout: Layout, player: Player, partner: Player, seat: int, episodes: int, seed: int
+) -> NDArray[np.float64]:
+    pair = (player, partner) if seat == 0 else (partner, player)
+    return play(layout, pair, episodes, seed).scores
+
+
+def measured(
+    layout: Layout, name: str, player: Player, partners: Sequence[Policy], episodes: int = 40
+) -> dict[str, Any]:
+    """One entry of `kitchenmind evaluate agents --json`: self-play over episodes, held-out over partners."""
+    own = with_itself(layout, player, episodes).scores
+    entry: dict[str, Any] = {"layout": layout.name, "agent": name, "self_play": _mean_se(own)}
+    if partners:
+        others = with_partners(layout, player, partners)
+        entry["held_out"] = _mean_se(others.mean(axis=(1, 2)))
+    return {**entry, "episodes": episodes}
+
+
+def _mean_se(values: NDArray[np.float64]) -> dict[str, float]:
+    spread = values.std(ddof=1) / len(values) ** 0.5 if len(values) > 1 else 0.0
+    return {"mean": round(float(values.mean()), 1), "se": round(float(spread), 1)}

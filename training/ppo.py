@@ -1,0 +1,308 @@
+"""PPO in one file, read from top to bottom: play, judge, learn, repeat. Both chefs are the learner (self-play), or some
+seats are held by frozen partners. It must not know where partners come from or what its agents are used for.
+
+Schulman et al. 2017; shaping as in Carroll et al. 2019: each chef's own shaped reward, faded out.
+"""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import torch
+from numba import njit
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from models.policy import Network, NetworkConfig, build_network
+from overcooked.constants import PLAYERS
+from overcooked.layout import Layout
+from overcooked.vector_env import Starts, VectorEnv
+from training.config import AgentConfig
+from training.fast_path import fast_path
+from training.partners import PartnerPool
+from training.runlog import RunFolder
+
+Progress = Callable[[int, dict[str, float]], None]  # timesteps done, newest metrics
+
+
+class Seats:
+    """Who sits where. Rows count the seats of all games: row = 2 * game + seat."""
+
+    def __init__(self, config: AgentConfig, partners: PartnerPool | None) -> None:
+        self_play = config.self_play_games if partners else config.games
+        taken = partners.count * partners.games if partners else 0
+        self.games = self_play + taken
+        both = np.arange(PLAYERS * self_play)
+        games = np.arange(self_play, self.games)  # each partner's games lie together and its seat alternates
+        self.learner = np.concatenate([both, PLAYERS * games + (games % 2)])  # (rows of the learner,)
+        self.partner = PLAYERS * games + 1 - (games % 2)  # (rows of the partners,)
+
+
+class Trainer:
+    """One run: the learner, its games and all that a resumed run needs."""
+
+    def __init__(self, config: AgentConfig, layout: Layout, seed: int, partners: PartnerPool | None = None) -> None:
+        torch.manual_seed(seed)
+        self.config, self.layout, self.seed, self.partners = config, layout, seed, partners
+        self.network: Network = build_network(NetworkConfig(config.network, config.filters, config.hidden), layout)
+        self.fast = fast_path(self.network, layout)
+        self.optimizer = torch.optim.Adam(self.network.parameters(), config.learning_rate, eps=1e-5, fused=True)
+        self.seats = Seats(config, partners)
+        starts = Starts(desynchronised=True, random_share=config.random_starts)
+        self.env = VectorEnv(layout, self.seats.games, starts=starts, seed=seed)
+        self.timesteps = 0
+        games, rows, T = self.seats.games, len(self.seats.learner), config.rollout
+        self.observations = np.zeros((games, *self.env.observation_shape), np.int8)
+        self.env.encode(self.observations)
+        # What the learner saw, did and got: (timesteps, rows) and one value more.
+        self.entries = np.zeros((T + 1, rows, len(self.fast.columns)), np.int8)
+        self.actions = np.zeros((T, rows), np.int64)
+        self.log_probabilities = np.zeros((T, rows), np.float32)
+        self.values = np.zeros((T + 1, rows), np.float32)
+        self.rewards = np.zeros((T, rows), np.float32)
+        self.dones = np.zeros((T, games), np.bool_)
+
+    def iteration(self) -> dict[str, float]:
+        """One rollout and the learning from it; returns the metrics."""
+        config = self.config
+        random = np.random.default_rng((self.seed, self.timesteps))
+        share = self.timesteps / config.timesteps
+        began = time.perf_counter()
+        rate = config.learning_rate * (1 - (1 - config.final_learning_rate) * share)
+        for group in self.optimizer.param_groups:
+            group["lr"] = rate
+        entropy_weight = _falling(config.entropy, config.final_entropy, self.timesteps, config.entropy_timesteps)
+        shaping = _falling(1.0, 0.0, self.timesteps, config.shaping_timesteps)
+        self._play(random, shaping)
+        dones = self.dones[:, self.seats.learner // PLAYERS]  # (timesteps, rows)
+        advantages = advantage_estimates(self.rewards, self.values, dones, config.discount, config.trace)
+        metrics = self._learn(random, advantages, entropy_weight)
+        self.timesteps += config.rollout * self.seats.games
+        finished = self.env.take_finished()
+        whole = finished.timesteps == self.env.horizon
+        if config.random_starts and (whole & finished.standard).any():
+            whole &= finished.standard
+        if whole.any():
+            metrics["reward"] = float(finished.sparse[whole].mean())
+            metrics["shaped"] = float(finished.shaped[whole].sum(1).mean())
+        metrics |= {"timesteps": self.timesteps, "learning_rate": rate, "shaping": shaping}
+        metrics["seconds"] = time.perf_counter() - began
+        return metrics
+
+    @torch.inference_mode()
+    def _play(self, random: np.random.Generator, shaping: float) -> None:
+        """Fills the buffers with `rollout` timesteps of every game."""
+        config, seats, games = self.config, self.seats, self.seats.games
+        flat = self.observations.reshape(PLAYERS * games, -1)  # (rows, width * height * 26), a view
+        joint = np.zeros(PLAYERS * games, np.int8)
+        uniform = random.random((config.rollout, PLAYERS * games))
+        sparse, shaped = np.zeros((games, PLAYERS), np.float32), np.zeros((games, PLAYERS), np.float32)
+        partner_columns = self.partners.columns if self.partners else None
+        partner_entries = np.zeros(
+            (len(seats.partner), 0 if partner_columns is None else len(partner_columns)), np.int8
+        )
+        for t in range(config.rollout):
+            _gather(flat, seats.learner, self.fast.columns, self.entries[t])
+            logits, values = self.fast(torch.from_numpy(self.entries[t]))
+            _draw(logits.numpy(), uniform[t], seats.learner, joint, self.actions[t], self.log_probabilities[t])
+            self.values[t] = values.numpy()
+            if self.partners is not None:
+                _gather(flat, seats.partner, partner_columns, partner_entries)
+                _draw_only(self.partners.logits(partner_entries), uniform[t], seats.partner, joint)
+            self.env.step(joint.reshape(games, PLAYERS), sparse, shaped, self.dones[t], self.observations)
+            points = sparse.sum(1, keepdims=True) + shaping * shaped  # (games, players): the team's points, own shaping
+            self.rewards[t] = config.reward_scale * points.reshape(-1)[seats.learner]
+        _gather(flat, seats.learner, self.fast.columns, self.entries[-1])
+        self.values[-1] = self.fast(torch.from_numpy(self.entries[-1]))[1].numpy()
+
+    def _learn(
+        self, random: np.random.Generator, advantages: NDArray[np.float32], entropy_weight: float
+    ) -> dict[str, float]:
+        """`epochs` passes over the rollout in shuffled minibatches."""
+        config = self.config
+        entries = torch.from_numpy(self.entries[:-1]).flatten(0, 1)  # (samples, columns)
+        targets = torch.from_numpy(advantages + self.values[:-1]).flatten()
+        advantage, actions, old = (
+            torch.from_numpy(a).flatten() for a in (advantages, self.actions, self.log_probabilities)
+        )
+        sums = torch.zeros(4)
+        steps = 0
+        for _ in range(config.epochs):
+            order = torch.from_numpy(random.permutation(len(actions)))
+            for chosen in order.split(config.minibatch):
+                logits, values = self.fast(entries[chosen])
+                loss, parts = ppo_loss(
+                    logits,
+                    values,
+                    actions[chosen],
+                    old[chosen],
+                    advantage[chosen],
+                    targets[chosen],
+                    config,
+                    entropy_weight,
+                )
+                self.optimizer.zero_grad()
+                loss.backward()
+                nn.utils.clip_grad_norm_(self.network.parameters(), config.gradient_norm, foreach=True)
+                self.optimizer.step()
+                sums += parts
+                steps += 1
+        names = ("policy_loss", "value_loss", "entropy", "clipped")
+        return dict(zip(names, (sums / steps).tolist(), strict=True))
+
+    def state(self) -> tuple[dict[str, Tensor], dict[str, Any]]:
+        """What `restore` needs to go on exactly: network, optimizer, games."""
+        tensors = {f"network.{name}": tensor for name, tensor in self.network.state_dict().items()}
+        names = [name for name, _ in self.network.named_parameters()]
+        for index, moments in self.optimizer.state_dict()["state"].items():
+            tensors |= {f"optimizer.{names[index]}.{key}": value for key, value in moments.items()}
+        for name, array in self.env.state().items():
+            tensors[f"env.{name}"] = torch.from_numpy(_signed(array).copy())
+        return tensors, {"timesteps": self.timesteps}
+
+    def restore(self, tensors: dict[str, Tensor], numbers: dict[str, Any]) -> None:
+        """Goes on from `state`."""
+        self.network.load_state_dict(_under(tensors, "network."))
+        state = self.optimizer.state_dict()
+        for index, (name, _) in enumerate(self.network.named_parameters()):
+            state["state"][index] = _under(tensors, f"optimizer.{name}.")
+        self.optimizer.load_state_dict(state)
+        for name, array in self.env.state().items():
+            _signed(array)[:] = tensors[f"env.{name}"].numpy()
+        self.env.encode(self.observations)
+        self.timesteps = int(numbers["timesteps"])
+
+
+def train(trainer: Trainer, folder: RunFolder, progress: Progress | None = None, save_every_s: float = 60) -> None:
+    """Runs to the end of the config, from where the folder's state left off. Snapshots go to the folder."""
+    config = trainer.config
+    state = folder.load()
+    if state is not None:
+        trainer.restore(*state)
+    (folder.path / "snapshots").mkdir(exist_ok=True)
+    saved_at = time.monotonic()
+    reward = _last_reward(folder)
+    metrics: dict[str, float] = {}
+    while trainer.timesteps < config.timesteps:
+        kept_before = trainer.timesteps * config.snapshots // config.timesteps
+        metrics = trainer.iteration()
+        if "reward" in metrics:  # episodes end rarely: a running mean over about ten iterations
+            reward = metrics["reward"] if reward is None else 0.8 * reward + 0.2 * metrics["reward"]
+        metrics["mean_reward"] = reward or 0.0
+        folder.log(metrics)
+        if trainer.timesteps * config.snapshots // config.timesteps > kept_before:
+            folder.snapshot(trainer.network.state_dict(), trainer.timesteps, metrics["mean_reward"])
+        if time.monotonic() - saved_at > save_every_s:
+            folder.save(*trainer.state())
+            saved_at = time.monotonic()
+        if progress is not None:
+            progress(trainer.timesteps, metrics)
+    folder.finish()
+
+
+def run_settings(config: AgentConfig, layout: Layout, seed: int, partners: list[str]) -> dict[str, Any]:
+    """What makes a run the run it is; a changed word is another run."""
+    settings = {
+        "layout": layout.name,
+        "grid": layout.text,
+        "seed": seed,
+        "partners": partners,
+        "config": asdict(config),
+    }
+    return dict(json.loads(json.dumps(settings)))
+
+
+def ppo_loss(
+    logits: Tensor,  # (samples, 6)
+    values: Tensor,  # (samples,)
+    actions: Tensor,
+    old_log_probabilities: Tensor,
+    advantages: Tensor,
+    targets: Tensor,
+    config: AgentConfig,
+    entropy_weight: float,
+) -> tuple[Tensor, Tensor]:
+    """The clipped objective of PPO to be minimised, and (policy loss, value loss, entropy, share clipped) to look at."""
+    logs = logits.log_softmax(-1)
+    entropy = -(logs.exp() * logs).sum(-1).mean()
+    ratio = (logs.gather(1, actions[:, None]).squeeze(1) - old_log_probabilities).exp()
+    normal = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
+    clipped = ratio.clamp(1 - config.clip, 1 + config.clip)
+    policy_loss = -torch.min(normal * ratio, normal * clipped).mean()
+    value_loss = nn.functional.mse_loss(values, targets)
+    loss = policy_loss + config.value_weight * value_loss - entropy_weight * entropy
+    outside = ((ratio - 1).abs() > config.clip).float().mean()
+    return loss, torch.stack([policy_loss, value_loss, entropy, outside]).detach()
+
+
+@njit(cache=True)
+def advantage_estimates(rewards, values, dones, discount, trace):  # type: ignore[no-untyped-def]
+    """Generalised advantage estimation [Schulman et al. 2016]: (timesteps, rows) float32.
+
+    `rewards`, `dones` (timesteps, rows); `values` (timesteps + 1, rows). `dones[t]`: the episode ended with timestep t, so
+    nothing after it counts.
+    """
+    steps, rows = rewards.shape
+    advantages = np.zeros((steps, rows), np.float32)
+    running = np.zeros(rows, np.float32)
+    for t in range(steps - 1, -1, -1):
+        for row in range(rows):
+            alive = np.float32(0.0) if dones[t, row] else np.float32(1.0)
+            surprise = rewards[t, row] + discount * values[t + 1, row] * alive - values[t, row]
+            running[row] = surprise + discount * trace * alive * running[row]
+            advantages[t, row] = running[row]
+    return advantages
+
+
+@njit(cache=True)
+def _gather(flat, rows, columns, out):  # type: ignore[no-untyped-def]
+    for i in range(len(rows)):
+        for j in range(len(columns)):
+            out[i, j] = flat[rows[i], columns[j]]
+
+
+@njit(cache=True)
+def _draw(logits, uniform, rows, joint, actions, log_probabilities):  # type: ignore[no-untyped-def]
+    """Draws an action a row by inverse transform and notes its logarithm of probability."""
+    for i in range(len(rows)):
+        largest = logits[i].max()
+        total = 0.0
+        for a in range(logits.shape[1]):
+            total += np.exp(logits[i, a] - largest)
+        left = uniform[rows[i]] * total
+        action = 0
+        while action < logits.shape[1] - 1:
+            left -= np.exp(logits[i, action] - largest)
+            if left < 0:
+                break
+            action += 1
+        joint[rows[i]] = action
+        actions[i] = action
+        log_probabilities[i] = logits[i, action] - largest - np.log(total)
+
+
+def _draw_only(
+    logits: NDArray[np.float32], uniform: NDArray[np.float64], rows: NDArray[np.int64], joint: NDArray[np.int8]
+) -> None:
+    _draw(logits, uniform, rows, joint, np.empty(len(rows), np.int64), np.empty(len(rows), np.float32))
+
+
+def _falling(start: float, end: float, timesteps: int, over: int) -> float:
+    share = min(1.0, timesteps / over) if over else 1.0
+    return start + (end - start) * share
+
+
+def _under(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}
+
+
+def _signed(array: NDArray[Any]) -> NDArray[Any]:
+    return array.view(np.int64) if array.dtype == np.uint64 else array  # torch hardly knows uint64
+
+
+def _last_reward(folder: RunFolder) -> float | None:
+    lines = folder.metrics()
+    return lines[-1]["mean_reward"] if lines else None

@@ -1,0 +1,91 @@
+"""Everything a study needs, as a graph of tasks: each is known by its settings and its inputs, done once, and resumable.
+
+It must not know how a task does its work (that is in `agents`, `collect`, `train_predictor`, ...), only what it needs.
+A task works in a folder named by its key, the hash of its settings and of its inputs' keys: change a setting, and only
+what depends on it is done again.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+Settings = Mapping[str, Any]
+Report = Callable[[float], None]  # the share of the task that is done
+Action = Callable[["Work"], None]
+
+
+@dataclass(frozen=True)
+class Task:
+    """One step for one layout: `action` fills its folder from the folders of its inputs."""
+
+    layout: str
+    name: str
+    action: Action
+    settings: Settings
+    inputs: tuple[str, ...] = ()  # names of tasks of the same layout
+    cost: float = 1.0  # about how many minutes of one core, for the remaining time
+
+    @property
+    def label(self) -> str:
+        return f"{self.layout}/{self.name}"
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a task's action is given."""
+
+    task: Task
+    folder: Path
+    inputs: Mapping[str, Path]  # name -> folder
+    report: Report = field(repr=False)
+
+
+class Graph:
+    """The tasks of a study, in an order in which inputs come first, and their folders under `runs`."""
+
+    def __init__(self, tasks: Iterable[Task], runs: Path) -> None:
+        self.runs = runs
+        self.tasks: dict[str, Task] = {}
+        self.keys: dict[str, str] = {}
+        for task in tasks:
+            self.tasks[task.label] = task
+            inputs = {name: self.keys[f"{task.layout}/{name}"] for name in task.inputs}
+            text = json.dumps([task.layout, task.name, dict(task.settings), inputs], sort_keys=True)
+            self.keys[task.label] = hashlib.sha256(text.encode()).hexdigest()
+
+    def folder(self, label: str) -> Path:
+        """Where a task works and leaves what it made."""
+        task = self.tasks[label]
+        return self.runs / task.layout / f"{task.name}-{self.keys[label][:8]}"
+
+    def done(self, label: str) -> bool:
+        return (self.folder(label) / "task_done").is_file()
+
+    def ready(self, label: str) -> bool:
+        """Not done, and all inputs are."""
+        task = self.tasks[label]
+        return not self.done(label) and all(self.done(f"{task.layout}/{name}") for name in task.inputs)
+
+    def share(self, label: str) -> float:
+        """How much of a task is done, 0 to 1."""
+        if self.done(label):
+            return 1.0
+        try:
+            return float((self.folder(label) / "progress").read_text())
+        except (OSError, ValueError):
+            return 0.0
+
+    def run(self, label: str) -> None:
+        """Does one task (or the rest of it); its inputs must be done."""
+        task, folder = self.tasks[label], self.folder(label)
+        folder.mkdir(parents=True, exist_ok=True)
+
+        def report(share: float) -> None:
+            (folder / "progress").write_text(f"{share:.4f}")
+
+        inputs = {name: self.folder(f"{task.layout}/{name}") for name in task.inputs}
+        task.action(Work(task, folder, inputs, report))
+        (folder / "task_done").touch()
