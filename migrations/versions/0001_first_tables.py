@@ -55,7 +55,7 @@ def create_tables() -> None:
     sa.Column('position', sa.Integer(), server_default='0', nullable=False),
     sa.Column('status', sa.String(length=16), server_default='active', nullable=False),
     sa.Column('language', sa.String(length=16), server_default='en', nullable=False),
-    sa.Column('simulated', sa.Boolean(), server_default=sa.text('0'), nullable=False),
+    sa.Column('simulated', sa.Boolean(), nullable=False),
     sa.Column('started_at', sa.DateTime(timezone=True), nullable=False),
     sa.Column('last_seen_at', sa.DateTime(timezone=True), nullable=False),
     sa.Column('completed_at', sa.DateTime(timezone=True), nullable=True),

@@ -1,0 +1,181 @@
+import asyncio
+import threading
+from pathlib import Path
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from postgres_server import PostgresServer
+from sqlalchemy import Connection, create_engine, event, func, select, text
+
+from server.store import studies
+from server.store.database import Database, DatabaseDown, DatabaseInUse
+from server.store.engines import normal_url
+from server.store.migrate import DatabaseTooNew, migrate, newest_revision
+from server.store.tables import metadata
+from server.store.tables import studies as study_table
+
+
+def how_many(connection: Connection) -> int:
+    return connection.execute(select(func.count()).select_from(study_table)).scalar_one()
+
+
+def fail_after_writing(connection: Connection) -> None:
+    studies.register(connection, "bad", "text")
+    raise LookupError("this function is broken")
+
+
+def test_migrations_lead_to_exactly_the_tables_of_the_code(url: str) -> None:
+    engine = create_engine(normal_url(url))
+    with engine.connect() as connection:
+        context = MigrationContext.configure(connection, opts={"compare_type": True, "compare_server_default": True})
+        assert compare_metadata(context, metadata) == []
+        assert context.get_current_revision() == newest_revision()
+    engine.dispose()
+
+
+def test_migrating_twice_changes_nothing(url: str) -> None:
+    with Database(url) as database:
+        database.write_now(studies.register, "ring", "text")
+    migrate(url)
+    with Database(url) as database:
+        assert database.read_now(how_many) == 1
+
+
+def test_database_of_a_later_version_is_refused(url: str) -> None:
+    with Database(url) as database:
+        database.write_now(
+            lambda connection: connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
+        )
+    with pytest.raises(DatabaseTooNew, match="9999"):
+        migrate(url)
+
+
+async def test_what_was_written_is_read_by_everybody(database: Database) -> None:
+    study = await database.write(studies.register, "ring", "text")
+    assert await database.read(studies.get, study.id) == study
+    assert database.read_now(studies.every, "ring") == [study]
+
+
+async def test_one_failing_function_of_a_group_undoes_only_itself(database: Database) -> None:
+    gate = threading.Event()
+    blocker = asyncio.create_task(database.write(lambda _: gate.wait(10)))
+    await asyncio.sleep(0.05)
+    waiting = [asyncio.create_task(database.write(studies.register, f"ring_{n}", "text")) for n in range(5)]
+    broken = asyncio.create_task(database.write(fail_after_writing))
+    waiting += [asyncio.create_task(database.write(studies.register, f"more_{n}", "text")) for n in range(5)]
+    await asyncio.sleep(0.05)
+    gate.set()
+    assert await blocker
+    with pytest.raises(LookupError, match="broken"):
+        await broken
+    assert len(await asyncio.gather(*waiting)) == 10
+    assert await database.read(how_many) == 10
+
+
+async def test_functions_that_wait_share_one_commit(database: Database) -> None:
+    commits: list[int] = []
+    event.listen(database._writer._engine, "commit", lambda _: commits.append(1))
+    gate = threading.Event()
+    blocker = asyncio.create_task(database.write(lambda _: gate.wait(10)))
+    await asyncio.sleep(0.05)
+    waiting = [asyncio.create_task(database.write(studies.register, f"ring_{n}", "text")) for n in range(50)]
+    await asyncio.sleep(0.05)
+    gate.set()
+    await asyncio.gather(blocker, *waiting)
+    assert len(commits) == 2
+
+
+async def test_failing_function_alone_leaves_nothing_behind(database: Database) -> None:
+    with pytest.raises(LookupError):
+        await database.write(fail_after_writing)
+    assert await database.read(how_many) == 0
+
+
+async def test_cancelled_write_that_has_not_begun_is_never_begun(database: Database) -> None:
+    gate = threading.Event()
+    blocker = asyncio.create_task(database.write(lambda _: gate.wait(10)))
+    await asyncio.sleep(0.05)
+    with pytest.raises(TimeoutError):
+        await asyncio.wait_for(database.write(studies.register, "ring", "text"), 0.05)
+    gate.set()
+    await blocker
+    await database.probe()
+    assert await database.read(how_many) == 0
+
+
+async def test_second_server_on_the_same_database_is_refused(database: Database) -> None:
+    with pytest.raises(DatabaseInUse, match="another kitchenmind server"):
+        Database(database.url.render_as_string())
+    await database.probe()
+
+
+async def test_database_can_be_opened_again_after_it_was_closed(url: str) -> None:
+    for _ in range(2):
+        with Database(url) as database:
+            await database.probe()
+
+
+def test_reading_connections_cannot_write(database: Database) -> None:
+    with pytest.raises(Exception, match=r"read-?only"):
+        database.read_now(studies.register, "ring", "text")
+
+
+def test_read_only_database_refuses_to_write_and_takes_no_lock(database: Database) -> None:
+    with Database(database.url.render_as_string(), read_only=True) as other:
+        assert other.read_now(how_many) == 0
+        with pytest.raises(ValueError, match="reading only"):
+            other.write_now(studies.register, "ring", "text")
+
+
+@pytest.mark.parametrize("address", ["nonsense", "mysql://root@host/name", "sqlite://", "sqlite:///:memory:"])
+def test_address_of_something_else_is_refused_with_the_remedy(address: str) -> None:
+    with pytest.raises(ValueError, match="Use sqlite:///"):
+        Database(address)
+
+
+def test_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(DatabaseDown, match="file"):
+        Database(f"sqlite:///{tmp_path}/file/study.db")
+
+
+async def test_closed_database_takes_no_more(database: Database) -> None:
+    database.close()
+    with pytest.raises(DatabaseDown, match="closed"):
+        await database.write(studies.register, "ring", "text")
+
+
+async def test_sqlite_locked_by_another_program_only_delays(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path}/study.db"
+    migrate(url)
+    with Database(url) as database:
+        intruder = create_engine(url, isolation_level="AUTOCOMMIT")
+        with intruder.connect() as connection:
+            connection.exec_driver_sql("BEGIN IMMEDIATE")
+            waiting = asyncio.create_task(database.write(studies.register, "ring", "text"))
+            await asyncio.sleep(0.3)
+            assert not waiting.done()
+            connection.exec_driver_sql("ROLLBACK")
+        intruder.dispose()
+        assert (await waiting).key == "ring"
+
+
+@pytest.mark.postgres
+async def test_postgresql_that_went_away_is_down_and_then_goes_on_by_itself() -> None:
+    server = PostgresServer()
+    try:
+        url = server.url(server.new_database())
+        migrate(url)
+        with Database(url) as database:
+            await database.write(studies.register, "before", "text")
+            server.stop()
+            with pytest.raises(DatabaseDown):
+                await database.write(studies.register, "lost", "text")
+            with pytest.raises(DatabaseDown):
+                await database.read(how_many)
+            server.start()
+            await database.write(studies.register, "after", "text")
+            assert [study.key for study in await database.read(studies.every)] == ["before", "after"]
+    finally:
+        server.remove()
