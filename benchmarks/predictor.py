@@ -1,0 +1,61 @@
+"""Predictions a second on one core, both forms, for 1, 8, 64 and 256 games: python benchmarks/predictor.py [--json]."""
+
+import argparse
+import json
+import time
+
+import numpy as np
+import torch
+
+from models.predictor import PredictorConfig, PredictorNetwork, at_work
+from overcooked.layout import load_layout
+from overcooked.state import Kitchens
+
+GAMES = (1, 8, 64, 256)
+
+
+def predictions_per_second(form: str, layout_name: str, games: int, seconds: float) -> float:
+    """The median over rounds of ten timesteps, each with new states, as a worker is asked."""
+    layout = load_layout(layout_name)
+    torch.manual_seed(0)
+    predictor = at_work(PredictorNetwork(layout, PredictorConfig(form=form)))
+    slots = np.arange(games)
+    observations = Kitchens.start(layout, games).encode()[:, 0].copy()
+    actions = np.random.default_rng(0).integers(0, 6, (games, 2)).astype(np.int8)
+    predictor.begin(slots)
+    rounds: list[float] = []
+    finish = time.perf_counter() + seconds
+    while time.perf_counter() < finish or len(rounds) < 5:
+        began = time.perf_counter()
+        for _ in range(10):
+            predictor.predict(slots, observations, actions)
+        rounds.append((time.perf_counter() - began) / 10)
+    return float(games / np.median(rounds))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--json", action="store_true", help="a list of {form, layout, games, per_second}")
+    parser.add_argument("--layout", default="coordination_ring")
+    parser.add_argument("--seconds", type=float, default=2.0, help="measured for each figure")
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    rows = [
+        {
+            "form": form,
+            "layout": arguments.layout,
+            "games": games,
+            "per_second": round(predictions_per_second(form, arguments.layout, games, arguments.seconds)),
+        }
+        for form in ("window", "stream")
+        for games in GAMES
+    ]
+    if arguments.json:
+        print(json.dumps(rows))
+        return
+    for row in rows:
+        print(f"{row['form']:8} {row['games']:4} games  {row['per_second']:7,} predictions/s")
+
+
+if __name__ == "__main__":
+    main()

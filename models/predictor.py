@@ -1,0 +1,345 @@
+"""The Theory-of-Mind predictor: the paper's transformer, whole, in two forms behind one interface
+(`protocols.Predictor`).
+
+`window`, the paper's: the last 10 states through the eyes and 10 joint actions (the current one zero), encoder only,
+the last token answers. `stream`: causal, each layer looks back a fixed number of timesteps, keys and values are kept,
+so that a timestep costs one token. It must not know how it is trained, nor anything of the watched agent but what it
+did.
+"""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional
+
+from models.checkpoint import Checkpoint, CheckpointError, load_checkpoint, save_checkpoint
+from models.policy import ConvolutionalFeatures, varying_columns
+from models.protocols import HISTORY, STEPS, Observations, Predictions, Predictor
+from overcooked.constants import ACTIONS, PLAYERS
+from overcooked.layout import Layout, parse_layout
+from overcooked.observe import PLANES
+
+JOINT = PLAYERS * ACTIONS  # a joint action, one-hot
+_ROTARY_BASE = 100.0
+_SLOTS_AT_ONCE = 64
+
+
+@dataclass(frozen=True)
+class PredictorConfig:
+    """Which transformer; frozen with the weights. Numbers without a comment are the paper's."""
+
+    form: str = "stream"  # or "window"
+    eyes: str = "columns"  # "columns": the entries of the encoding that can change; "cnn": lent convolutions, frozen
+    filters: int = 25  # of each lent convolution
+    hidden: int = 128
+    layers: int = 4
+    heads: int = 8
+    feed_forward: int = 512  # the paper is silent
+    state_width: int = 256  # between the eyes and the tokens; the paper is silent
+    action_width: int = 32  # of a joint action's embedding; the paper is silent
+    look_back: int = 16  # stream: timesteps that a layer sees, the current one included
+    dropout: float = 0.1  # while training
+
+    @property
+    def memory(self) -> int:
+        """How many timesteps can matter to an answer."""
+        return HISTORY if self.form == "window" else self.layers * (self.look_back - 1) + 1
+
+
+class Eyes(nn.Module):
+    """Observations (N, width, height, 26) to features (N, `size`), never trained here, so that features can be kept."""
+
+    columns: Tensor
+    scale: Tensor
+
+    def __init__(self, layout: Layout, config: PredictorConfig) -> None:
+        super().__init__()
+        self.convolutions: ConvolutionalFeatures | None = None
+        if config.eyes == "cnn":
+            self.convolutions = ConvolutionalFeatures(layout.width, layout.height, config.filters)
+            self.size = self.convolutions.size
+        elif config.eyes == "columns":
+            columns, largest = varying_columns(layout)
+            self.register_buffer("columns", torch.from_numpy(columns), persistent=False)
+            self.register_buffer("scale", torch.from_numpy(1 / largest), persistent=False)
+            self.size = len(columns)
+        else:
+            raise ValueError(f"eyes {config.eyes!r} are unknown. Known: columns, cnn.")
+        self.requires_grad_(False)
+
+    def forward(self, observations: Tensor) -> Tensor:
+        if self.convolutions is not None:
+            return self.convolutions(observations)  # type: ignore[no-any-return]
+        return observations.flatten(1)[:, self.columns].float() * self.scale
+
+
+class Layer(nn.Module):
+    """One transformer layer: attention, then a feed-forward part, each after a norm and added to what came in."""
+
+    def __init__(self, config: PredictorConfig) -> None:
+        super().__init__()
+        self.heads, self.dropout = config.heads, config.dropout
+        self.before_attention = nn.LayerNorm(config.hidden)
+        self.qkv = nn.Linear(config.hidden, 3 * config.hidden)
+        self.out = nn.Linear(config.hidden, config.hidden)
+        self.before_feed_forward = nn.LayerNorm(config.hidden)
+        self.widen = nn.Linear(config.hidden, config.feed_forward)
+        self.narrow = nn.Linear(config.feed_forward, config.hidden)
+
+    def forward(self, x: Tensor, mask: Tensor, rotation: Tensor | None) -> Tensor:
+        """`x` (B, T, hidden); `mask` (T, T) or (B, 1, T, T), True where a token may look; `rotation` (T, dim / 2,
+        2)."""
+        q, k, v = self.split(self.qkv(self.before_attention(x)))  # (B, heads, T, dim)
+        if rotation is not None:
+            q, k = rotated(q, rotation), rotated(k, rotation)
+        seen = functional.scaled_dot_product_attention(q, k, v, attn_mask=mask)
+        x = x + self._dropped(self.out(seen.transpose(1, 2).flatten(2)))
+        return x + self._dropped(self.feed_forward(x))
+
+    def split(self, qkv: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """(B, T, 3 * hidden) to three of (B, heads, T, dim)."""
+        q, k, v = qkv.unflatten(-1, (3, self.heads, -1)).permute(2, 0, 3, 1, 4).unbind(0)
+        return q, k, v
+
+    def feed_forward(self, x: Tensor) -> Tensor:
+        return self.narrow(functional.relu(self.widen(self.before_feed_forward(x))))  # type: ignore[no-any-return]
+
+    def _dropped(self, x: Tensor) -> Tensor:
+        return functional.dropout(x, self.dropout, self.training)
+
+
+class PredictorNetwork(nn.Module):
+    """Features (B, T, size) and joint actions (B, T, 12) to logits of the next actions: (B, T, 3, 6) in the stream
+    form, (B, 3, 6) in the window form, whose T is 10."""
+
+    temperature: Tensor  # (STEPS,): logits are divided by it, so that probabilities say how often they are right
+
+    def __init__(self, layout: Layout, config: PredictorConfig) -> None:
+        super().__init__()
+        if config.form not in ("window", "stream"):
+            raise ValueError(f"form {config.form!r} is unknown. Known: window, stream.")
+        self.config = config
+        self.eyes = Eyes(layout, config)
+        self.state = nn.Linear(self.eyes.size, config.state_width)
+        self.action = nn.Linear(JOINT, config.action_width)
+        self.token = nn.Linear(config.state_width + config.action_width, config.hidden)
+        self.position = nn.Parameter(torch.zeros(HISTORY, config.hidden)) if config.form == "window" else None
+        self.layers = nn.ModuleList(Layer(config) for _ in range(config.layers))
+        self.norm = nn.LayerNorm(config.hidden)
+        self.decoder = nn.Sequential(
+            nn.Linear(config.hidden, config.hidden), nn.ReLU(), nn.Linear(config.hidden, STEPS * ACTIONS)
+        )
+        self.register_buffer("temperature", torch.ones(STEPS))
+
+    def forward(self, features: Tensor, actions: Tensor, present: Tensor | None = None) -> Tensor:
+        """`present` (B, T), window form: False for steps before the start of the game."""
+        x = self.token(torch.cat([functional.relu(self.state(features)), self.action(actions)], -1))
+        if self.position is not None:
+            mask = torch.ones(x.shape[1], x.shape[1], dtype=torch.bool) if present is None else present[:, None, None, :]
+            x, rotation = x + self.position, None
+        else:
+            mask = band(x.shape[1], self.config.look_back)
+            rotation = rotations(torch.arange(x.shape[1]), self.config.hidden // self.config.heads)
+        for layer in self.layers:
+            x = layer(x, mask, rotation)
+        return self.decode(x if self.position is None else x[:, -1])
+
+    def decode(self, x: Tensor) -> Tensor:
+        return self.decoder(self.norm(x)).unflatten(-1, (STEPS, ACTIONS)) / self.temperature[:, None]  # type:
+        ignore[no-any-return]
+
+
+def band(timesteps: int, look_back: int) -> Tensor:
+    """(T, T): a token looks at itself and the `look_back` - 1 before it."""
+    ages = torch.arange(timesteps)[:, None] - torch.arange(timesteps)
+    return (ages >= 0) & (ages < look_back)
+
+
+def rotations(timesteps: Tensor, dim: int) -> Tensor:
+    """(T, dim / 2, 2): cosine and sine by which a query or key of each timestep is turned. [rotary positions]"""
+    speeds = _ROTARY_BASE ** -(torch.arange(dim // 2) / (dim // 2))
+    angles = timesteps[:, None] * speeds
+    return torch.stack([angles.cos(), angles.sin()], -1)
+
+
+def rotated(x: Tensor, rotation: Tensor) -> Tensor:
+    """`x` (..., dim) with its two halves taken as the two axes that are turned."""
+    cosine, sine = rotation[..., 0], rotation[..., 1]
+    first, second = x.chunk(2, -1)
+    return torch.cat([first * cosine - second * sine, first * sine + second * cosine], -1).to(x.dtype)
+
+
+def one_hot(actions: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
+    """Joint actions (..., 2), -1 for none, to (..., 12)."""
+    table = np.concatenate([np.eye(ACTIONS, dtype=np.float32), np.zeros((1, ACTIONS), np.float32)])
+    return table[actions].reshape(*actions.shape[:-1], JOINT)
+
+
+class _Games:
+    """What both forms keep: tensors with a row a slot, which grow when a slot beyond the last is begun."""
+
+    def __init__(self, network: PredictorNetwork) -> None:
+        self.network = network.eval().requires_grad_(False)
+        self.memory = network.config.memory
+        self._count = 0
+        self._action_table = functional.linear(torch.from_numpy(one_hot(_ALL_JOINT)), network.action.weight, network.action.bias)
+        self._token_of_state = network.token.weight[:, : network.config.state_width].contiguous()
+        self._token_of_action = functional.linear(
+            self._action_table, network.token.weight[:, network.config.state_width :], network.token.bias
+        )  # (49, hidden): what a joint action adds to a token
+
+    def _state_tokens(self, observations: Observations) -> Tensor:
+        """(B, hidden): what a state adds to its token."""
+        features = self.network.eyes(torch.from_numpy(np.ascontiguousarray(observations)))
+        return functional.linear(functional.relu(self.network.state(features)), self._token_of_state)
+
+    def _probabilities(self, x: Tensor) -> Predictions:
+        return self.network.decode(x).softmax(-1).numpy()  # type: ignore[no-any-return]
+
+
+_ALL_JOINT = np.stack(np.meshgrid(np.arange(-1, ACTIONS), np.arange(-1, ACTIONS), indexing="ij"), -1).reshape(-1, 2)
+
+
+def _joint_index(actions: NDArray[np.integer[Any]]) -> Tensor:
+    """Joint actions (B, 2) to rows of `_ALL_JOINT`."""
+    return torch.from_numpy((actions[:, 0].astype(np.int64) + 1) * (ACTIONS + 1) + actions[:, 1] + 1)
+
+
+class StreamPredictor(_Games):
+    """The stream form at work: a ring of keys and values a layer and game, one token a timestep."""
+
+    def __init__(self, network: PredictorNetwork) -> None:
+        super().__init__(network)
+        config = network.config
+        self._look_back, self._dim = config.look_back, config.hidden // config.heads
+        self._rings = [torch.zeros(0, config.look_back, 2, config.heads, self._dim) for _ in network.layers]
+        self._timesteps = torch.zeros(0, dtype=torch.long)
+
+    def begin(self, slots: NDArray[np.intp]) -> None:
+        missing = int(slots.max(initial=-1)) + 1 - len(self._timesteps)
+        if missing > 0:
+            missing = max(missing, _SLOTS_AT_ONCE)
+            self._rings = [torch.cat([ring, torch.zeros(missing, *ring.shape[1:])]) for ring in self._rings]
+            self._timesteps = torch.cat([self._timesteps, torch.zeros(missing, dtype=torch.long)])
+        self._timesteps[torch.from_numpy(slots)] = 0
+
+    @torch.inference_mode()
+    def predict(self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]) -> Predictions:
+        chosen = torch.from_numpy(slots)
+        now = self._timesteps[chosen]
+        self._timesteps[chosen] = now + 1
+        place = now % self._look_back
+        rotation = rotations(now, self._dim)[:, None]  # (B, 1, dim / 2, 2)
+        empty = torch.arange(self._look_back) > now[:, None]  # (B, look_back)
+        hidden_places = empty[..., None] if bool(empty.any()) else None
+        x = self._state_tokens(observations) + self._token_of_action[_joint_index(last_actions)]
+        for layer, ring in zip(self.network.layers, self._rings, strict=True):
+            x = x + self._attention(layer, ring, x, chosen, place, rotation, hidden_places)
+            x = x + layer.feed_forward(x)
+        return self._probabilities(x)
+
+    def _attention(
+        self, layer: Any, ring: Tensor, x: Tensor, chosen: Tensor, place: Tensor, rotation: Tensor, hidden_places:
+        Tensor | None
+    ) -> Tensor:
+        """The new token (B, hidden) looks at itself and what the ring keeps; its key and value join the ring."""
+        q, k, v = layer.qkv(layer.before_attention(x)).unflatten(-1, (3, layer.heads, self._dim)).unbind(1)  # (B, heads, dim)
+        ring[chosen, place] = torch.stack([rotated(k, rotation), v], 1)
+        keys, values = ring[chosen].unbind(2)  # (B, look_back, heads, dim)
+        scores = (rotated(q, rotation)[:, None] * keys).sum(-1) * self._dim**-0.5  # (B, look_back, heads)
+        if hidden_places is not None:
+            scores = scores.masked_fill(hidden_places, -torch.inf)
+        seen = (scores.softmax(1)[..., None] * values).sum(1)  # (B, heads, dim)
+        return layer.out(seen.flatten(1))  # type: ignore[no-any-return]
+
+
+class WindowPredictor(_Games):
+    """The window form at work: what each state adds to its token is kept, the transformer runs over ten tokens anew."""
+
+    def __init__(self, network: PredictorNetwork) -> None:
+        super().__init__(network)
+        self._states = torch.zeros(0, HISTORY, network.config.hidden)
+        self._actions = torch.zeros(0, HISTORY, dtype=torch.long)  # rows of `_ALL_JOINT`; 0: none
+        self._seen = torch.zeros(0, dtype=torch.long)
+
+    def begin(self, slots: NDArray[np.intp]) -> None:
+        missing = int(slots.max(initial=-1)) + 1 - len(self._seen)
+        if missing > 0:
+            missing = max(missing, _SLOTS_AT_ONCE)
+            self._states = torch.cat([self._states, torch.zeros(missing, *self._states.shape[1:])])
+            self._actions = torch.cat([self._actions, torch.zeros(missing, HISTORY, dtype=torch.long)])
+            self._seen = torch.cat([self._seen, torch.zeros(missing, dtype=torch.long)])
+        chosen = torch.from_numpy(slots)
+        self._states[chosen] = 0
+        self._actions[chosen] = 0
+        self._seen[chosen] = 0
+
+    @torch.inference_mode()
+    def predict(self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]) -> Predictions:
+        chosen = torch.from_numpy(slots)
+        states = torch.cat([self._states[chosen, 1:], self._state_tokens(observations)[:, None]], 1)
+        joint = _joint_index(last_actions)[:, None]
+        actions = torch.cat([self._actions[chosen, 1:-1], joint, torch.zeros_like(joint)], 1)
+        seen = (self._seen[chosen] + 1).clamp(max=HISTORY)
+        self._states[chosen], self._actions[chosen], self._seen[chosen] = states, actions, seen
+        assert self.network.position is not None  # noqa: S101 the window form has positions
+        x = states + self._token_of_action[actions] + self.network.position
+        present = torch.arange(HISTORY) >= HISTORY - seen[:, None]
+        mask = None if bool(present.all()) else present[:, None, None, :]
+        *before, last = self.network.layers
+        for layer in before:
+            x = layer(x, mask, None)
+        return self._probabilities(self._last_token(last, x, mask))
+
+    def _last_token(self, layer: Any, x: Tensor, mask: Tensor | None) -> Tensor:
+        """The last layer for the last token alone, (B, hidden): nobody reads the others."""
+        q, k, v = layer.split(layer.qkv(layer.before_attention(x)))
+        seen = functional.scaled_dot_product_attention(q[:, :, -1:], k, v, attn_mask=mask)
+        x = x[:, -1] + layer.out(seen.flatten(1))
+        return x + layer.feed_forward(x)  # type: ignore[no-any-return]
+
+
+def at_work(network: PredictorNetwork) -> Predictor:
+    """A network as a `Predictor`."""
+    return StreamPredictor(network) if network.config.form == "stream" else WindowPredictor(network)
+
+
+def save_predictor(folder: Path, network: PredictorNetwork, layout: Layout, agent: str, card: str, **facts: Any) -> str:
+    """Writes a predictor's checkpoint folder (weights as 16 bits); `facts` join its config. Returns its sha256."""
+    settings = {
+        "format": "kitchenmind predictor 1",
+        "layout": layout.name,
+        "grid": layout.text,
+        "planes": PLANES,
+        "agent": agent,
+        "network": asdict(network.config),
+        **facts,
+    }
+    return save_checkpoint(folder, settings, dict(network.state_dict()), card, half=True)
+
+
+def predictor_network(checkpoint: Checkpoint) -> tuple[PredictorNetwork, Layout]:
+    """The network of a predictor's checkpoint and its layout. Raises CheckpointError if it is no predictor of ours."""
+    config = checkpoint.config
+    try:
+        layout = parse_layout(config["grid"], config["layout"])
+        network = PredictorNetwork(layout, PredictorConfig(**config["network"]))
+        network.load_state_dict(checkpoint.tensors)
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise CheckpointError(f"{checkpoint.folder}: this is no predictor that I understand ({error}).") from error
+    return network.eval(), layout
+
+
+def load_trained_predictor(folder: Path, layout: Layout) -> tuple[Predictor, float]:
+    """A predictor ready to watch games on `layout`, and its measured mean accuracy (0-1). Raises CheckpointError."""
+    checkpoint = load_checkpoint(folder)
+    network, trained_on = predictor_network(checkpoint)
+    if trained_on.text != layout.text:
+        raise CheckpointError(f"{folder}: was trained on another grid than {layout.name}. Choose a predictor of this
+        layout.")
+    return at_work(network), float(checkpoint.config.get("accuracy", {}).get("mean", 1.0))

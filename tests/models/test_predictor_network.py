@@ -1,0 +1,140 @@
+"""The transformer's two forms: what is served timestep by timestep equals what is trained in one piece."""
+
+import numpy as np
+import pytest
+import torch
+
+from models.checkpoint import CheckpointError
+from models.predictor import (
+    PredictorConfig,
+    PredictorNetwork,
+    at_work,
+    load_trained_predictor,
+    one_hot,
+    predictor_network,
+    save_predictor,
+)
+from models.protocols import HISTORY
+from overcooked.layout import load_layout
+from overcooked.state import Kitchens
+
+RING = load_layout("coordination_ring")
+
+
+def network(form, eyes="columns", seed=0):
+    torch.manual_seed(seed)
+    made = PredictorNetwork(RING, PredictorConfig(form=form, eyes=eyes, look_back=6))
+    with torch.no_grad():
+        for parameter in made.parameters():
+            parameter += 0.05 * torch.randn_like(parameter)
+    return made.eval()
+
+
+def played(games, timesteps, seed=0):
+    """Observations (games, timesteps + 1, w, h, 26) of the first chef and the joint actions that led to them."""
+    draws = np.random.default_rng(seed)
+    kitchens, events = Kitchens.start(RING, games), np.zeros((games, 2), np.int32)
+    observations, actions = [kitchens.encode()[:, 0]], [np.full((games, 2), -1, np.int8)]
+    for _ in range(timesteps):
+        actions.append(draws.integers(0, 6, (games, 2)).astype(np.int8))
+        kitchens.step(actions[-1], events)
+        observations.append(kitchens.encode()[:, 0])
+    return np.stack(observations, 1), np.stack(actions, 1)
+
+
+def step_by_step(predictor, observations, actions):
+    slots = np.arange(len(observations))
+    predictor.begin(slots)
+    answers = [predictor.predict(slots, observations[:, t], actions[:, t]) for t in range(observations.shape[1])]
+    return np.stack(answers, 1)
+
+
+@torch.inference_mode()
+def in_one_piece(made, observations, actions):
+    """(games, timesteps, 3, 6): the network as training calls it."""
+    games, timesteps = observations.shape[:2]
+    features = made.eyes(torch.from_numpy(observations.reshape(-1, *observations.shape[2:]))).view(games, timesteps, -1)
+    if made.config.form == "stream":
+        return made(features, torch.from_numpy(one_hot(actions))).softmax(-1).numpy()
+    answers = []
+    for t in range(timesteps):
+        first = max(0, t - HISTORY + 1)
+        pad = HISTORY - (t - first + 1)
+        seen = torch.nn.functional.pad(features[:, first : t + 1], (0, 0, pad, 0))
+        none = np.full((games, 1, 2), -1, np.int8)
+        joint = np.concatenate([np.repeat(none, pad, 1), actions[:, first + 1 : t + 1], none], 1)
+        present = torch.arange(HISTORY).expand(games, -1) >= pad
+        answers.append(made(seen, torch.from_numpy(one_hot(joint)), present).softmax(-1))
+    return torch.stack(answers, 1).numpy()
+
+
+@pytest.mark.parametrize("form", ["stream", "window"])
+@pytest.mark.parametrize("eyes", ["columns", "cnn"])
+def test_timestep_by_timestep_equals_one_piece(form, eyes):
+    observations, actions = played(5, 25)
+    made = network(form, eyes)
+    expected = in_one_piece(made, observations, actions)
+    assert np.abs(step_by_step(at_work(made), observations, actions) - expected).max() < 1e-4
+    assert expected.std(axis=1).max() > 0.01
+
+
+@pytest.mark.parametrize("form", ["stream", "window"])
+def test_memory_is_all_that_a_restart_needs(form):
+    observations, actions = played(2, 60)
+    predictor = at_work(network(form))
+    whole = step_by_step(predictor, observations, actions)[:, -1]
+    newest = slice(observations.shape[1] - predictor.memory, None)
+    again = step_by_step(predictor, observations[:, newest], actions[:, newest])[:, -1]
+    assert np.abs(whole - again).max() < 1e-4
+
+
+@pytest.mark.parametrize("form", ["stream", "window"])
+def test_a_game_does_not_depend_on_the_others_beside_it(form):
+    observations, actions = played(70, 12)
+    predictor = at_work(network(form))
+    together = step_by_step(predictor, observations, actions)
+    alone = step_by_step(predictor, observations[66:67], actions[66:67])
+    assert np.abs(together[66] - alone[0]).max() < 1e-4
+
+
+@pytest.mark.parametrize("form", ["stream", "window"])
+def test_a_slot_that_begins_anew_knows_nothing_of_the_game_before(form):
+    predictor = at_work(network(form))
+    first, second = played(3, 20, seed=1), played(3, 20, seed=2)
+    fresh = step_by_step(at_work(network(form)), *second)
+    step_by_step(predictor, *first)
+    assert np.array_equal(step_by_step(predictor, *second), fresh)
+
+
+def test_a_prediction_never_sees_the_action_about_to_be_taken():
+    observations, actions = played(2, 30)
+    made = network("stream")
+    before = in_one_piece(made, observations[:, :20], actions[:, :20])
+    changed = actions.copy()
+    changed[:, 20:] = 5 - changed[:, 20:]
+    after = in_one_piece(made, observations, changed)[:, :20]
+    assert np.abs(before - after).max() < 1e-5
+
+
+def test_saved_predictor_answers_as_before_and_knows_its_accuracy(tmp_path):
+    observations, actions = played(4, 15)
+    made = network("stream")
+    save_predictor(tmp_path / "p", made, RING, "sp", "A card.", accuracy={"mean": 0.81})
+    loaded, accuracy = load_trained_predictor(tmp_path / "p", RING)
+    assert accuracy == 0.81
+    expected = step_by_step(at_work(made), observations, actions)
+    assert np.abs(step_by_step(loaded, observations, actions) - expected).max() < 0.02
+
+
+def test_a_predictor_of_another_kitchen_is_refused(tmp_path):
+    save_predictor(tmp_path / "p", network("stream"), RING, "sp", "A card.")
+    with pytest.raises(CheckpointError, match="another grid"):
+        load_trained_predictor(tmp_path / "p", load_layout("matrix"))
+
+
+def test_an_agent_is_no_predictor(tmp_path):
+    from models.checkpoint import load_checkpoint, save_checkpoint
+
+    save_checkpoint(tmp_path / "a", {"format": "other"}, {"x": torch.zeros(1)}, "A card.")
+    with pytest.raises(CheckpointError, match="no predictor"):
+        predictor_network(load_checkpoint(tmp_path / "a"))
