@@ -110,7 +110,7 @@ def _grid_of_dictionary(text: str, source: str) -> list[str]:
     """The grid rows of overcooked_ai's own `.layout` file, whose recipe settings must be this kitchen's."""
     try:
         settings = ast.literal_eval(text.strip())
-    except (SyntaxError, ValueError) as error:
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         row = getattr(error, "lineno", None)
         raise LayoutError(
             source, f"this is no readable dictionary ({error})", "Check quotes, commas and brackets.", row

@@ -9,12 +9,17 @@ from numpy.typing import NDArray
 
 from overcooked import observe, rules
 from overcooked.constants import (
+    COOK_TIME,
     COOKING,
+    COUNTER,
+    FLOOR,
     HORIZON,
     ITEM_NAMES,
     NOTHING,
     ONIONS_PER_SOUP,
     PLAYERS,
+    POT,
+    STEP_X,
 )
 from overcooked.layout import Layout
 
@@ -98,12 +103,31 @@ class Kitchens:
         return {"t": int(self.timestep[game]), "p": players, "c": counters, "pots": pots}
 
     def restore(self, record: Record, game: int = 0) -> None:
-        """The inverse of `record`. Raises ValueError or KeyError for a record that is none."""
-        self.timestep[game] = record["t"]
-        for k, (x, y, facing, held) in enumerate(record["p"]):
-            self.players[game, k] = (x, y, facing, ITEM_NAMES.index(held))
-        self.contents[game] = 0
+        """The inverse of `record`. A record that is none raises ValueError or KeyError and changes nothing."""
+        layout = self.layout
+        players = [(x, y, facing, ITEM_NAMES.index(held)) for x, y, facing, held in record["p"]]
+        if len(players) != PLAYERS:
+            raise ValueError(f"the state has {len(players)} chefs, not {PLAYERS}")
+        for x, y, facing, _ in players:
+            _check_cell(layout, x, y, FLOOR, "a chef")
+            if not 0 <= facing < len(STEP_X):
+                raise ValueError(f"a chef cannot face {facing}: 0 N 1 S 2 E 3 W")
+        contents = np.zeros_like(self.contents[game])
         for x, y, item in record["c"]:
-            self.contents[game, x, y] = ITEM_NAMES.index(item)
+            _check_cell(layout, x, y, COUNTER, "an object")
+            contents[x, y] = ITEM_NAMES.index(item)
         for x, y, onions, tick in record["pots"]:
-            self.contents[game, x, y] = onions if tick < 0 else COOKING + tick
+            _check_cell(layout, x, y, POT, "a soup")
+            if not (
+                (onions == ONIONS_PER_SOUP and -1 <= tick <= COOK_TIME) or (0 < onions < ONIONS_PER_SOUP and tick == -1)
+            ):
+                raise ValueError(f"a pot cannot have {onions} onions at tick {tick}")
+            contents[x, y] = onions if tick < 0 else COOKING + tick
+        self.timestep[game] = record["t"]
+        self.players[game] = players
+        self.contents[game] = contents
+
+
+def _check_cell(layout: Layout, x: int, y: int, tile: int, what: str) -> None:
+    if not (0 <= x < layout.width and 0 <= y < layout.height and layout.tiles[x, y] == tile):
+        raise ValueError(f"{what} cannot be at column {x}, row {y} (from 0) of {layout.name}")

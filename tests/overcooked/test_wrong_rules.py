@@ -1,3 +1,4 @@
+# ruff: noqa: E501 (a table reads best with one wrong variant a line)
 """The recordings are sharp: each deliberately wrong variant of the rules is caught by them.
 
 A variant is the source text of `rules.py`, `score.py` or `observe.py` with one phrase changed, run without compilation.

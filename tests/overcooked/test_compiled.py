@@ -1,0 +1,34 @@
+"""Compiled code never outlives the sources it came from."""
+
+import os
+from pathlib import Path
+
+import overcooked.compiled as compiled
+
+
+def folder_with(tmp_path: Path, source_time: int, code_time: int) -> Path:
+    (tmp_path / "__pycache__").mkdir()
+    for source in compiled._KERNEL_SOURCES:
+        (tmp_path / source).touch()
+        os.utime(tmp_path / source, (100, 100))
+    os.utime(tmp_path / "rules.py", (source_time, source_time))
+    for name in ("vector_env._step.nbi", "vector_env._step.1.nbc"):
+        (tmp_path / "__pycache__" / name).touch()
+        os.utime(tmp_path / "__pycache__" / name, (code_time, code_time))
+    return tmp_path
+
+
+def test_code_older_than_any_kernel_source_is_forgotten(tmp_path: Path) -> None:
+    folder = folder_with(tmp_path, source_time=300, code_time=200)
+    assert compiled.forget_stale_code(folder) == 2
+    assert list((folder / "__pycache__").iterdir()) == []
+
+
+def test_code_newer_than_its_sources_is_kept(tmp_path: Path) -> None:
+    assert compiled.forget_stale_code(folder_with(tmp_path, source_time=200, code_time=300)) == 0
+
+
+def test_the_watched_sources_are_those_with_kernels() -> None:
+    folder = Path(compiled.__file__).parent
+    with_kernels = {file.name for file in folder.glob("*.py") if "overcooked.compiled import" in file.read_text()}
+    assert with_kernels | {"compiled.py", "constants.py"} == set(compiled._KERNEL_SOURCES)
