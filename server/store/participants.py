@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, func, select, update
+from sqlalchemy import ColumnElement, Connection, and_, func, select, update
 
 from server.store.tables import RECRUITMENT_ID, participants, personal, studies, withdrawals
 
@@ -128,6 +128,11 @@ def by_recruitment_id(connection: Connection, study_id: int, recruitment_id: str
     return _one(connection, participants.c.id.in_(person))
 
 
+def by_code(connection: Connection, study_id: int, code: str) -> Participant | None:
+    """The participant of a study version who was given this completion code."""
+    return _one(connection, and_(participants.c.study_id == study_id, participants.c.completion_code == code))
+
+
 def of_study(connection: Connection, study_id: int) -> list[Participant]:
     """All participants of a study version, in order of consent."""
     query = select(*_COLUMNS).where(participants.c.study_id == study_id).order_by(participants.c.number)
@@ -170,6 +175,19 @@ def leave(connection: Connection, participant_id: str, status: str) -> bool:
         raise ValueError(f"{status!r} is no way to leave: screened_out, timed_out or returned (withdraw deletes data)")
     query = update(participants).where(participants.c.id == participant_id, participants.c.status == "active")
     return connection.execute(query.values(status=status, last_seen_at=datetime.now(UTC))).rowcount == 1
+
+
+def time_out(connection: Connection, study_id: int, before: datetime) -> int:
+    """Ends the participation of all who were active but not seen since `before`, so that their places are free; how many."""
+    query = update(participants).where(
+        participants.c.study_id == study_id, participants.c.status == "active", participants.c.last_seen_at < before
+    )
+    return connection.execute(query.values(status="timed_out")).rowcount
+
+
+def set_language(connection: Connection, participant_id: str, language: str) -> None:
+    """The language of the pages from now on."""
+    connection.execute(update(participants).where(participants.c.id == participant_id).values(language=language))
 
 
 def counts(connection: Connection, study_id: int, simulated: bool | None = None) -> Counts:
