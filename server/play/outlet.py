@@ -8,7 +8,7 @@ from typing import Final
 from server.play.messages import Outgoing, Ping, Tick, encode
 
 PING_EVERY_S: Final = 1.0
-SLOW_AFTER_S: Final = 0.5  # an unanswered Ping this old: the reader is behind, states wait and the newest replaces the others
+SLOW_AFTER_S: Final = 0.5  # an unanswered Ping this old: the reader is behind, no state is sent but the newest
 DEAD_AFTER_S: Final = 6.0  # an unanswered Ping this old: nobody is there
 _MOST_WAITING: Final = 16  # messages other than states
 
@@ -37,6 +37,10 @@ class Outlet:
         self._slow = False
         self.rtt_ms: float | None = None
         self.dropped = 0  # states that a newer one replaced
+
+    @property
+    def closing(self) -> bool:
+        return self._end is not None
 
     def send(self, message: Outgoing) -> None:
         """Queues a message; after `close` nothing is taken any more."""
@@ -76,19 +80,17 @@ class Outlet:
             self._filled.clear()
             await self._filled.wait()
 
-    def beat(self, now: float) -> None:
-        """To be called some times a second: asks for life signs, notices slow readers, gives up dead ones."""
+    def beat(self, now: float) -> bool:
+        """To be called some times a second: asks for life signs and notices slow readers. True: nobody is there."""
         if self._pinged_at is not None:
             age_s = now - self._pinged_at
-            if age_s > DEAD_AFTER_S:
-                self._line.clear()
-                self.close(1001, "no answer")
-            elif age_s > SLOW_AFTER_S:
-                self._slow = self._end is None
-        elif now >= self._next_ping and self._end is None:
+            self._slow = age_s > SLOW_AFTER_S and self._end is None
+            return age_s > DEAD_AFTER_S
+        if now >= self._next_ping and self._end is None:
             self._ping_id += 1
             self._pinged_at, self._next_ping = now, now + PING_EVERY_S
             self.send(Ping(self._ping_id))
+        return False
 
     def pong(self, ping_id: int, now: float) -> bool:
         """Takes an answer; False if it answers nothing that was asked."""

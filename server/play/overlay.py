@@ -1,4 +1,4 @@
-"""From a prediction to what a frame shows: in every condition the same bytes, a digit and a two-digit opacity a step."""
+"""From a prediction to what a frame shows: in every condition the same bytes, an action and its opacity a step."""
 
 from collections.abc import Sequence
 from typing import Final

@@ -107,7 +107,7 @@ class Session:
         return self.keys[seat].press(keys, now, taps_count=now >= go)
 
     def pause(self, holder: Holder, reason: str, now: float, at: datetime) -> PauseRecord | None:
-        """Stops the game at once; returns the PauseRecord to store if it was moving. Before the start nothing pauses."""
+        """Stops the game at once; the PauseRecord to store if it was moving. Before the start nothing pauses."""
         for keys in self.keys.values():
             keys.clear()
         if self.phase == "ended" or (self.phase == "waiting" and isinstance(holder, int) and holder in self.holds):

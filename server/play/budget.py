@@ -1,0 +1,23 @@
+"""How many messages a participant may send: a bucket that fills with time. Knows no socket."""
+
+from typing import Final
+
+PER_S: Final = 20.0
+BURST: Final = 40.0
+
+
+class Budget:
+    """A token bucket; `now` is in seconds of the caller's clock."""
+
+    def __init__(self, now: float) -> None:
+        self._tokens = BURST
+        self._at = now
+
+    def spend(self, now: float) -> bool:
+        """Takes one message's worth; False if there is none left."""
+        self._tokens = min(BURST, self._tokens + (now - self._at) * PER_S)
+        self._at = now
+        if self._tokens < 1:
+            return False
+        self._tokens -= 1
+        return True

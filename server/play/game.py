@@ -1,0 +1,160 @@
+"""A session with the people who play it: who is connected, who is told what, what has to be stored about it."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+from server.play import messages
+from server.play.clock import Clock
+from server.play.durable import Durable
+from server.play.holds import Holder
+from server.play.messages import Outgoing
+from server.play.recorder import PauseRecord, Recorder, TickRecord
+from server.play.session import COUNTDOWN_S, Session
+
+SUPERSEDED = 4001  # close code: another tab has taken over
+FINISHED = 1000
+
+
+class Connection(Protocol):
+    """One socket of one participant, as the game sees it. Neither call waits."""
+
+    tab: str
+    next_url: str  # where the participant goes on after the episode
+
+    def send(self, message: Outgoing) -> None: ...
+
+    def close(self, code: int, reason: str) -> None: ...
+
+
+class Game:
+    """One running episode. Everything here is immediate; `loop` does what takes time."""
+
+    def __init__(
+        self,
+        session: Session,
+        clock: Clock,
+        recorder: Recorder,
+        start: Callable[["Game"], None],
+        stop: Callable[["Game"], None],
+    ) -> None:
+        """`start` is called when nothing holds the game any more, `stop` when something does."""
+        self.session = session
+        self.clock = clock
+        self.durable = Durable(recorder)
+        self.connections: dict[int, Connection] = {}
+        self.busy = False  # a state is being made or stored: no other may be begun
+        self.unstored: TickRecord | None = None  # the database did not take it yet
+        self.idle_since = clock.now()
+        self._start, self._stop = start, stop
+        self._lesson: messages.Lesson | None = None
+
+    @property
+    def episode(self) -> str:
+        return self.session.episode
+
+    # People
+
+    def join(self, person: int, connection: Connection) -> None:
+        """A page said Hello. The newest connection of a person plays; the one before is told and closed."""
+        before = self.connections.get(person)
+        if before is not connection:
+            if before is not None:
+                other_tab = before.tab != connection.tab
+                self._dismiss(before)
+                self.pause(person, "other_tab" if other_tab else "lost")
+            self.connections[person] = connection
+            if person in self.session.keys:
+                self.session.keys[person].restart()
+        connection.send(self.session.welcome(person))
+        self._lesson = None
+        self._teach()
+        if self.session.phase == "paused":
+            connection.send(self.session.paused(person, self.clock.now()))
+
+    def leave(self, person: int, connection: Connection) -> None:
+        """A socket is gone. Nothing happens if another one has taken over."""
+        if self.connections.get(person) is connection:
+            del self.connections[person]
+            self.idle_since = self.clock.now()
+            self.pause(person, "lost")
+
+    def receive(self, person: int, connection: Connection, message: messages.Incoming) -> None:
+        """Takes a message in; those of a connection that was taken over change nothing."""
+        if self.connections.get(person) is not connection:
+            return
+        match message:
+            case messages.Input():
+                if person in self.session.keys:
+                    self.session.key(person, message, self.clock.now())
+            case messages.Ready():
+                self._ready(person, connection)
+            case messages.Away():
+                self.pause(person, message.reason)
+            case _:
+                connection.send(messages.Refused("not_now", "this message means nothing in a game"))
+
+    def _ready(self, person: int, connection: Connection) -> None:
+        if self.session.moving or self.session.phase == "ended":
+            connection.send(messages.Refused("not_now", "the game is running already"))
+            return
+        self.release(person)
+        if self.session.phase == "paused":
+            connection.send(self.session.paused(person, self.clock.now()))
+
+    @staticmethod
+    def _dismiss(connection: Connection) -> None:
+        connection.send(messages.Superseded())
+        connection.close(SUPERSEDED, "another tab has taken over")
+
+    # Standing still and going on
+
+    def pause(self, holder: Holder, reason: str) -> None:
+        """Stops at once. A state that is being made is still stored and shown; then nothing moves."""
+        record = self.session.pause(holder, reason, self.clock.now(), self.clock.wall())
+        if not self.session.moving:
+            self._stop(self)
+        if record is not None:
+            self.store(record)
+        if not self.busy:
+            self.tell_paused()
+
+    def release(self, holder: Holder) -> None:
+        if self.session.release(holder, self.clock.now()):
+            self._start(self)
+
+    def store(self, record: PauseRecord | None) -> None:
+        if record is not None:
+            self.durable.pause(record)
+
+    # What people are told
+
+    def broadcast(self, message: Outgoing) -> None:
+        for connection in self.connections.values():
+            connection.send(message)
+
+    def tell_countdown(self) -> None:
+        self.broadcast(messages.Countdown(COUNTDOWN_S))
+
+    def tell_paused(self) -> None:
+        if self.session.phase == "paused":
+            for person, connection in self.connections.items():
+                connection.send(self.session.paused(person, self.clock.now()))
+
+    def show(self) -> None:
+        """The stored state goes out."""
+        for person, connection in self.connections.items():
+            connection.send(self.session.tick_message(person))
+        self._teach()
+
+    def _teach(self) -> None:
+        """Tells which lesson is on whenever it changes."""
+        lesson = self.session.lesson()
+        if lesson is not None and lesson != self._lesson:
+            self._lesson = lesson
+            self.broadcast(lesson)
+
+    def tell_end(self, score: int, soups: int, progress: float, passed: bool) -> None:
+        """The episode is stored; everybody goes on."""
+        for connection in self.connections.values():
+            connection.send(messages.Ended(score, soups, progress, passed, connection.next_url))
+            connection.close(FINISHED, "the episode is over")

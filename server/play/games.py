@@ -1,0 +1,162 @@
+"""All games of this server: taken up when somebody comes, ended when they are over, kept no longer than needed."""
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
+from typing import Any, Final, Literal
+
+from models.protocols import Models
+from server.play.clock import Clock
+from server.play.game import Connection, Game
+from server.play.loop import Loop
+from server.play.recorder import EpisodeRecord, EpisodeResult, PauseRecord, Recorder
+from server.play.session import Session
+
+log = logging.getLogger(__name__)
+Load = Callable[[str], Awaitable[EpisodeRecord | None]]
+AfterEnd = Callable[[EpisodeRecord, EpisodeResult], Awaitable[None]]
+KEEP_EVERY_S: Final = 0.25
+FORGET_AFTER_S: Final = 120.0  # a game that waits for nobody in particular is taken up again from the database
+STOP_WITHIN_S: Final = 5.0
+RESTARTING = 1012  # close code: the server goes down and comes back
+FAILED = 1011
+
+
+class NoGame(Exception):
+    """There is no such episode, it is over, or the server is going down."""
+
+
+class Games:
+    """The live games by episode. `load` reads an episode from the database; `after_end` hears of every stored end."""
+
+    def __init__(
+        self, clock: Clock, models: Models, recorder: Recorder, load: Load, after_end: AfterEnd | None = None
+    ) -> None:
+        self.clock = clock
+        self.loop = Loop(clock, models, recorder, self._over)
+        self._models, self._recorder, self._load, self._after_end = models, recorder, load, after_end
+        self._games: dict[str, Game] = {}
+        self._records: dict[str, EpisodeRecord] = {}
+        self._opening: dict[str, asyncio.Task[Game]] = {}
+        self._tasks: set[asyncio.Task[Any]] = set()
+        self._keeper: asyncio.Task[None] | None = None
+        self._stopping = False
+
+    def __len__(self) -> int:
+        return len(self._games)
+
+    def __iter__(self) -> Iterator[Game]:
+        return iter(list(self._games.values()))
+
+    def get(self, episode: str) -> Game | None:
+        """The game if it is live here."""
+        return self._games.get(episode)
+
+    async def join(self, episode: str, person: int, connection: Connection) -> Game:
+        """A page said Hello. Raises NoGame; and what `load` and the re-simulation raise."""
+        if self._stopping:
+            raise NoGame("the server is going down")
+        game = self._games.get(episode)
+        if game is None:
+            opening = self._opening.get(episode)
+            if opening is None:
+                opening = self._opening[episode] = asyncio.create_task(self._open(episode))
+                opening.add_done_callback(lambda _: self._opening.pop(episode, None))
+            game = await asyncio.shield(opening)
+        if game.session.phase == "ended":
+            raise NoGame(f"episode {episode} is over")
+        game.join(person, connection)
+        return game
+
+    async def _open(self, episode: str) -> Game:
+        record = await self._load(episode)
+        if record is None or record.status in ("done", "aborted"):
+            raise NoGame(f"there is no episode {episode} to be played")
+        now = self.clock.now()
+        session = Session(record, now)
+        game = Game(session, self.clock, self._recorder, self.loop.start, self.loop.stop)
+        if session.over:
+            self._records[episode] = record
+            self._games[episode] = game
+            self._end(game, "done", "")
+            raise NoGame(f"episode {episode} is over")
+        if session.resumed:
+            session.pause_record = PauseRecord(episode, session.trace.timestep, "server", self.clock.wall(), None)
+            game.store(session.pause_record)
+        self._records[episode] = record
+        self._games[episode] = game
+        if self._keeper is None:
+            self._keeper = asyncio.create_task(self._keep())
+        return game
+
+    # Ends
+
+    def _over(self, game: Game, error: str) -> None:
+        self._end(game, "aborted" if error else "done", "error" if error else "")
+
+    def abort(self, game: Game, reason: str) -> None:
+        """Ends an episode before its time; what was played stays stored."""
+        self._end(game, "aborted", reason)
+
+    def _end(self, game: Game, status: Literal["done", "aborted"], reason: str) -> None:
+        if game.session.phase != "ended":
+            result = game.session.result(status, reason)
+            self.loop.stop(game)
+            self._spawn(self._finish(game, result))
+
+    async def _finish(self, game: Game, result: EpisodeResult) -> None:
+        """The end is stored before anybody hears of it."""
+        try:
+            await game.durable.end(result)
+            if self._after_end is not None:
+                await self._after_end(self._records[game.episode], result)
+        except Exception:
+            log.exception("the end of episode %s could not be stored", game.episode)
+            for connection in game.connections.values():
+                connection.close(FAILED, "the end of the episode could not be stored")
+        else:
+            game.tell_end(result.score, result.soups, result.progress, result.passed)
+        self._forget(game)
+
+    def _forget(self, game: Game) -> None:
+        self._models.forget(game.episode)
+        self._games.pop(game.episode, None)
+        self._records.pop(game.episode, None)
+
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    # Housekeeping
+
+    async def _keep(self) -> None:
+        while True:
+            await asyncio.sleep(KEEP_EVERY_S)
+            now = self.clock.now()
+            for game in list(self._games.values()):
+                if game.busy or game.session.moving or game.session.phase == "ended":
+                    continue
+                left_s = game.session.holds.left_s(now)
+                if left_s is not None and left_s <= 0:
+                    self.abort(game, "away")
+                elif left_s is None and not game.connections and now - game.idle_since > FORGET_AFTER_S:
+                    self._forget(game)
+
+    async def stop(self) -> None:
+        """Running games pause durably, everybody is told that the server comes back, sockets close with 1012."""
+        self._stopping = True
+        if self._keeper is not None:
+            self._keeper.cancel()
+        games = list(self._games.values())
+        for game in games:
+            game.pause("server", "server")
+        await self.loop.close()
+        try:
+            async with asyncio.timeout(STOP_WITHIN_S):
+                await asyncio.gather(*(game.durable.flush() for game in games), *self._tasks)
+        except TimeoutError:
+            log.error("the last pauses were not stored within %s s", STOP_WITHIN_S)
+        for game in games:
+            for connection in game.connections.values():
+                connection.close(RESTARTING, "the server is restarting")

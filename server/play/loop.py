@@ -1,0 +1,245 @@
+"""Makes the timesteps of all games when they are due: each in a slot of its tick, a slot's games in one batch.
+
+A slot's batch costs one call to the models and one transaction. Errors of one game stay with it.
+"""
+
+import asyncio
+import logging
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Coroutine, Sequence
+from typing import Any, Final
+
+from models.protocols import Decision, Models, Question
+from server.play.clock import Clock
+from server.play.game import Game
+from server.play.holds import DATABASE
+from server.play.recorder import Recorder, RecorderDown, TickRecord
+from server.play.session import COUNTDOWN_S
+
+log = logging.getLogger(__name__)
+SLOT_MS: Final = 10
+COMMIT_S: Final = 1.0  # a commit that takes longer counts as RecorderDown
+PROBE_S: Final = 0.5
+STALLED_S: Final = 1.0  # a server that slept so long counts down anew instead of rushing through what it missed
+_SERVER: Final = "server"
+
+
+class Slot:
+    """The games that tick at the same moments."""
+
+    def __init__(self, tick_ms: int, index: int) -> None:
+        self.tick_s = tick_ms / 1000
+        self.offset_s = index * SLOT_MS / 1000
+        self.games: set[Game] = set()
+        self.driver: asyncio.Task[None] | None = None
+
+    def first_after(self, moment: float) -> float:
+        """The slot's first moment at or after `moment`."""
+        return math.ceil((moment - self.offset_s) / self.tick_s) * self.tick_s + self.offset_s
+
+
+class Loop:
+    """Drives games from `start` until `over` is told that one has nothing left to play."""
+
+    def __init__(self, clock: Clock, models: Models, recorder: Recorder, over: Callable[[Game, str], None]) -> None:
+        """`over(game, error)`: the episode was played to its end (error empty) or cannot go on."""
+        self.clock = clock
+        self.late_ms: deque[float] = deque(maxlen=10_000)  # of the last ticks
+        self._models, self._recorder, self._over = models, recorder, over
+        self._slots: dict[int, list[Slot]] = {}  # by tick_ms
+        self._slot_of: dict[Game, Slot] = {}
+        self._unstored: set[Game] = set()
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._prober: asyncio.Task[None] | None = None
+
+    @property
+    def moving(self) -> int:
+        """How many games count down or run."""
+        return len(self._slot_of)
+
+    def start(self, game: Game) -> None:
+        """Counts down and plays on, in the emptiest slot."""
+        tick_ms = game.session.spec.tick_ms
+        if tick_ms not in self._slots:
+            self._slots[tick_ms] = [Slot(tick_ms, index) for index in range(max(1, tick_ms // SLOT_MS))]
+        self.stop(game)
+        slot = min(self._slots[tick_ms], key=lambda slot: len(slot.games))
+        now = self.clock.now()
+        game.store(game.session.count_down(now, slot.first_after(now + COUNTDOWN_S)))
+        game.tell_countdown()
+        slot.games.add(game)
+        self._slot_of[game] = slot
+        if slot.driver is None or slot.driver.done():
+            slot.driver = self._spawn(self._drive(slot))
+        if game.session.stored:
+            game.show()
+        elif not game.busy:
+            self._spawn(self._make_start(game))
+
+    def stop(self, game: Game) -> None:
+        """The game stands still (or is gone)."""
+        slot = self._slot_of.pop(game, None)
+        if slot is not None:
+            slot.games.discard(game)
+
+    async def close(self) -> None:
+        """Ends all driving; what is being stored is finished first."""
+        for slots in self._slots.values():
+            for slot in slots:
+                slot.games.clear()
+        self._slot_of.clear()
+        if self._prober is not None:
+            self._prober.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+        task = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
+
+    async def _drive(self, slot: Slot) -> None:
+        while slot.games:
+            await self.clock.sleep_until(min(game.session.next_deadline for game in slot.games))
+            now = self.clock.now()
+            due = [game for game in slot.games if not game.busy and game.session.next_deadline <= now]
+            if self.clock.speed == 1:
+                due = [game for game in due if not self._stalled(game, now)]
+            if due:
+                await self._play(due, now)
+            else:
+                await asyncio.sleep(0.001)
+
+    def _stalled(self, game: Game, now: float) -> bool:
+        if now - game.session.next_deadline < STALLED_S:
+            return False
+        game.pause(_SERVER, "server")
+        game.release(_SERVER)
+        return True
+
+    async def _make_start(self, game: Game) -> None:
+        """The start state, recorded and predicted while the countdown runs."""
+        await self._finish([(game, game.session.begin_start())])
+        go = game.session.next_deadline - game.session.tick_s
+        slot = self._slot_of.get(game)
+        if slot is not None and self.clock.now() > go:
+            game.session.start_at(slot.first_after(self.clock.now()))
+
+    async def _play(self, games: Sequence[Game], now: float) -> None:
+        begun = []
+        for game in games:
+            self.late_ms.append((now - game.session.next_deadline) * 1000)
+            try:
+                begun.append((game, game.session.begin_tick(now)))
+            except Exception as error:  # noqa: BLE001 - a fault in one game must not reach the others
+                self._broken(game, error)
+        await self._finish(begun)
+
+    async def _finish(self, begun: Sequence[tuple[Game, list[Question]]]) -> None:
+        """States that were made: asked about, stored, shown."""
+        for game, _ in begun:
+            game.busy = True
+        decisions, models_ms = await self._ask(begun)
+        made: list[tuple[Game, TickRecord]] = []
+        for game, questions in begun:
+            mine, decisions = decisions[: len(questions)], decisions[len(questions) :]
+            try:
+                made.append((game, game.session.finish_tick(mine, models_ms)))
+            except Exception as error:  # noqa: BLE001 - as above
+                self._broken(game, error)
+        await self._store(made)
+
+    async def _ask(self, begun: Sequence[tuple[Game, list[Question]]]) -> tuple[list[Decision | None], float]:
+        questions = [question for _, asked in begun for question in asked]
+        if not questions:
+            return [], 0.0
+        began = time.perf_counter()
+        deadline_ms = max(game.session.spec.deadline_ms for game, _ in begun)
+        try:
+            decisions = await self._models.ask(questions, float(deadline_ms))
+        except Exception:
+            log.exception("the models failed; %d partners wait", len(questions))
+            decisions = [None] * len(questions)
+        return decisions, (time.perf_counter() - began) * 1000
+
+    async def _store(self, made: Sequence[tuple[Game, TickRecord]]) -> None:
+        try:
+            await self._commit([record for _, record in made])
+        except RecorderDown as down:
+            self._wait_for_database(made, down)
+        except Exception:
+            log.exception("a batch of %d ticks was refused; each is stored by itself", len(made))
+            for game, record in made:
+                await self._store_one(game, record)
+        else:
+            for game, _ in made:
+                self._stored(game)
+
+    async def _store_one(self, game: Game, record: TickRecord) -> None:
+        try:
+            await self._commit([record])
+        except RecorderDown as down:
+            self._wait_for_database([(game, record)], down)
+        except Exception as error:  # noqa: BLE001 - as above
+            self._broken(game, error)
+        else:
+            self._stored(game)
+
+    async def _commit(self, records: Sequence[TickRecord]) -> None:
+        if records:
+            try:
+                async with asyncio.timeout(COMMIT_S):
+                    await self._recorder.ticks(records)
+            except TimeoutError:
+                raise RecorderDown(f"no commit within {COMMIT_S} s") from None
+
+    def _stored(self, game: Game) -> None:
+        """The state is durable: only now anybody sees it."""
+        game.busy, game.unstored, game.session.stored = False, None, True
+        game.show()
+        if game.session.over:
+            self.stop(game)
+            self._over(game, "")
+        elif not game.session.moving:
+            game.tell_paused()
+
+    def _broken(self, game: Game, error: Exception) -> None:
+        log.error("episode %s cannot go on", game.episode, exc_info=error)
+        self.stop(game)
+        self._over(game, f"{type(error).__name__}: {error}")
+
+    # While the database is away
+
+    def _wait_for_database(self, made: Sequence[tuple[Game, TickRecord]], down: RecorderDown) -> None:
+        log.error("the database does not commit, %d games pause: %s", len(made), down)
+        for game, record in made:
+            game.unstored = record
+            self._unstored.add(game)
+            game.pause(DATABASE, "database")
+            game.tell_paused()
+        if self._prober is None or self._prober.done():
+            self._prober = self._spawn(self._probe())
+
+    async def _probe(self) -> None:
+        """Repeats the commits that failed until they arrive; then the games go on by themselves."""
+        while self._unstored:
+            await asyncio.sleep(PROBE_S)
+            games = [(game, game.unstored) for game in self._unstored if game.unstored is not None]
+            try:
+                await self._commit([record for _, record in games])
+            except RecorderDown:
+                continue
+            except Exception:
+                log.exception("a batch of %d ticks was refused; each is stored by itself", len(games))
+                for game, record in games:
+                    self._unstored.discard(game)
+                    game.release(DATABASE)
+                    await self._store_one(game, record)
+                continue
+            log.warning("the database commits again, %d games go on", len(games))
+            for game, _ in games:
+                self._unstored.discard(game)
+                self._stored(game)
+                game.release(DATABASE)

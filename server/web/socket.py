@@ -1,0 +1,243 @@
+"""The websocket of a game: who may open it, what comes in and goes out, and when it is closed. Plays nothing itself."""
+
+import asyncio
+import logging
+import time
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+from fastapi import APIRouter, WebSocket
+from starlette.requests import HTTPConnection
+
+from server.play import messages
+from server.play.budget import Budget
+from server.play.game import Game
+from server.play.games import Games, NoGame
+from server.play.outlet import Close, Outlet
+from server.play.recorder import RecorderDown
+
+log = logging.getLogger(__name__)
+BEAT_EVERY_S: Final = 0.25
+HELLO_WITHIN_S: Final = 10.0
+MOST_REFUSED: Final = 20  # bad messages on one socket
+_BUDGETS_KEPT: Final = 10_000
+
+NOT_TEXT = 1003
+ABUSE = 1008
+TOO_LARGE = 1009
+FAILED = 1011
+TRY_LATER = 1013
+NO_GAME = 4004  # the participant's current step is no game: reload the page
+
+
+@dataclass(frozen=True)
+class Player:
+    """Whose socket it is, and what they play now."""
+
+    participant: str
+    episode: str | None  # None: their current step is no game
+    seat: int  # server.play.session.VIEWER for somebody who watches two agents
+    next_url: str
+
+
+FindPlayer = Callable[[HTTPConnection, str], Awaitable[Player | None]]  # (connection with the cookie, study) -> who
+Report = Callable[[str, str], Awaitable[None]]  # (participant, text of a problem in their browser)
+
+
+class PlayerSocket:
+    """One accepted socket, as the game and the heartbeat see it."""
+
+    def __init__(self, socket: WebSocket, player: Player) -> None:
+        self.player = player
+        self.tab = ""
+        self.next_url = player.next_url
+        self.outlet = Outlet()
+        self.reader: asyncio.Task[Any] | None = asyncio.current_task()
+        self._socket = socket
+
+    def send(self, message: messages.Outgoing) -> None:
+        self.outlet.send(message)
+
+    def close(self, code: int, reason: str) -> None:
+        self.outlet.close(code, reason)
+
+    async def write(self) -> None:
+        """Sends what waits until the socket closes. Returns when it is closed from either side."""
+        while True:
+            frame = await self.outlet.next()
+            if isinstance(frame, Close):
+                await self._socket.send({"type": "websocket.close", "code": frame.code, "reason": frame.reason})
+                return
+            await self._socket.send({"type": "websocket.send", "text": frame.decode()})
+
+
+class Gate:
+    """What of one socket's frames comes in: text, small, well formed, not too many."""
+
+    def __init__(self, budget: Budget) -> None:
+        self._budget = budget
+        self._refused = 0
+
+    def let_in(self, text: str | None, mine: PlayerSocket, now: float) -> messages.Incoming | None:
+        """The message of a frame; None when it was refused, answered here, or the socket is to close."""
+        if text is None:
+            mine.close(NOT_TEXT, "this protocol has text frames only")
+            return None
+        if len(text) > messages.MAX_FRAME_BYTES or len(text.encode()) > messages.MAX_FRAME_BYTES:
+            mine.close(TOO_LARGE, f"a frame has at most {messages.MAX_FRAME_BYTES} bytes")
+            return None
+        try:
+            message = messages.decode(text)
+        except messages.BadMessage as error:
+            return self._refuse(str(error), mine, now)
+        if isinstance(message, messages.Pong) and mine.outlet.pong(message.id, time.monotonic()):
+            return None
+        if not self._budget.spend(now):
+            mine.close(ABUSE, "too many messages")
+            return None
+        return message
+
+    def _refuse(self, reason: str, mine: PlayerSocket, now: float) -> None:
+        self._refused += 1
+        if self._refused > MOST_REFUSED or not self._budget.spend(now):
+            mine.close(ABUSE, "too many bad messages")
+        else:
+            mine.send(messages.Refused("bad_message", reason))
+
+
+class Sockets:
+    """All open game sockets of this server."""
+
+    def __init__(self, games: Games, find: FindPlayer, origins: frozenset[str], report: Report | None = None) -> None:
+        """`origins`: further allowed origins beside the host that the request names."""
+        self._games, self._find, self._origins, self._report = games, find, origins, report
+        self._open: set[PlayerSocket] = set()
+        self._budgets: dict[str, Budget] = {}
+        self._heart: asyncio.Task[None] | None = None
+
+    def __len__(self) -> int:
+        return len(self._open)
+
+    def rtts_ms(self) -> dict[str, float]:
+        """The last measured round trip of every connected participant."""
+        return {
+            socket.player.participant: socket.outlet.rtt_ms for socket in self._open if socket.outlet.rtt_ms is not None
+        }
+
+    async def serve(self, socket: WebSocket, study: str) -> None:
+        """From handshake to close. Strangers and foreign pages get a 403 before anything is accepted."""
+        if not self._allowed(socket):
+            log.warning("a websocket from another origin was refused: %s", socket.headers.get("origin", "")[:100])
+            return await socket.close(ABUSE)
+        player = await self._find(socket, study)
+        if player is None:
+            return await socket.close(ABUSE)
+        await socket.accept()
+        mine = PlayerSocket(socket, player)
+        self._open.add(mine)
+        if self._heart is None or self._heart.done():
+            self._heart = asyncio.create_task(self._beat())
+        writer = asyncio.create_task(mine.write())
+        reader = asyncio.create_task(self._read(socket, mine))
+        mine.reader = reader
+        try:
+            await asyncio.wait({writer, reader}, return_when=asyncio.FIRST_COMPLETED)
+            if reader.done():
+                await self._settle(writer, mine)
+        finally:
+            self._open.discard(mine)
+            mine.outlet.drop()
+            for task in (writer, reader):
+                task.cancel()
+            await asyncio.gather(writer, reader, return_exceptions=True)
+
+    @staticmethod
+    async def _settle(writer: asyncio.Task[None], mine: PlayerSocket) -> None:
+        """The last words may still go out, but nobody waits long for a dead peer."""
+        mine.close(1000, "")
+        await asyncio.wait({writer}, timeout=1.0)
+
+    def _allowed(self, socket: WebSocket) -> bool:
+        """Browsers always name the page's origin: it must be ours. Programs that are no browsers need not."""
+        origin = socket.headers.get("origin")
+        if origin is None or origin in self._origins:
+            return True
+        return urlsplit(origin).netloc == socket.headers.get("host", "")
+
+    async def _beat(self) -> None:
+        while self._open:
+            await asyncio.sleep(BEAT_EVERY_S)
+            now = time.monotonic()
+            for mine in list(self._open):
+                if mine.outlet.beat(now) and mine.reader is not None:
+                    mine.reader.cancel()
+            if len(self._budgets) > _BUDGETS_KEPT:
+                self._budgets = {mine.player.participant: self._budgets[mine.player.participant] for mine in self._open}
+
+    async def _read(self, socket: WebSocket, mine: PlayerSocket) -> None:
+        game: Game | None = None
+        gate = Gate(self._budgets.setdefault(mine.player.participant, Budget(self._games.clock.now())))
+        try:
+            while (event := await socket.receive())["type"] != "websocket.disconnect":
+                message = gate.let_in(event.get("text"), mine, self._games.clock.now())
+                if message is not None:
+                    game = await self._handle(message, game, mine)
+                if mine.outlet.closing:
+                    return
+        finally:
+            if game is not None:
+                game.leave(mine.player.seat, mine)
+
+    async def _handle(self, message: messages.Incoming, game: Game | None, mine: PlayerSocket) -> Game | None:
+        """Does what one message asks; the game that the socket is in from now on."""
+        match message:
+            case messages.Hello():
+                return await self._hello(message, game, mine)
+            case messages.Trouble():
+                log.info("trouble in a browser: %s", message.text)
+                if self._report is not None:
+                    await self._report(mine.player.participant, message.text)
+            case messages.Pong():
+                pass  # late, or an answer to nothing: of no use, of no harm
+            case _ if game is None:
+                mine.send(messages.Refused("hello_first", "the first message is hello"))
+            case _:
+                game.receive(mine.player.seat, mine, message)
+        return game
+
+    async def _hello(self, hello: messages.Hello, game: Game | None, mine: PlayerSocket) -> Game | None:
+        player = mine.player
+        if hello.protocol != messages.PROTOCOL:
+            mine.send(messages.Refused("protocol", f"this server speaks protocol {messages.PROTOCOL}: reload the page"))
+            mine.close(ABUSE, "another protocol")
+        elif player.episode is None:
+            mine.send(messages.Refused("no_game", "no game is to be played now: reload the page"))
+            mine.close(NO_GAME, "no game")
+        else:
+            mine.tab = hello.tab
+            try:
+                return await self._games.join(player.episode, player.seat, mine)
+            except NoGame as error:
+                mine.send(messages.Refused("no_game", str(error)))
+                mine.close(NO_GAME, "no game")
+            except RecorderDown as error:
+                mine.send(messages.Refused("database", str(error)))
+                mine.close(TRY_LATER, "the database is away")
+            except Exception:
+                log.exception("episode %s cannot be taken up", player.episode)
+                mine.send(messages.Refused("broken", "this game cannot be taken up; the researcher has been told"))
+                mine.close(FAILED, "the game is broken")
+        return game
+
+
+def router(sockets: Sockets) -> APIRouter:
+    """The one websocket route of participants."""
+    routes = APIRouter()
+
+    @routes.websocket("/s/{study}/socket")
+    async def play(socket: WebSocket, study: str) -> None:
+        await sockets.serve(socket, study)
+
+    return routes
