@@ -91,7 +91,7 @@ class Layer(nn.Module):
         self.widen = nn.Linear(config.hidden, config.feed_forward)
         self.narrow = nn.Linear(config.feed_forward, config.hidden)
 
-    def forward(self, x: Tensor, mask: Tensor, rotation: Tensor | None) -> Tensor:
+    def forward(self, x: Tensor, mask: Tensor | None, rotation: Tensor | None) -> Tensor:
         """`x` (B, T, hidden); `mask` (T, T) or (B, 1, T, T), True where a token may look; `rotation` (T, dim / 2,
         2)."""
         q, k, v = self.split(self.qkv(self.before_attention(x)))  # (B, heads, T, dim)
@@ -103,7 +103,7 @@ class Layer(nn.Module):
 
     def split(self, qkv: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """(B, T, 3 * hidden) to three of (B, heads, T, dim)."""
-        q, k, v = qkv.unflatten(-1, (3, self.heads, -1)).permute(2, 0, 3, 1, 4).unbind(0)
+        q, k, v = qkv.view(*qkv.shape[:2], 3, self.heads, -1).permute(2, 0, 3, 1, 4).unbind(0)
         return q, k, v
 
     def feed_forward(self, x: Tensor) -> Tensor:
@@ -140,7 +140,7 @@ class PredictorNetwork(nn.Module):
         """`present` (B, T), window form: False for steps before the start of the game."""
         x = self.token(torch.cat([functional.relu(self.state(features)), self.action(actions)], -1))
         if self.position is not None:
-            mask = torch.ones(x.shape[1], x.shape[1], dtype=torch.bool) if present is None else present[:, None, None, :]
+            mask = None if present is None else present[:, None, None, :]
             x, rotation = x + self.position, None
         else:
             mask = band(x.shape[1], self.config.look_back)
@@ -150,8 +150,7 @@ class PredictorNetwork(nn.Module):
         return self.decode(x if self.position is None else x[:, -1])
 
     def decode(self, x: Tensor) -> Tensor:
-        return self.decoder(self.norm(x)).unflatten(-1, (STEPS, ACTIONS)) / self.temperature[:, None]  # type:
-        ignore[no-any-return]
+        return self.decoder(self.norm(x)).unflatten(-1, (STEPS, ACTIONS)) / self.temperature[:, None]  # type: ignore[no-any-return]
 
 
 def band(timesteps: int, look_back: int) -> Tensor:
@@ -177,7 +176,8 @@ def rotated(x: Tensor, rotation: Tensor) -> Tensor:
 def one_hot(actions: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
     """Joint actions (..., 2), -1 for none, to (..., 12)."""
     table = np.concatenate([np.eye(ACTIONS, dtype=np.float32), np.zeros((1, ACTIONS), np.float32)])
-    return table[actions].reshape(*actions.shape[:-1], JOINT)
+    hot: NDArray[np.float32] = table[actions].reshape(*actions.shape[:-1], JOINT)
+    return hot
 
 
 class _Games:
@@ -186,12 +186,12 @@ class _Games:
     def __init__(self, network: PredictorNetwork) -> None:
         self.network = network.eval().requires_grad_(False)
         self.memory = network.config.memory
-        self._count = 0
-        self._action_table = functional.linear(torch.from_numpy(one_hot(_ALL_JOINT)), network.action.weight, network.action.bias)
-        self._token_of_state = network.token.weight[:, : network.config.state_width].contiguous()
-        self._token_of_action = functional.linear(
-            self._action_table, network.token.weight[:, network.config.state_width :], network.token.bias
-        )  # (49, hidden): what a joint action adds to a token
+        width = network.config.state_width
+        of_state, of_action = network.token.weight[:, :width], network.token.weight[:, width:]
+        self._token_of_state = of_state.contiguous()
+        # What each joint action adds to its token: (49, hidden).
+        embedded = network.action(torch.from_numpy(one_hot(_ALL_JOINT)))
+        self._token_of_action = functional.linear(embedded, of_action, network.token.bias)
 
     def _state_tokens(self, observations: Observations) -> Tensor:
         """(B, hidden): what a state adds to its token."""
@@ -199,7 +199,7 @@ class _Games:
         return functional.linear(functional.relu(self.network.state(features)), self._token_of_state)
 
     def _probabilities(self, x: Tensor) -> Predictions:
-        return self.network.decode(x).softmax(-1).numpy()  # type: ignore[no-any-return]
+        return self.network.decode(x).softmax(-1).numpy()
 
 
 _ALL_JOINT = np.stack(np.meshgrid(np.arange(-1, ACTIONS), np.arange(-1, ACTIONS), indexing="ij"), -1).reshape(-1, 2)
@@ -229,7 +229,9 @@ class StreamPredictor(_Games):
         self._timesteps[torch.from_numpy(slots)] = 0
 
     @torch.inference_mode()
-    def predict(self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]) -> Predictions:
+    def predict(
+        self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
+    ) -> Predictions:
         chosen = torch.from_numpy(slots)
         now = self._timesteps[chosen]
         self._timesteps[chosen] = now + 1
@@ -240,15 +242,21 @@ class StreamPredictor(_Games):
         x = self._state_tokens(observations) + self._token_of_action[_joint_index(last_actions)]
         for layer, ring in zip(self.network.layers, self._rings, strict=True):
             x = x + self._attention(layer, ring, x, chosen, place, rotation, hidden_places)
-            x = x + layer.feed_forward(x)
+            x = x + layer.feed_forward(x)  # type: ignore[operator]
         return self._probabilities(x)
 
     def _attention(
-        self, layer: Any, ring: Tensor, x: Tensor, chosen: Tensor, place: Tensor, rotation: Tensor, hidden_places:
-        Tensor | None
+        self,
+        layer: Any,
+        ring: Tensor,
+        x: Tensor,
+        chosen: Tensor,
+        place: Tensor,
+        rotation: Tensor,
+        hidden_places: Tensor | None,
     ) -> Tensor:
         """The new token (B, hidden) looks at itself and what the ring keeps; its key and value join the ring."""
-        q, k, v = layer.qkv(layer.before_attention(x)).unflatten(-1, (3, layer.heads, self._dim)).unbind(1)  # (B, heads, dim)
+        q, k, v = layer.qkv(layer.before_attention(x)).unflatten(-1, (3, layer.heads, self._dim)).unbind(1)
         ring[chosen, place] = torch.stack([rotated(k, rotation), v], 1)
         keys, values = ring[chosen].unbind(2)  # (B, look_back, heads, dim)
         scores = (rotated(q, rotation)[:, None] * keys).sum(-1) * self._dim**-0.5  # (B, look_back, heads)
@@ -280,7 +288,9 @@ class WindowPredictor(_Games):
         self._seen[chosen] = 0
 
     @torch.inference_mode()
-    def predict(self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]) -> Predictions:
+    def predict(
+        self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
+    ) -> Predictions:
         chosen = torch.from_numpy(slots)
         states = torch.cat([self._states[chosen, 1:], self._state_tokens(observations)[:, None]], 1)
         joint = _joint_index(last_actions)[:, None]
@@ -340,6 +350,6 @@ def load_trained_predictor(folder: Path, layout: Layout) -> tuple[Predictor, flo
     checkpoint = load_checkpoint(folder)
     network, trained_on = predictor_network(checkpoint)
     if trained_on.text != layout.text:
-        raise CheckpointError(f"{folder}: was trained on another grid than {layout.name}. Choose a predictor of this
-        layout.")
+        remedy = "Choose a predictor of this layout."
+        raise CheckpointError(f"{folder}: was trained on another grid than {layout.name}. {remedy}")
     return at_work(network), float(checkpoint.config.get("accuracy", {}).get("mean", 1.0))
