@@ -107,7 +107,7 @@ def add_personal(connection: Connection, participant_id: str, study_id: int, key
 def personal_of(connection: Connection, participant_id: str) -> dict[str, str]:
     """What is kept about the person: recruitment ids for the way back to the recruiter, contact."""
     query = select(personal.c.key, personal.c.value).where(personal.c.participant_id == participant_id)
-    return dict(connection.execute(query).tuples().all())
+    return {row.key: row.value for row in connection.execute(query)}
 
 
 def get(connection: Connection, participant_id: str) -> Participant | None:
@@ -178,7 +178,7 @@ def leave(connection: Connection, participant_id: str, status: str) -> bool:
 
 
 def time_out(connection: Connection, study_id: int, before: datetime) -> int:
-    """Ends the participation of all who were active but not seen since `before`, so that their places are free; how many."""
+    """Ends the participation of all active who were not seen since `before`: their places are free. Returns how many."""
     query = update(participants).where(
         participants.c.study_id == study_id, participants.c.status == "active", participants.c.last_seen_at < before
     )
