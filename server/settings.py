@@ -1,0 +1,77 @@
+"""What can be set about a server: by KITCHENMIND_* variables, a .env file or `kitchenmind serve`. Frozen once read."""
+
+import os
+import secrets
+from pathlib import Path
+from typing import Literal, Self
+from urllib.parse import urlsplit
+
+from pydantic import Field, SecretStr, model_validator
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+ROOT = Path(__file__).resolve().parent.parent
+VAR = ROOT / "var"
+_LOCAL_HOSTS = frozenset({"127.0.0.1", "::1", "localhost"})
+_WEAK_SECRETS = frozenset({"secret", "changeme", "change-me", "default", "kitchenmind", "password"})
+_SHORTEST_SECRET = 32
+
+
+class Settings(BaseSettings):
+    """Every setting has a default that is right on one's own machine; `mode = production` refuses the unsafe ones."""
+
+    model_config = SettingsConfigDict(env_prefix="KITCHENMIND_", env_file=".env", frozen=True, extra="ignore")
+
+    mode: Literal["local", "production"] = "local"
+    """production: a real study on a public address. A secret and TLS in front of the server are required."""
+    host: str = "127.0.0.1"
+    """The address to listen on. 0.0.0.0 means all of this machine."""
+    port: int = Field(default=8000, ge=0, le=65535)
+    """The port to listen on; 0 takes a free one."""
+    database: str = f"sqlite:///{VAR / 'kitchenmind.sqlite3'}"
+    """Where the data are: sqlite:///path/to/file or postgresql://user@host/name."""
+    studies: tuple[Path, ...] = (ROOT / "studies" / "quick_look.yaml", ROOT / "studies" / "external_predictor.yaml")
+    """The study files that are served."""
+    secret: SecretStr | None = None
+    """Signs forms: at least 32 random characters. Local use makes one and keeps it in `var/`."""
+    public_url: str = ""
+    """How browsers reach the server, e.g. https://lab.example.org. Empty: as they ask for it."""
+    trusted_proxies: str = "127.0.0.1"
+    """Addresses of the TLS proxy in front, whose X-Forwarded headers are believed."""
+    model_workers: int = Field(default=1, ge=1, le=64)
+    """Processes that run agents and predictors."""
+    speed: float = Field(default=1.0, gt=0, le=100)
+    """How fast the games' clock runs: 1 for people, more for tests and simulated participants."""
+
+    @model_validator(mode="after")
+    def _safe_in_production(self) -> Self:
+        if self.mode == "local":
+            return self
+        secret = self.secret.get_secret_value() if self.secret else ""
+        if len(secret) < _SHORTEST_SECRET or secret.lower() in _WEAK_SECRETS or len(set(secret)) < 8:
+            raise ValueError(
+                f"production needs KITCHENMIND_SECRET with at least {_SHORTEST_SECRET} random characters, "
+                "e.g. from `python3 -c 'import secrets; print(secrets.token_urlsafe(32))'`"
+            )
+        url = urlsplit(self.public_url)
+        if url.scheme != "https" and url.hostname not in _LOCAL_HOSTS:
+            raise ValueError(
+                "production needs KITCHENMIND_PUBLIC_URL=https://..., the address of the TLS proxy in front: "
+                "participants' cookies must not travel in the clear"
+            )
+        if self.speed != 1.0:
+            raise ValueError("production needs KITCHENMIND_SPEED=1: people play in real time")
+        return self
+
+    def signing_key(self) -> bytes:
+        """The secret; for local use one is made at the first start and kept, readable by the owner only."""
+        if self.secret is not None:
+            return self.secret.get_secret_value().encode()
+        VAR.mkdir(exist_ok=True)
+        path = VAR / "secret"
+        try:
+            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        except FileExistsError:
+            return path.read_bytes()
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(secrets.token_urlsafe(32).encode())
+        return path.read_bytes()
