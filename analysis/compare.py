@@ -21,7 +21,6 @@ from analysis.results import Result
 Values = NDArray[np.float64]
 DRAWS = 2000
 SEED = 20240101
-MANY = 4  # values a condition needs for a look at its distribution
 
 
 def samples(episodes: pl.DataFrame, measure: str, conditions: Sequence[str], **where: str) -> dict[str, Values]:
@@ -50,10 +49,13 @@ def pairs(conditions: Sequence[str]) -> list[tuple[str, str]]:
 def means(
     episodes: pl.DataFrame, measure: str, conditions: Sequence[str], places: Sequence[tuple[str, str]], section: str
 ) -> list[Result]:
-    """Mean, standard error and 95 % interval in every condition at every (layout, agent)."""
+    """Mean, standard error and 95 % interval in every condition at every (layout, agent); over the mean of every person
+    where the layout is "all", since one person's episodes are not independent."""
     rows = []
+    of_people = episodes.group_by("participant", "condition", "agent", maintain_order=True).agg(pl.col(measure).mean())
     for layout, agent in places:
-        for condition, values in samples(episodes, measure, conditions, layout=layout, agent=agent).items():
+        table, unit = (of_people, "people") if layout == "all" else (episodes, "episodes")
+        for condition, values in samples(table, measure, conditions, layout=layout, agent=agent).items():
             if values.size:
                 mean = effects.mean_interval(values)
                 rows.append(
@@ -68,6 +70,7 @@ def means(
                         estimate_high=mean.high,
                         se=effects.standard_error(values),
                         n=values.size,
+                        unit=unit,
                         ci_level=mean.level,
                     )
                 )
@@ -77,8 +80,8 @@ def means(
 def kruskal_wallis(
     episodes: pl.DataFrame, measure: str, conditions: Sequence[str], agents: Sequence[str]
 ) -> list[Result]:
-    """One rank test per agent over the conditions, as published, with epsilon squared; `p_adjusted` is the p value when
-    the conditions are permuted over whole people, because a person's episodes are not independent."""
+    """One rank test per agent over the conditions, as published, with epsilon squared; and its p value when the
+    conditions are permuted over whole people (`kruskal_wallis_people`), as a person's episodes are not independent."""
     rows = []
     for agent in agents:
         chosen = episodes if agent == "all" else episodes.filter(pl.col("agent") == agent)
@@ -89,22 +92,22 @@ def kruskal_wallis(
             continue
         h, p = stats.kruskal(*groups)
         low, high = _epsilon_interval(chosen, measure)
+        base = replace(base, statistic_name="H", statistic=float(h), df=float(len(groups) - 1))
         rows.append(
             replace(
                 base,
-                statistic_name="H",
-                statistic=float(h),
-                df=float(len(groups) - 1),
                 p=float(p),
-                p_adjusted=_permuted_people(chosen, measure),
                 effect_name="epsilon squared",
                 effect=effects.epsilon_squared(float(h), base.n),
                 ci_low=low,
                 ci_high=high,
                 ci_level=0.95,
-                note=f"p_adjusted: conditions permuted over people, {DRAWS} draws; interval: people drawn again",
+                note="interval: people drawn again",
             )
         )
+        permuted = _permuted_people(chosen, measure)
+        note = f"conditions permuted over people, {DRAWS} draws"
+        rows.append(replace(base, test="kruskal_wallis_people", p=permuted, note=note))
     return rows
 
 

@@ -14,7 +14,7 @@ PUSHES = 8  # as often the same move in a row goes into a wall or a person: kitc
 
 def episode_measures(export: Export) -> pl.DataFrame:
     """The export's episodes with reward, and measures from their ticks: idle_share, longest_idle_s, interactions,
-    pushing_share, late_share, hidden_share, accuracy and accuracy_1..3 (shares, 0 to 1; null without ticks)."""
+    pushing_share, late_share, lag_ms, hidden_share, accuracy and accuracy_1..3 (shares, 0 to 1; null without ticks)."""
     ticks = export.ticks.filter(pl.col("person").is_not_null())
     of_ticks = ticks.group_by("episode").agg(
         timesteps=pl.len(),
@@ -23,7 +23,7 @@ def episode_measures(export: Export) -> pl.DataFrame:
         late_share=pl.col("late").mean(),
     )
     episodes = export.episodes.with_columns(reward=pl.col("score") + pl.col("progress"))
-    for table in (of_ticks, longest_idle(ticks), pushing(ticks), accuracy_of_episodes(export.ticks)):
+    for table in (of_ticks, longest_idle(ticks), pushing(ticks), lag(ticks), accuracy_of_episodes(export.ticks)):
         episodes = episodes.join(table, on="episode", how="left")
     hidden = export.pauses.filter(pl.col("reason").is_in(["hidden", "blur"]))
     hidden = hidden.group_by("episode").agg(hidden_ms=pl.col("duration_ms").sum())
@@ -67,6 +67,16 @@ def pushing(ticks: pl.DataFrame) -> pl.DataFrame:
     the partner. A sign of being stuck that needs the actions only."""
     beyond = pl.when(pl.col("person") < MOVES).then((pl.col("length").cast(pl.Int64) - PUSHES).clip(0)).otherwise(0)
     return _runs(ticks).group_by("episode").agg(pushing_share=beyond.sum() / pl.col("length").sum())
+
+
+def lag(ticks: pl.DataFrame) -> pl.DataFrame:
+    """How much slower than its fastest key the slowest twentieth of an episode's keys came: episode, lag_ms. Browser
+    and server clocks differ by a constant, which falls out; null where no key times were recorded."""
+    if "key_client_ms" not in ticks.columns:
+        return ticks.select("episode", lag_ms=pl.lit(None, dtype=pl.Float64)).unique()
+    delay = (pl.col("key_received_ms") - pl.col("key_client_ms")).cast(pl.Float64)
+    slow = delay.quantile(0.95, "linear") - delay.min()
+    return ticks.group_by("episode").agg(lag_ms=slow)
 
 
 def prediction_hits(ticks: pl.DataFrame) -> pl.DataFrame:

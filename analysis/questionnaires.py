@@ -15,11 +15,9 @@ from analysis.results import Result
 
 # The published questions, in short.
 TITLES = {
-    "satisfaction_agent": "Satisfied with partner",
-    "satisfaction_partner": "Satisfied with partner",
-    "satisfaction_predictor": "Satisfied with predictor",
-    "awareness": "Can predict the partner",
-    "predictability": "Can predict the partner",
+    "partner_satisfaction": "Satisfied with partner",
+    "predictor_satisfaction": "Satisfied with predictor",
+    "situational_awareness": "Can predict the partner",
     "efficiency": "Efficiency of cooperation",
 }
 

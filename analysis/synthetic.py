@@ -21,7 +21,7 @@ BASELINE = {  # mean reward by layout, invented
     "matrix": 74.0,
     "clear_division": 119.0,
 }
-QUESTIONS = ("satisfaction_partner", "satisfaction_predictor", "awareness", "efficiency")
+QUESTIONS = ("partner_satisfaction", "predictor_satisfaction", "situational_awareness", "efficiency")
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def _answers(truth: Truth, episodes: pl.DataFrame, generator: np.random.Generato
     for episode, person, condition in episodes.select("episode", "participant_0", "condition").iter_rows():
         leaning = mood.setdefault(person, generator.normal(4.2, 0.6))
         for question in QUESTIONS:
-            if question == "satisfaction_predictor" and condition == "none":
+            if question == "predictor_satisfaction" and condition == "none":
                 continue
             answer = generator.normal(leaning + truth.answer_effect.get(condition, 0.0), 1.1)
             rows.append((person, episode, question, int(np.clip(round(answer), 1, 7))))

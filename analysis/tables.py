@@ -185,6 +185,8 @@ def _ticks(table: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
         pl.when(partner).then(pl.col("action_1")).otherwise(pl.col("action_0")).cast(pl.Int8).alias("person"),
         pl.col("late").cast(pl.Boolean),
     ]
+    keys = [key for key in ("key_client_ms", "key_received_ms") if f"{key}_0" in table.columns]
+    columns += [pl.when(partner).then(pl.col(f"{key}_1")).otherwise(pl.col(f"{key}_0")).alias(key) for key in keys]
     missing = [step for step in range(1, STEPS + 1) if f"predicted_{step}" not in table.columns]
     columns += [_most_probable(table, step) for step in missing]
     return table.with_columns(columns).sort("episode", "timestep")

@@ -1,0 +1,288 @@
+"""The report's figures, readable in grey and by colour-blind eyes: none is hollow, random hatched, ToM solid.
+
+Result rows in, matplotlib figures out. Computes nothing but positions.
+"""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+from scipy import stats
+
+from analysis.names import agent_title, condition_title, layout_title, stars
+from analysis.power import Power
+from analysis.results import Result, select
+
+INK, SOFT, LINE, CARD = "#22303c", "#5b6873", "#e3d9c8", "#ffffff"
+ACCENT = "#b8501f"
+# condition -> edge, fill, hatch; conditions that are not in the published design take the others in turn
+FILLS = {"none": (SOFT, CARD, ""), "random": ("#7a5195", CARD, "////"), "tom": ("#12737a", "#12737a", "")}
+OTHERS = (("#9a6400", CARD, "...."), ("#9a6400", CARD, "xxxx"), ("#004a99", CARD, "----"), ("#004a99", "#004a99", ""))
+WIDTH_IN = 8.6
+STYLE = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.5,
+    "text.color": INK,
+    "axes.labelcolor": SOFT,
+    "axes.edgecolor": SOFT,
+    "axes.linewidth": 0.8,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.axisbelow": True,
+    "xtick.color": INK,
+    "ytick.color": SOFT,
+    "ytick.labelcolor": SOFT,
+    "ytick.labelsize": 8,
+    "grid.color": LINE,
+    "grid.linewidth": 0.8,
+    "hatch.linewidth": 0.9,
+    "svg.fonttype": "none",
+    "legend.frameon": False,
+}
+
+
+def save(figure: Figure, folder: Path, name: str) -> str:
+    """Writes name.svg and name.png (300 dpi) and returns the SVG to put into a page, its ids made unique by name."""
+    with rc_context({**STYLE, "svg.hashsalt": name}):  # type: ignore[arg-type, dict-item, unused-ignore]
+        figure.savefig(folder / f"{name}.png", dpi=300, facecolor=CARD)
+        stream = StringIO()
+        figure.savefig(stream, format="svg", transparent=True, metadata={"Date": None, "Title": name})
+    svg = stream.getvalue()
+    (folder / f"{name}.svg").write_text(svg, encoding="utf-8")
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r'(id="|url\(#|href="#)', rf"\g<1>{name}-", svg)
+    return re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+
+
+def _figure(height_in: float, rows: int = 1, width_in: float = WIDTH_IN) -> tuple[Figure, list[Axes]]:
+    with rc_context(STYLE):  # type: ignore[arg-type]
+        figure = Figure(figsize=(width_in, height_in), layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(rows, 1, squeeze=False)[:, 0]
+    for panel in axes:
+        panel.spines[["top", "right", "left"]].set_visible(False)
+        panel.tick_params(length=0)
+    return figure, list(axes)
+
+
+def fill(condition: str, conditions: Sequence[str]) -> tuple[str, str, str]:
+    """Edge, face and hatch of a condition."""
+    if condition in FILLS:
+        return FILLS[condition]
+    others = [name for name in conditions if name not in FILLS]
+    return OTHERS[others.index(condition) % len(OTHERS)]
+
+
+def _legend(panel: Axes, conditions: Sequence[str]) -> None:
+    patches = []
+    for condition in conditions:
+        edge, face, hatch = fill(condition, conditions)
+        patches.append(Patch(facecolor=face, edgecolor=edge, hatch=hatch, label=condition_title(condition)))
+    panel.legend(handles=patches, loc="lower right", bbox_to_anchor=(1, 0.98), ncols=len(patches), borderaxespad=0)
+
+
+def _bar(panel: Axes, x: float, row: Result, conditions: Sequence[str], half: float, decimals: int) -> float:
+    """One mean with its error bar and number; returns how high it reaches."""
+    edge, face, hatch = fill(row.condition, conditions)
+    panel.bar(x, row.estimate, 0.22, facecolor=face, edgecolor=edge, hatch=hatch, linewidth=1.1, zorder=2)
+    half = 0.0 if math.isnan(half) else half
+    if half:
+        panel.plot([x, x], [row.estimate - half, row.estimate], color=CARD, linewidth=3, zorder=3)
+        panel.errorbar(x, row.estimate, half, color=INK, capsize=2.6, elinewidth=1, capthick=1, zorder=4)
+    top = row.estimate + half
+    panel.annotate(
+        f"{row.estimate:.{decimals}f}",
+        (x, top),
+        (0, 2.5),
+        textcoords="offset points",
+        ha="center",
+        fontsize=7.6,
+        color=SOFT,
+    )
+    return top
+
+
+def _group_places(conditions: Sequence[str]) -> dict[str, float]:
+    spread = (np.arange(len(conditions)) - (len(conditions) - 1) / 2) * 0.265
+    return dict(zip(conditions, spread.tolist(), strict=True))
+
+
+def rewards(rows: Sequence[Result], conditions: Sequence[str], contrast: tuple[str, str] | None) -> Figure:
+    """Mean reward with standard error by agent (panels), layout and condition; brackets where `contrast` is significant
+    after correction."""
+    means = select(rows, section="reward", test="mean")
+    agents = list(dict.fromkeys(row.agent for row in means))
+    layouts = list(dict.fromkeys(row.layout for row in means))
+    figure, panels = _figure(0.35 + 2.35 * len(agents), len(agents))
+    top = max((row.estimate + (0 if math.isnan(row.se) else row.se) for row in means), default=1.0)
+    places = _group_places(conditions)
+    for panel, agent in zip(panels, agents, strict=True):
+        for index, layout in enumerate(layouts):
+            bars = select(means, agent=agent, layout=layout)
+            tops = [_bar(panel, index + places[row.condition], row, conditions, row.se, 0) for row in bars]
+            if contrast and tops:
+                _bracket(panel, rows, (layout, agent), contrast, index, places, max(tops), top)
+        if layouts[-1] == "all" and len(layouts) > 1:
+            panel.axvline(len(layouts) - 1.5, color=SOFT, linewidth=0.8, linestyle=(0, (3, 3)))
+        panel.set_title(f"{agent_title(agent)} agent")
+        panel.set_xticks(range(len(layouts)), [layout_title(layout) for layout in layouts])
+        panel.set_xlim(-0.55, len(layouts) - 0.45)
+        panel.set_ylim(0, top * 1.24)
+        panel.grid(axis="y")
+    _legend(panels[0], conditions)
+    return figure
+
+
+def _bracket(
+    panel: Axes,
+    rows: Sequence[Result],
+    place: tuple[str, str],
+    contrast: tuple[str, str],
+    index: int,
+    places: Mapping[str, float],
+    reach: float,
+    top: float,
+) -> None:
+    tests = select(
+        rows, section="reward", test="t_test", contrast=" - ".join(contrast), layout=place[0], agent=place[1]
+    )
+    mark = stars(tests[0].p_adjusted) if tests else ""
+    if not mark:
+        return
+    left, right = sorted(index + places[name] for name in contrast)
+    low, high = reach + top * 0.095, reach + top * 0.12
+    panel.plot([left, left, right, right], [low, high, high, low], color=INK, linewidth=0.9)
+    panel.annotate(mark, ((left + right) / 2, high), (0, -1.5), textcoords="offset points", ha="center", fontsize=9)
+
+
+def effect_sizes(rows: Sequence[Result], contrast: tuple[str, str]) -> Figure:
+    """Hedges g with interval for every layout and agent; filled where significant after correction."""
+    tests = select(rows, section="reward", test="t_test", contrast=" - ".join(contrast))
+    tests = [row for row in tests if not math.isnan(row.effect) and row.agent != "all"]
+    figure, (panel,) = _figure(0.9 + 0.24 * len(tests))
+    labels, y = [], 0.0
+    for index, row in enumerate(tests):
+        y += 0.5 if index and row.agent != tests[index - 1].agent else 0.0
+        sure = row.p_adjusted < 0.05
+        panel.plot([row.ci_low, row.ci_high], [y, y], color=INK, linewidth=1.1, zorder=2)
+        face = FILLS["tom"][0] if sure else CARD
+        panel.plot(row.effect, y, "s", color=FILLS["tom"][0], markerfacecolor=face, markersize=5.5, zorder=3)
+        text = f"{row.effect:.2f} [{row.ci_low:.2f}, {row.ci_high:.2f}]".replace("-", "−")
+        panel.annotate(text, (1.015, y), xycoords=("axes fraction", "data"), va="center", fontsize=8)
+        labels.append((y, f"{agent_title(row.agent)}  {layout_title(row.layout)}"))
+        y += 1
+    panel.axvline(0, color=SOFT, linewidth=0.8)
+    panel.set_yticks([place for place, _ in labels], [label for _, label in labels])
+    panel.tick_params(axis="y", labelcolor=INK)
+    panel.set_ylim(y - 0.4, -0.6)
+    first, second = (condition_title(name) for name in contrast)
+    panel.set_xlabel(f"{second} better   ←   Hedges’ g, 95 % interval   →   {first} better")
+    panel.grid(axis="x")
+    return figure
+
+
+def questionnaire(rows: Sequence[Result], conditions: Sequence[str], titles: Mapping[str, str]) -> Figure:
+    """Mean answers with 95 % interval by agent (panels), question and condition, on the scale 1 to 7."""
+    means = select(rows, section="questionnaire", test="mean")
+    agents = list(dict.fromkeys(row.agent for row in means))
+    questions = list(dict.fromkeys(row.question for row in means))
+    figure, panels = _figure(0.35 + 1.75 * len(agents), len(agents))
+    places = _group_places(conditions)
+    for panel, agent in zip(panels, agents, strict=True):
+        for index, question in enumerate(questions):
+            bars = {row.condition: row for row in select(means, agent=agent, question=question)}
+            for condition in conditions:
+                x = index + places[condition]
+                if condition in bars:
+                    row = bars[condition]
+                    _bar(panel, x, row, conditions, row.estimate_high - row.estimate, 2)
+                else:
+                    panel.annotate("not asked", (x, 1.08), ha="center", fontsize=7.2, color=SOFT, rotation=90)
+        panel.set_title(f"{agent_title(agent)} agent")
+        panel.set_xticks(range(len(questions)), [titles[question] for question in questions])
+        panel.set_xlim(-0.55, len(questions) - 0.45)
+        panel.set_ylim(1, 7.4)
+        panel.set_yticks([1, 3, 5, 7])
+        panel.grid(axis="y")
+    _legend(panels[0], conditions)
+    return figure
+
+
+def accuracy(rows: Sequence[Result], chance: float = 1 / 6) -> Figure:
+    """Accuracy by step ahead for every agent: filled offline, hollow with people."""
+    figure, (panel,) = _figure(2.5, width_in=4.2)
+    ends: list[tuple[float, str]] = []
+    for test, style, name in (("offline", "-", "offline"), ("live", "--", "live")):
+        for row in select(rows, section="accuracy", test=test, layout="all", step=1):
+            if row.condition not in ("", "all"):
+                continue
+            line = [
+                found.estimate * 100
+                for found in select(rows, section="accuracy", test=test, layout="all", agent=row.agent)
+                if found.step and found.condition == row.condition
+            ]
+            steps = range(1, len(line) + 1)
+            face = INK if test == "offline" else CARD
+            panel.plot(steps, line, style, color=INK, linewidth=1.2, marker="o", markersize=4.5, markerfacecolor=face)
+            ends.append((line[-1], f"{agent_title(row.agent)} {name}"))
+    _end_labels(panel, ends, 6.5)
+    panel.axhline(chance * 100, color=FILLS["random"][0], linewidth=1.2, linestyle=(0, (2, 2)))
+    panel.annotate("chance", (3.08, chance * 100), va="center", fontsize=8)
+    panel.set_xticks([1, 2, 3])
+    panel.set_xlim(0.85, 4.05)
+    panel.set_ylim(0, 103)
+    panel.set_xlabel("steps ahead")
+    panel.set_ylabel("right, %")
+    panel.grid(axis="y")
+    return figure
+
+
+def _end_labels(panel: Axes, ends: Sequence[tuple[float, str]], apart: float) -> None:
+    """Names at the ends of lines, pushed apart from the top down so that none covers another."""
+    place = math.inf
+    for value, label in sorted(ends, reverse=True):
+        place = min(value, place - apart)
+        panel.annotate(label, (3.08, place), va="center", fontsize=8)
+
+
+def power(points: Sequence[Power], here: int | None) -> Figure:
+    """Power of the test over people by participants, one line an effect; `here` marks this study."""
+    figure, (panel,) = _figure(2.5, width_in=4.2)
+    effects = list(dict.fromkeys(point.effect for point in points))
+    for effect, style in zip(effects, ("-", "--", ":", "-.") * len(effects), strict=False):
+        line = sorted((point.participants, point.people * 100) for point in points if point.effect == effect)
+        x, y = zip(*line, strict=True)
+        panel.plot(x, y, style, color=FILLS["tom"][0], linewidth=1.5, label=f"{effect:g} points")
+    panel.axhline(80, color=SOFT, linewidth=0.8, linestyle=(0, (3, 3)))
+    if here is not None:
+        panel.axvline(here, color=ACCENT, linewidth=1.2)
+        panel.annotate(f"this study, {here}", (here, 3), (4, 0), textcoords="offset points", fontsize=7.6, color=SOFT)
+    panel.set_ylim(0, 103)
+    panel.set_xlim(left=0)
+    panel.set_xlabel("participants in each condition")
+    panel.set_ylabel("found, %")
+    panel.legend(loc="lower right", bbox_to_anchor=(1, 0.08))
+    panel.grid(axis="y")
+    return figure
+
+
+def quantiles(residuals: NDArray[np.float64]) -> Figure:
+    """Residuals of the mixed model against a normal distribution."""
+    figure, (panel,) = _figure(2.5, width_in=4.2)
+    (theory, found), (slope, middle, _) = stats.probplot(residuals)
+    panel.plot(theory, slope * theory + middle, color=SOFT, linewidth=1)
+    panel.plot(theory, found, ".", color=INK, markersize=2.5)
+    panel.set_xlabel("quantile of a normal distribution")
+    panel.set_ylabel("residual, points")
+    panel.grid()
+    return figure

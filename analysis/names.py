@@ -1,0 +1,76 @@
+"""How things are called and numbers are written in a report: APA style, with real minus signs. Knows no statistics."""
+
+import math
+
+LAYOUT_TITLES = {"all": "All layouts"}
+CONDITION_TITLES = {"none": "None", "random": "Random", "tom": "ToM", "all": "All"}
+NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+
+
+def layout_title(layout: str) -> str:
+    """coordination_ring -> Coordination Ring."""
+    return LAYOUT_TITLES.get(layout, layout.replace("_", " ").title())
+
+
+def agent_title(agent: str) -> str:
+    """sp -> SP; other people's agents keep their spelling."""
+    if agent == "all":
+        return "Both"
+    return agent.upper() if agent in ("sp", "fcp") else agent
+
+
+def condition_title(condition: str) -> str:
+    """tom -> ToM."""
+    return CONDITION_TITLES.get(condition, condition.replace("_", " ").capitalize())
+
+
+def contrast_title(contrast: str) -> str:
+    """ "tom - none" -> "ToM – None"."""
+    return " – ".join(condition_title(name) for name in contrast.split(" - "))
+
+
+def number(value: float, decimals: int = 2) -> str:
+    """3.14159 -> 3.14, with a real minus; a dash for what could not be computed."""
+    if math.isnan(value):
+        return "–"
+    text = f"{value:.{decimals}f}"
+    return "0" + text[2:] if float(text) == 0 and text.startswith("-") else text.replace("-", "−")
+
+
+def signed(value: float, decimals: int = 1) -> str:
+    """A difference: always with its sign."""
+    text = number(value, decimals)
+    return text if text[0] in "−–" or float(text) == 0 else f"+{text}"
+
+
+def degrees(value: float) -> str:
+    """Degrees of freedom: whole where they are, else one decimal (Welch)."""
+    return "–" if math.isnan(value) else f"{value:.0f}" if value == round(value) else f"{value:.1f}"
+
+
+def p_value(p: float) -> str:
+    """For tables: .004, < .001."""
+    if math.isnan(p):
+        return "–"
+    return "< .001" if p < 0.001 else f"{p:.3f}".removeprefix("0")
+
+
+def p_equals(p: float) -> str:
+    """For sentences: = .004, < .001."""
+    text = p_value(p)
+    return text if text.startswith("<") else f"= {text}"
+
+
+def stars(p: float) -> str:
+    """* below .05, ** below .01, else nothing."""
+    return "**" if p < 0.01 else "*" if p < 0.05 else ""
+
+
+def word(count: int) -> str:
+    """Small numbers as words, as APA wants them in sentences."""
+    return NUMBERS[count] if 0 <= count < len(NUMBERS) else str(count)
+
+
+def listed(parts: list[str]) -> str:
+    """a; a and b; a, b and c."""
+    return parts[0] if len(parts) == 1 else ", ".join(parts[:-1]) + " and " + parts[-1] if parts else ""

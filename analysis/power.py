@@ -1,0 +1,125 @@
+"""Power by simulation on the design as it is: every participant, with a leaning of their own, plays every episode.
+
+Two questions: does the test over people find the difference, and how many of the tests per layout and agent do after
+Benjamini-Hochberg? Reward levels of layouts and agents fall out of both and are left out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+Values = NDArray[np.float64]
+STUDIES = 2000
+SIZES = (5, 10, 15, 20, 25, 29, 35, 40, 50, 60)
+BATCH = 500  # studies in memory at a time
+
+
+@dataclass(frozen=True)
+class Design:
+    """Two conditions that are compared, and where reward varies (standard deviations in points)."""
+
+    person_sd: float
+    residual_sd: float
+    episodes: int = 10  # of a participant: layouts times agents
+    alpha: float = 0.05
+
+
+@dataclass(frozen=True)
+class Power:
+    """Shares of simulated studies, 0 to 1."""
+
+    effect: float  # true difference in points
+    participants: int  # in each condition
+    people: float  # the t-test over participants' means finds it
+    comparison: float  # one of the tests per layout and agent finds it after Benjamini-Hochberg, on average
+    some: float  # at least one of them does
+    studies: int
+
+    @property
+    def error(self) -> float:
+        """Standard error of `people` that comes from simulating."""
+        return float(np.sqrt(self.people * (1 - self.people) / self.studies))
+
+
+def simulate(design: Design, effect: float, participants: int, studies: int, generator: np.random.Generator) -> Values:
+    """Rewards around their expectation: (studies, 2 conditions, participants, episodes), the second with the effect."""
+    shape = (studies, 2, participants)
+    rewards = generator.normal(0, design.residual_sd, (*shape, design.episodes))
+    rewards += generator.normal(0, design.person_sd, shape)[..., None]
+    rewards[:, 1] += effect
+    return rewards
+
+
+def t_test_p(first: Values, second: Values) -> Values:
+    """Two-sided p of Student's test along axis 1: (studies, participants, ...) -> (studies, ...)."""
+    size = first.shape[1]
+    spread = first.var(axis=1, ddof=1) + second.var(axis=1, ddof=1)
+    t = (first.mean(axis=1) - second.mean(axis=1)) / np.sqrt(spread / size)
+    return np.asarray(2 * stats.t.sf(np.abs(t), 2 * size - 2))
+
+
+def found_after_correction(p: Values, alpha: float) -> NDArray[np.bool_]:
+    """Benjamini-Hochberg along the last axis: which hypotheses are rejected."""
+    tests = p.shape[-1]
+    ordered = np.sort(p, axis=-1)
+    below = ordered <= alpha * np.arange(1, tests + 1) / tests
+    last = tests - 1 - np.argmax(below[..., ::-1], axis=-1)
+    bound = np.where(below.any(axis=-1), np.take_along_axis(ordered, last[..., None], axis=-1)[..., 0], -1.0)
+    return np.asarray(p <= bound[..., None])
+
+
+def power(design: Design, effect: float, participants: int, studies: int = STUDIES, seed: int = 1) -> Power:
+    """How often `studies` simulated studies find the effect; the same numbers for the same seed."""
+    generator = np.random.default_rng([seed, participants, round(effect * 1000)])
+    people, some, comparison = [], [], []
+    for start in range(0, studies, BATCH):
+        rewards = simulate(design, effect, participants, min(BATCH, studies - start), generator)
+        means = rewards.mean(axis=-1)
+        people.append(t_test_p(means[:, 1], means[:, 0]) < design.alpha)
+        found = found_after_correction(t_test_p(rewards[:, 1], rewards[:, 0]), design.alpha)
+        comparison.append(found.mean(axis=-1))
+        some.append(found.any(axis=-1))
+    overall, each, any_ = (float(np.concatenate(part).mean()) for part in (people, comparison, some))
+    return Power(effect, participants, overall, each, any_, studies)
+
+
+def curve(
+    design: Design, effects: Sequence[float], sizes: Sequence[int] = SIZES, studies: int = STUDIES, seed: int = 1
+) -> list[Power]:
+    """The power of every effect at every number of participants in a condition."""
+    return [power(design, effect, size, studies, seed) for effect in effects for size in sizes]
+
+
+def participants_needed(points: Sequence[Power], effect: float, wanted: float = 0.8) -> int | None:
+    """The first number on the curve, filled in linearly, at which the test over people has the wanted power; none where
+    the curve ends before."""
+    before: Power | None = None
+    for point in sorted((point for point in points if point.effect == effect), key=lambda point: point.participants):
+        if point.people >= wanted:
+            if before is None or before.people >= point.people:
+                return point.participants
+            share = (wanted - before.people) / (point.people - before.people)
+            return int(np.ceil(before.participants + share * (point.participants - before.participants)))
+        before = point
+    return None
+
+
+def sentence(design: Design, points: Sequence[Power], effect: float, participants: int) -> str:
+    """What a methods section says about it."""
+    point = next(point for point in points if point.effect == effect and point.participants == participants)
+    needed = participants_needed(points, effect)
+    enough = (
+        f"80 % are reached with {needed} participants in each condition."
+        if needed is not None
+        else f"80 % are not reached with {max(point.participants for point in points)} participants in each condition."
+    )
+    return (
+        f"Power was simulated on the nested design ({point.studies} studies; {design.episodes} episodes a participant, "
+        f"standard deviation {design.person_sd:.1f} points between and {design.residual_sd:.1f} within participants): "
+        f"with {participants} participants in each condition, a true difference of {effect:g} points is found with a "
+        f"probability of {100 * point.people:.0f} % (t-test over participants, two-sided, alpha = {design.alpha:g}); "
+        f"{enough}"
+    )

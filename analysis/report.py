@@ -1,0 +1,150 @@
+"""`kitchenmind report`: an export folder in; one HTML page that can be mailed, figures and results.csv out.
+
+Puts together, computes nothing: the numbers come from study.py, the words from wording.py.
+"""
+
+import hashlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from analysis import figures, names, quality, questionnaires, wording
+from analysis.results import Result, select, write_results
+from analysis.study import Analysis, Options, analyse, smallest_condition
+from analysis.tables import SPELLINGS, Export, read_export, table_file
+
+HERE = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was written."""
+
+    page: Path
+    results: Path
+    quality: Path
+    analysis: Analysis
+
+
+def write_report(folder: Path, out: Path, options: Options | None = None) -> Report:
+    """Analyses the export in `folder` and writes report.html, results.csv, quality.csv and figures/ into `out`,
+    which is made. Raises analysis.tables.ExportError."""
+    options = options or Options()
+    analysis = analyse(read_export(folder), options)
+    out.mkdir(parents=True, exist_ok=True)
+    drawn = _draw(analysis, out / "figures")
+    report = Report(out / "report.html", out / "results.csv", out / "quality.csv", analysis)
+    write_results(analysis.rows, report.results)
+    analysis.quality.write_csv(report.quality)
+    report.page.write_text(render(analysis, drawn, options), encoding="utf-8")
+    return report
+
+
+def _draw(analysis: Analysis, folder: Path) -> dict[str, str]:
+    """The figures that the data allow, by name, as SVG for the page; all of them written to `folder`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rows, conditions, contrast = analysis.rows, analysis.conditions, analysis.contrast
+    made: dict[str, Figure] = {}
+    if select(rows, section="reward", test="mean"):
+        made["reward"] = figures.rewards(rows, conditions, contrast)
+    if contrast and any(not math.isnan(row.effect) for row in _main_tests(analysis)):
+        made["effect_sizes"] = figures.effect_sizes(rows, contrast)
+    if asked := select(rows, section="questionnaire", test="mean"):
+        titles = {row.question: questionnaires.title(row.question) for row in asked}
+        made["questionnaire"] = figures.questionnaire(rows, conditions, titles)
+    if select(rows, section="accuracy", test="live"):
+        made["accuracy"] = figures.accuracy(rows)
+    if analysis.powers:
+        made["power"] = figures.power(analysis.powers, smallest_condition(analysis.episodes, conditions))
+    if analysis.model.residuals.size:
+        made["residuals"] = figures.quantiles(analysis.model.residuals)
+    return {name: figures.save(figure, folder, name) for name, figure in made.items()}
+
+
+def _main_tests(analysis: Analysis) -> list[Result]:
+    contrast = " - ".join(analysis.contrast or ())
+    return select(analysis.rows, section="reward", test="t_test", contrast=contrast)
+
+
+def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> str:
+    """The whole page as one HTML text that asks the network for nothing."""
+    environment = Environment(
+        loader=FileSystemLoader(HERE),
+        autoescape=select_autoescape(["html", "j2"]),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(
+        number=names.number,
+        signed=names.signed,
+        degrees=names.degrees,
+        p=names.p_value,
+        p_equals=names.p_equals,
+        layout=names.layout_title,
+        agent=names.agent_title,
+        condition=names.condition_title,
+        contrast=names.contrast_title,
+        question=questionnaires.title,
+    )
+    environment.tests["computed"] = lambda value: not math.isnan(value)
+
+    def rows(**wanted: object) -> list[Result]:
+        return select(analysis.rows, **wanted)
+
+    return environment.get_template("report.html.j2").render(
+        a=analysis,
+        rows=rows,
+        main_tests=_main_tests(analysis),
+        figures={name: Markup(svg) for name, svg in drawn.items()},  # noqa: S704
+        css=Markup((HERE / "report.css").read_text(encoding="utf-8")),  # noqa: S704
+        findings=[Markup(text) for text in wording.findings(analysis)],  # noqa: S704
+        sentences=[Markup(text) for text in wording.sentences(analysis)],  # noqa: S704
+        rules=quality.RULES,
+        provenance=_provenance(analysis, options),
+        simulated=_simulated(analysis.export),
+    )
+
+
+def _simulated(export: Export) -> bool:
+    """True where any participant is a bot or the export says that it was made up."""
+    bots = export.participants["simulated"].any() if "simulated" in export.participants.columns else False
+    return bool(export.about.get("simulated")) or bool(bots)
+
+
+def _provenance(analysis: Analysis, options: Options) -> dict[str, str]:
+    export = analysis.export
+    people = analysis.episodes.unique("participant")["condition"]
+    arms = [f"{int((people == name).sum())} {names.condition_title(name)}" for name in analysis.conditions]
+    flow = {row.test: row.n for row in select(analysis.rows, section="exclusions", condition="all", unit="episodes")}
+    try:
+        software = f"kitchenmind {version('kitchenmind')}"
+    except PackageNotFoundError:
+        software = "kitchenmind"
+    return {
+        "Data set": f"sha256 {fingerprint(export.folder)[:32]}…",
+        "Participants": f"{people.len()} analysed" + (f": {', '.join(arms)}" if arms else ""),
+        "Study": str(export.about.get("title") or export.about.get("name") or export.folder.name),
+        "Episodes": f"{flow.get('played', 0)} played, {flow.get('analysed', 0)} analysed",
+        "Software": software,
+        "Seed": str(options.seed),
+        "Make it again": f"kitchenmind report {export.folder.name}",
+        "Made": f"{datetime.now(UTC):%d %B %Y, %H:%M} UTC",
+    }
+
+
+def fingerprint(folder: Path) -> str:
+    """SHA-256 of the tables that were read, in the order of their names: the same data, the same 64 digits."""
+    digest = hashlib.sha256()
+    for name in sorted(SPELLINGS):
+        path = table_file(folder, name)
+        if path is not None:
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()

@@ -1,0 +1,123 @@
+"""All of a study's analysis in one call: an export in, result rows and what a report needs beside them out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import polars as pl
+
+from analysis import accuracy, assumptions, compare, exclusions, measures, mixed, power, quality, questionnaires
+from analysis.results import Result
+from analysis.tables import Export
+
+MEASURE = "reward"
+POWER_EFFECTS = (5.0, 8.0, 12.0)
+QUESTIONNAIRE_LAYOUTS = 4  # the published choice: where prediction helped
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the analysis leaves open. Empty: as published."""
+
+    questionnaire_layouts: tuple[str, ...] = ()
+    effects: tuple[float, ...] = POWER_EFFECTS  # true differences for the power curve, points
+    seed: int = 1
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """Everything computed. `episodes` are those that count, with their measures."""
+
+    export: Export
+    conditions: tuple[str, ...]
+    layouts: tuple[str, ...]
+    agents: tuple[str, ...]
+    contrast: tuple[str, str] | None  # the comparison that the study is about: with prediction against without
+    questionnaire_layouts: tuple[str, ...]
+    episodes: pl.DataFrame
+    quality: pl.DataFrame
+    model: mixed.MixedModel
+    powers: tuple[power.Power, ...]
+    rows: tuple[Result, ...]
+
+
+def main_contrast(conditions: Sequence[str]) -> tuple[str, str] | None:
+    """ToM against none; in other designs the last condition against the first; none with a single condition."""
+    if "tom" in conditions and "none" in conditions:
+        return "tom", "none"
+    return (conditions[-1], conditions[0]) if len(conditions) > 1 else None
+
+
+def analyse(export: Export, options: Options) -> Analysis:
+    """Computes all. Sections without data get rows that say why, or no rows."""
+    every = measures.episode_measures(export)
+    episodes = measures.analysed(every, export.participants)
+    conditions = tuple(name for name in export.conditions if name in set(episodes["condition"]))
+    layouts, agents = export.layouts, export.agents
+    places = compare.cells(layouts, agents)
+    chosen = options.questionnaire_layouts or layouts[:QUESTIONNAIRE_LAYOUTS]
+    answers = questionnaires.answers_on(export.answers, episodes, chosen)
+    model = mixed.fit(episodes, MEASURE, conditions)
+    both = [(layout, "all") for layout in layouts] if len(agents) > 1 else []
+    with_total = compare.cells([*layouts, "all"] if len(layouts) > 1 else layouts, agents)
+    rows = [
+        *exclusions.flow(export.participants, every, episodes, export.conditions),
+        *compare.means(episodes, MEASURE, conditions, with_total, "reward"),
+        *compare.kruskal_wallis(episodes, MEASURE, conditions, agents),
+        *compare.anova(episodes, MEASURE, conditions, [*places, *both]),
+        *compare.pairwise(episodes, MEASURE, conditions, places),
+        *model.rows,
+        *assumptions.check(episodes, MEASURE, conditions, places),
+        *questionnaires.means(answers, conditions, agents),
+        *questionnaires.tests(answers, conditions, agents),
+        *accuracy.offline(export.about, layouts, agents),
+        *accuracy.live(episodes, layouts, agents),
+    ]
+    powers = _powers(model, episodes, conditions, options)
+    return Analysis(
+        export,
+        conditions,
+        layouts,
+        agents,
+        main_contrast(conditions),
+        tuple(chosen),
+        episodes,
+        quality.verdicts(every, export.answers),
+        model,
+        tuple(powers),
+        (*rows, *_power_rows(powers)),
+    )
+
+
+def smallest_condition(episodes: pl.DataFrame, conditions: Sequence[str]) -> int:
+    """Participants in the smallest condition."""
+    people = episodes.unique("participant")["condition"]
+    return min((int((people == name).sum()) for name in conditions), default=0)
+
+
+def _powers(
+    model: mixed.MixedModel, episodes: pl.DataFrame, conditions: Sequence[str], options: Options
+) -> list[power.Power]:
+    """Power of studies of other sizes in which reward varies as it did in this one."""
+    size = smallest_condition(episodes, conditions)
+    if model.variance is None or model.variance.residual_sd == 0 or size < 2:
+        return []
+    each = round(episodes.height / episodes["participant"].n_unique())
+    design = power.Design(model.variance.person_sd, model.variance.residual_sd, each)
+    sizes = sorted({*power.SIZES, size})
+    return power.curve(design, options.effects, sizes, seed=options.seed)
+
+
+def _power_rows(powers: Sequence[power.Power]) -> list[Result]:
+    kinds = ("people", "comparison", "some")
+    return [
+        Result(
+            "power",
+            kind,
+            estimate=float(getattr(point, kind)),
+            n=point.participants,
+            unit="people in each condition",
+            note=f"true difference {point.effect:g} points, {point.studies} simulated studies",
+        )
+        for point in powers
+        for kind in kinds
+    ]
