@@ -1,0 +1,158 @@
+"""`kitchenmind replay`: action logs to states, by the rules alone. It knows nothing of who chose the actions."""
+
+import argparse
+import json
+import sys
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from overcooked.constants import ACTIONS, PLAYERS
+from overcooked.layout import Layout, load_layout, parse_layout
+from overcooked.score import shaped_reward, sparse_reward
+from overcooked.state import Kitchens, Record
+from overcooked.trajectory import TrajectoryError, read_trajectories, write_trajectories
+
+JointActions = list[list[int]]
+_ACTION_MEANINGS = "an action is 0 N, 1 S, 2 E, 3 W, 4 stay or 5 interact"
+
+
+class ReplayError(ValueError):
+    """An action log that cannot be played; says where and why."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """What decides an episode: where it was played and what the chefs did."""
+
+    layout: Layout
+    joint_actions: JointActions
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What follows from an episode: one state more than joint actions, and the rewards by chef."""
+
+    states: list[Record]
+    rewards: list[list[int]]
+    shaped: list[list[int]]
+
+
+def simulate(episode: Episode) -> Replay:
+    """Plays an episode from the standard start. States: `Kitchens.record` and `crc`, zlib.crc32 of each chef's view."""
+    kitchen, events = Kitchens.start(episode.layout), np.zeros((1, PLAYERS), np.int32)
+    replay = Replay([_seen(kitchen)], [], [])
+    for joint_action in episode.joint_actions:
+        kitchen.step(np.array([joint_action]), events)
+        replay.states.append(_seen(kitchen))
+        replay.rewards.append([sparse_reward(bits) for bits in events[0].tolist()])
+        replay.shaped.append([shaped_reward(bits) for bits in events[0].tolist()])
+    return replay
+
+
+def _seen(kitchen: Kitchens) -> Record:
+    return {**kitchen.record(), "crc": [zlib.crc32(view.tobytes()) for view in kitchen.encode()[0]]}
+
+
+def read_episodes(path: Path) -> Iterator[Episode]:
+    """The episodes of an action log, one at a time: JSON lines, or (`.json`) trajectories of overcooked_ai.
+
+    A line is {"layout": grid with newlines, or a name, "joint_actions": [[a0, a1], ...]}. Raises ReplayError.
+    """
+    if path.suffix == ".json":
+        for layout, joint_actions in read_trajectories(path):
+            yield Episode(layout, joint_actions)
+        return
+    with path.open("rb") as lines:
+        for number, line in enumerate(lines, start=1):
+            try:
+                episode = _episode_of(line)
+            except (ValueError, OSError) as error:
+                raise ReplayError(f"{path}, line {number}: {error}") from None
+            yield episode
+
+
+def _episode_of(line: bytes) -> Episode:
+    try:
+        fields = json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise ReplayError(f"this is no JSON ({error})") from None
+    if not isinstance(fields, dict):
+        raise ReplayError('a line is an object with "layout" and "joint_actions"')
+    layout, joint_actions = fields.get("layout"), fields.get("joint_actions")
+    if not isinstance(layout, str):
+        raise ReplayError('"layout" must be a text: a grid with newlines, or the name of a layout')
+    if not isinstance(joint_actions, list):
+        raise ReplayError('"joint_actions" must be a list of pairs of actions')
+    for timestep, joint_action in enumerate(joint_actions):
+        if not _is_joint_action(joint_action):
+            raise ReplayError(
+                f"joint action {timestep} is {json.dumps(joint_action)[:80]}; {_ACTION_MEANINGS}, two a timestep"
+            )
+    return Episode(parse_layout(layout) if "\n" in layout else load_layout(layout), joint_actions)
+
+
+def _is_joint_action(value: object) -> bool:
+    return (
+        isinstance(value, list)
+        and len(value) == PLAYERS
+        and all(type(action) is int and 0 <= action < ACTIONS for action in value)
+    )
+
+
+def write_replays(source: Path, target: Path) -> int:
+    """Replays every episode of `source` to a line of `target`; returns how many. `target` comes whole or not at all."""
+    count = 0
+    with _whole_or_nothing(target) as lines:
+        for episode in read_episodes(source):
+            lines.write(json.dumps(asdict(simulate(episode)), separators=(",", ":")) + "\n")
+            count += 1
+    return count
+
+
+@contextmanager
+def _whole_or_nothing(target: Path) -> Iterator[TextIO]:
+    """A file that takes its name only when everything was written."""
+    partial = target.with_name(target.name + ".partial")
+    try:
+        with partial.open("w", encoding="utf-8") as file:
+            yield file
+        partial.replace(target)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "source",
+        type=Path,
+        metavar="IN",
+        help="an episode a line (.jsonl), or overcooked_ai's trajectories (.json)",
+    )
+    parser.add_argument("--states", type=Path, metavar="OUT.jsonl", help="write states and rewards, an episode a line")
+    parser.add_argument("--trajectories", type=Path, metavar="OUT.json", help="write overcooked_ai's trajectory format")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit status: 0 written, 2 wrong input (then nothing is written)."""
+    source, states, trajectories = arguments.source, arguments.states, arguments.trajectories
+    try:
+        if states is None and trajectories is None:
+            raise ReplayError("nothing to write: give --states OUT.jsonl or --trajectories OUT.json")
+        if source.resolve() in [target.resolve() for target in (states, trajectories) if target]:
+            raise ReplayError(f"{source} would be overwritten: give another name to write to")
+        if states is not None:
+            print(f"{write_replays(source, states)} episodes replayed to {states}")
+        if trajectories is not None:
+            played = ((episode.layout, episode.joint_actions) for episode in read_episodes(source))
+            with _whole_or_nothing(trajectories) as file:
+                print(f"{write_trajectories(played, file)} episodes written to {trajectories}")
+    except (ReplayError, TrajectoryError, OSError) as error:
+        print(f"kitchenmind replay: {error}", file=sys.stderr)
+        return 2
+    return 0

@@ -1,0 +1,166 @@
+"""Episodes in overcooked_ai's own trajectory format (its JSON form), in and out, so that its tools can read ours.
+
+The format: lists with an entry an episode, `ep_states`, `ep_actions`, `ep_rewards`, `ep_dones` (an entry a timestep),
+`ep_returns`, `ep_lengths`, `mdp_params`, `env_params`. A state is written before the joint action that was taken in it.
+"""
+
+import json
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from overcooked.constants import COOK_TIME, ITEM_NAMES, ONIONS_PER_SOUP, PLAYERS, STEP_X, STEP_Y
+from overcooked.layout import Layout, LayoutError, load_layout, parse_layout
+from overcooked.score import sparse_reward
+from overcooked.state import Kitchens, Record
+
+JointActions = list[list[int]]
+Played = tuple[Layout, JointActions]
+
+_DIRECTIONS = [list(step) for step in zip(STEP_X, STEP_Y, strict=True)]
+_ACTIONS: list[Any] = [*_DIRECTIONS, [0, 0], "interact"]
+_ORDERS = [{"ingredients": ["onion"] * ONIONS_PER_SOUP}]
+
+
+class TrajectoryError(ValueError):
+    """Trajectories that are none, or that did not happen under this kitchen's rules; says where."""
+
+
+def write_trajectories(played: Iterable[Played], file: TextIO) -> int:
+    """Writes episodes that began in the standard start state; returns how many."""
+    columns: dict[str, list[Any]] = {}
+    count = 0
+    for layout, joint_actions in played:
+        for name, value in _columns_of(layout, joint_actions).items():
+            columns.setdefault(name, []).append(value)
+        count += 1
+    json.dump(columns, file, separators=(",", ":"))
+    return count
+
+
+def _columns_of(layout: Layout, joint_actions: JointActions) -> dict[str, Any]:
+    states, rewards = [], []
+    for state, reward in _play(layout, joint_actions):
+        states.append(_foreign_state(state))
+        rewards.append(reward)
+    length = len(joint_actions)
+    return {
+        "ep_states": states,
+        "ep_actions": [[_ACTIONS[action] for action in joint_action] for joint_action in joint_actions],
+        "ep_rewards": rewards,
+        "ep_dones": [timestep == length - 1 for timestep in range(length)],
+        "ep_returns": sum(rewards),
+        "ep_lengths": length,
+        "mdp_params": {
+            "layout_name": layout.name,
+            "terrain": [list(row.replace("1", " ").replace("2", " ")) for row in layout.grid],
+            "start_player_positions": layout.starts.tolist(),
+            "start_bonus_orders": [],
+            "start_all_orders": _ORDERS,
+            "rew_shaping_params": None,
+            "old_dynamics": True,
+        },
+        "env_params": {"start_state_fn": None, "horizon": length, "info_level": 0, "num_mdp": 1},
+    }
+
+
+def _play(layout: Layout, joint_actions: JointActions) -> Iterator[tuple[Record, int]]:
+    """Each state with the team's reward of the joint action that was taken in it."""
+    kitchen, events = Kitchens.start(layout), np.zeros((1, PLAYERS), np.int32)
+    for joint_action in joint_actions:
+        state = kitchen.record()
+        kitchen.step(np.array([joint_action]), events)
+        yield state, sum(sparse_reward(bits) for bits in events[0].tolist())
+
+
+def _foreign_state(state: Record) -> dict[str, Any]:
+    players = [
+        {
+            "position": [x, y],
+            "orientation": _DIRECTIONS[facing],
+            "held_object": None if held is None else _foreign_object(held, [x, y]),
+        }
+        for x, y, facing, held in state["p"]
+    ]
+    objects = [_foreign_object(item, [x, y]) for x, y, item in state["c"]]
+    objects += [_foreign_soup([x, y], onions, tick) for x, y, onions, tick in state["pots"]]
+    return {"players": players, "objects": objects, "bonus_orders": [], "all_orders": _ORDERS, "timestep": state["t"]}
+
+
+def _foreign_object(item: str, position: list[int]) -> dict[str, Any]:
+    return (
+        _foreign_soup(position, ONIONS_PER_SOUP, COOK_TIME) if item == "soup" else {"name": item, "position": position}
+    )
+
+
+def _foreign_soup(position: list[int], onions: int, tick: int) -> dict[str, Any]:
+    return {
+        "name": "soup",
+        "position": position,
+        "_ingredients": [{"name": "onion", "position": position} for _ in range(onions)],
+        "cooking_tick": tick,
+        "_cooking_tick": tick,
+        "is_idle": tick < 0,
+        "is_cooking": 0 <= tick < COOK_TIME,
+        "is_ready": tick >= COOK_TIME,
+        "cook_time": -1 if tick < 0 else COOK_TIME,
+    }
+
+
+def read_trajectories(path: Path) -> Iterator[Played]:
+    """The episodes of a trajectory file. Every state is re-simulated and compared with the file's.
+
+    Raises TrajectoryError for a file of another format or an episode of other rules, OSError for an unreadable file.
+    """
+    try:
+        columns = json.loads(path.read_bytes())
+        episodes = list(zip(columns["ep_states"], columns["ep_actions"], columns["mdp_params"], strict=True))
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise TrajectoryError(f"{path}: these are no trajectories of overcooked_ai ({error!r})") from None
+    for number, (states, actions, parameters) in enumerate(episodes):
+        try:
+            yield _checked_episode(states, actions, parameters)
+        except (KeyError, TypeError, ValueError, IndexError, FileNotFoundError) as error:
+            raise TrajectoryError(f"{path}, episode {number} (from 0): {error}") from None
+
+
+def _checked_episode(states: list[Any], actions: list[Any], parameters: dict[str, Any]) -> Played:
+    layout = _layout_of(parameters)
+    joint_actions = [[_ACTIONS.index(action) for action in joint_action] for joint_action in actions]
+    if any(len(joint_action) != PLAYERS for joint_action in joint_actions):
+        raise TrajectoryError(f"this kitchen has {PLAYERS} chefs")
+    for (ours, _), theirs in zip(_play(layout, joint_actions), states, strict=True):
+        if ours != _own_state(theirs, layout):
+            hint = "It must begin in the standard start state and be played with old_dynamics=True."
+            raise TrajectoryError(f"the state of timestep {ours['t']} does not follow from these rules. {hint}")
+    return layout, joint_actions
+
+
+def _layout_of(parameters: dict[str, Any]) -> Layout:
+    """The drawn terrain where the file has it, else the shipped layout of that name."""
+    name = str(parameters.get("layout_name", "layout"))
+    if "terrain" not in parameters:
+        return load_layout(name)
+    rows = [list(row) for row in parameters["terrain"]]
+    for player, (x, y) in enumerate(parameters["start_player_positions"], start=1):
+        rows[y][x] = str(player)
+    try:
+        return parse_layout("\n".join("".join(row) for row in rows), name)
+    except LayoutError as error:
+        raise TrajectoryError(str(error)) from None
+
+
+def _own_state(state: dict[str, Any], layout: Layout) -> Record:
+    pot_cells = layout.pots.tolist()
+    players, counters, pots = [], [], []
+    for player in state["players"]:
+        held = player["held_object"]
+        players.append([*player["position"], _DIRECTIONS.index(player["orientation"]), held and held["name"]])
+    for thing in state["objects"]:
+        if thing["position"] in pot_cells:
+            pots.append([*thing["position"], len(thing["_ingredients"]), thing["_cooking_tick"]])
+        else:
+            counters.append([*thing["position"], ITEM_NAMES[ITEM_NAMES.index(thing["name"])]])
+    return {"t": state["timestep"], "p": players, "c": sorted(counters), "pots": sorted(pots)}
