@@ -1,4 +1,4 @@
-"""From probabilities to actions: the law by which agents act in collection, evaluation and the live game. Numpy only."""
+"""From probabilities to actions: the law by which agents act in data, evaluation and the live game. Numpy only."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -7,7 +7,7 @@
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -21,7 +21,7 @@ from overcooked.layout import Layout, parse_layout
 from overcooked.observe import PLANES
 from overcooked.state import Kitchens
 
-_SLOPE = 0.01  # of the leaky ReLU below zero
+LEAK = 0.01  # of the leaky ReLU below zero
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ class Head(nn.Module):
     def after_first(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """The rest of the way from what the first layer gave."""
         for layer in self.layers[1:]:
-            x = layer(nn.functional.leaky_relu(x, _SLOPE))
-        x = nn.functional.leaky_relu(x, _SLOPE)
+            x = layer(nn.functional.leaky_relu(x, LEAK))
+        x = nn.functional.leaky_relu(x, LEAK)
         return self.policy(x), self.value(x).squeeze(-1)
 
 
@@ -81,7 +81,7 @@ class ConvolutionalFeatures(nn.Module):
     def forward(self, observations: Tensor) -> Tensor:
         x = observations.float().permute(0, 3, 1, 2)  # (B, 26, W, H), channels_last in memory
         for layer in self.convolutions:
-            x = nn.functional.leaky_relu(layer(x), _SLOPE)
+            x = nn.functional.leaky_relu(layer(x), LEAK)
         return x.flatten(1)
 
 
@@ -118,10 +118,15 @@ class MlpPolicy(nn.Module):
     def from_columns(self, entries: Tensor) -> tuple[Tensor, Tensor]:
         """The same from the chosen entries alone, (B, inputs): what training stores. bfloat16 entries are multiplied in
         bfloat16 (the entries are small integers, exact there)."""
-        first = self.head.layers[0]
-        x = nn.functional.linear(entries, (first.weight * self.scale).to(entries.dtype)).float() + first.bias
+        weight, bias = self.scaled_first()
+        x = nn.functional.linear(entries, weight.to(entries.dtype)).float() + bias
         logits, values = self.head.after_first(x)
         return logits, values
+
+    def scaled_first(self) -> tuple[Tensor, Tensor]:
+        """Weight and bias of the first layer for entries as they are in the encoding."""
+        first = cast(nn.Linear, self.head.layers[0])
+        return first.weight * self.scale, first.bias
 
 
 def varying_columns(layout: Layout, distinct: bool = True) -> tuple[NDArray[np.int64], NDArray[np.float32]]:

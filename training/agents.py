@@ -42,7 +42,10 @@ def train_agent(
 
 
 def skill_snapshot(folder: RunFolder, skill: int) -> tuple[int, float, Path]:
-    """The snapshot whose reward is nearest to `skill` percent of the run's best, from the way up: (timesteps, reward, file)."""
+    """The snapshot on the way up whose reward is nearest to `skill` percent of the run's best.
+
+    Returns (timesteps, reward then, file).
+    """
     snapshots = folder.snapshots()
     best = max(range(len(snapshots)), key=lambda k: snapshots[k][1])
     wanted = snapshots[best][1] * skill / 100
@@ -80,7 +83,7 @@ def ship(
     }
     text = card(folder, name, skill, mode, {**facts, **figures})
     return save_agent(
-        target, network, network_config, layout, mode, text, **facts, revision=folder.revision, measured=figures
+        target, network, network_config, layout, mode, text, **facts, revision=folder.revision, measured=dict(figures)
     )
 
 
@@ -94,8 +97,9 @@ def card(folder: RunFolder, name: str, skill: int, mode: Mode, facts: dict[str, 
         f"# {name}: an agent for {settings['layout']}",
         "",
         f"A {settings['config']['network']} trained by PPO, {how}; kept at {skill} % of its run's best reward.",
-        f"Acts with temperature {mode.temperature:g}; after {mode.stuck_after} timesteps without a change of its own cell, facing or",
-        f"hand, {mode.stuck_mix:.0%} of the probability goes to the four moves, so two chefs never jam for good.",
+        f"Acts with temperature {mode.temperature:g}; after {mode.stuck_after} timesteps without a change of its own",
+        f"cell, facing or hand, {mode.stuck_mix:.0%} of the probability goes to the four moves, so that two chefs",
+        "never jam for good.",
         "",
         "| fact | value |",
         "|---|---|",
@@ -105,7 +109,8 @@ def card(folder: RunFolder, name: str, skill: int, mode: Mode, facts: dict[str, 
         f"| code revision | {folder.revision} |",
         f"| settings other than the defaults | {changes or 'none'} |",
         "",
-        "Points are per episode of 400 timesteps; self-play and held-out figures are in the mode above, weights as stored (16 bits).",
+        "Points are per episode of 400 timesteps; self-play and held-out figures are in the mode above, weights as",
+        "stored (16 bits).",
         "The grid is ours (only Coordination Ring is the published one); see config.json for it.",
     ]
     return "\n".join(lines)

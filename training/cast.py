@@ -5,7 +5,6 @@ It must not know how tasks are scheduled. Presets are TOML files in training/con
 
 import tomllib
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 from overcooked.layout import load_layout

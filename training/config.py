@@ -1,4 +1,4 @@
-"""The settings of a training run: frozen, printed, one sentence each. An unknown key is an error that names the known ones."""
+"""The settings of a training run: frozen, a sentence each. An unknown key is an error that names the known ones."""
 
 import tomllib
 from collections.abc import Sequence
@@ -44,7 +44,7 @@ class AgentConfig:
 
 
 def agent_config(name_or_path: str | Path | None, changes: Sequence[str] = ()) -> AgentConfig:
-    """The config of a file (TOML, or the name of one in training/configs), then `key=value` changes. Raises ConfigError."""
+    """The config of a TOML file (or a name in training/configs), then `key=value` changes. Raises ConfigError."""
     config = AgentConfig()
     if name_or_path is not None:
         path = Path(name_or_path)

@@ -70,7 +70,7 @@ def with_itself(layout: Layout, player: Player, episodes: int = 40, seed: int = 
 def with_partners(
     layout: Layout, player: Player, partners: Iterable[Policy], episodes: int = 8, seed: int = 0
 ) -> NDArray[np.float64]:
-    """Mean points with each partner, (partners, 2 seats, 2): the partner decided (the agent's own mode), then sampling."""
+    """Mean points with each partner, (partners, 2 seats, 2 modes): the partner in our own mode, then sampling."""
     modes = (player.mode, replace(player.mode, temperature=1.0))
     means = [
         [

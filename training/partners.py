@@ -22,10 +22,7 @@ class PartnerPool:
         heads = [network.head for network in networks]
         self.count, self.games = len(heads), games
         self.columns = networks[0].columns.numpy()  # which entries of the flat encoding they want
-        first = [
-            (head.layers[0].weight * network.scale, head.layers[0].bias)
-            for head, network in zip(heads, networks, strict=True)
-        ]
+        first = [network.scaled_first() for network in networks]
         rest = [[(layer.weight, layer.bias) for layer in (*head.layers[1:], head.policy)] for head in heads]
         self._layers = [_stacked(first), *(_stacked(layer) for layer in zip(*rest, strict=True))]
         self._temperature = torch.tensor([TEMPERATURES[game % 4] for game in range(games)])[None, :, None]
@@ -38,7 +35,7 @@ class PartnerPool:
             x = torch.baddbmm(bias, x, weight)
             if k < len(self._layers) - 1:
                 x = torch.nn.functional.leaky_relu(x)
-        return (x / self._temperature).flatten(0, 1).numpy()  # type: ignore[no-any-return]
+        return (x / self._temperature).flatten(0, 1).numpy()
 
 
 def _stacked(layers: Sequence[tuple[torch.Tensor, torch.Tensor]]) -> tuple[torch.Tensor, torch.Tensor]:

@@ -96,6 +96,7 @@ class Trainer:
     def _play(self, random: np.random.Generator, shaping: float) -> None:
         """Fills the buffers with `rollout` timesteps of every game."""
         config, seats, games = self.config, self.seats, self.seats.games
+        frozen = self.fast.frozen()
         flat = self.observations.reshape(PLAYERS * games, -1)  # (rows, width * height * 26), a view
         joint = np.zeros(PLAYERS * games, np.int8)
         uniform = random.random((config.rollout, PLAYERS * games))
@@ -106,7 +107,7 @@ class Trainer:
         )
         for t in range(config.rollout):
             _gather(flat, seats.learner, self.fast.columns, self.entries[t])
-            logits, values = self.fast(torch.from_numpy(self.entries[t]))
+            logits, values = frozen(torch.from_numpy(self.entries[t]))
             _draw(logits.numpy(), uniform[t], seats.learner, joint, self.actions[t], self.log_probabilities[t])
             self.values[t] = values.numpy()
             if self.partners is not None:
@@ -116,7 +117,7 @@ class Trainer:
             points = sparse.sum(1, keepdims=True) + shaping * shaped  # (games, players): the team's points, own shaping
             self.rewards[t] = config.reward_scale * points.reshape(-1)[seats.learner]
         _gather(flat, seats.learner, self.fast.columns, self.entries[-1])
-        self.values[-1] = self.fast(torch.from_numpy(self.entries[-1]))[1].numpy()
+        self.values[-1] = frozen(torch.from_numpy(self.entries[-1]))[1].numpy()
 
     def _learn(
         self, random: np.random.Generator, advantages: NDArray[np.float32], entropy_weight: float
@@ -132,7 +133,7 @@ class Trainer:
         steps = 0
         for _ in range(config.epochs):
             order = torch.from_numpy(random.permutation(len(actions)))
-            for chosen in order.split(config.minibatch):
+            for chosen in torch.split(order, config.minibatch):
                 logits, values = self.fast(entries[chosen])
                 loss, parts = ppo_loss(
                     logits,
@@ -145,7 +146,7 @@ class Trainer:
                     entropy_weight,
                 )
                 self.optimizer.zero_grad()
-                loss.backward()
+                torch.autograd.backward(loss)
                 nn.utils.clip_grad_norm_(self.network.parameters(), config.gradient_norm, foreach=True)
                 self.optimizer.step()
                 sums += parts
@@ -225,7 +226,7 @@ def ppo_loss(
     config: AgentConfig,
     entropy_weight: float,
 ) -> tuple[Tensor, Tensor]:
-    """The clipped objective of PPO to be minimised, and (policy loss, value loss, entropy, share clipped) to look at."""
+    """PPO's clipped objective, to be minimised, and (policy loss, value loss, entropy, share clipped) to look at."""
     logs = logits.log_softmax(-1)
     entropy = -(logs.exp() * logs).sum(-1).mean()
     ratio = (logs.gather(1, actions[:, None]).squeeze(1) - old_log_probabilities).exp()
@@ -242,8 +243,8 @@ def ppo_loss(
 def advantage_estimates(rewards, values, dones, discount, trace):  # type: ignore[no-untyped-def]
     """Generalised advantage estimation [Schulman et al. 2016]: (timesteps, rows) float32.
 
-    `rewards`, `dones` (timesteps, rows); `values` (timesteps + 1, rows). `dones[t]`: the episode ended with timestep t, so
-    nothing after it counts.
+    `rewards`, `dones` (timesteps, rows); `values` (timesteps + 1, rows). `dones[t]`: the episode ended with timestep
+    t, so nothing after it counts.
     """
     steps, rows = rewards.shape
     advantages = np.zeros((steps, rows), np.float32)

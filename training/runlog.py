@@ -42,7 +42,7 @@ class RunFolder:
         path = self.path / "state.safetensors"
         if not path.is_file():
             return None
-        with safe_open(path, framework="pt") as file:  # type: ignore[no-untyped-call]
+        with safe_open(path, framework="pt") as file:
             numbers = json.loads(file.metadata()["numbers"])
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - no mapping
         kept = [line for line in self.metrics() if line["timesteps"] <= numbers["timesteps"]]
@@ -79,7 +79,7 @@ class RunFolder:
         """(timesteps, reward then, file) of every snapshot, oldest first."""
         found = []
         for path in sorted((self.path / "snapshots").glob("*.safetensors")):
-            with safe_open(path, framework="pt") as file:  # type: ignore[no-untyped-call]
+            with safe_open(path, framework="pt") as file:
                 numbers = json.loads(file.metadata()["numbers"])
             found.append((int(numbers["timesteps"]), float(numbers["reward"]), path))
         return found
@@ -125,4 +125,4 @@ def _tensorboard(path: Path) -> Any:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError:
         return False
-    return SummaryWriter(str(path / "tensorboard"))  # type: ignore[no-untyped-call]
+    return SummaryWriter(str(path / "tensorboard"))

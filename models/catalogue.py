@@ -1,0 +1,73 @@
+"""The names a study may ask for, and what they load. Foreign agents (`module:Class`, ONNX, HTTP) are `blackbox`'s."""
+
+from dataclasses import asdict
+from hashlib import sha256
+from pathlib import Path
+from typing import NamedTuple
+
+from models import planner, scripted
+from models.checkpoint import SUMS, CheckpointError, load_checkpoint
+from models.protocols import Mode, Policy
+from overcooked.layout import Layout
+
+WEIGHTS = Path(__file__).parent / "weights"
+SCRIPTED: dict[str, tuple[type[Policy], Mode]] = {
+    "planner": (planner.PlannerPolicy, planner.MODE),
+    "guide": (scripted.GuidePolicy, scripted.SURE),
+    "random": (scripted.UniformPolicy, scripted.PLAIN),
+    "stay": (scripted.StayPolicy, scripted.SURE),
+}
+
+
+class Agent(NamedTuple):
+    """An agent ready to play: what it would do, and how it makes up its mind."""
+
+    policy: Policy
+    mode: Mode
+
+
+class UnknownAgent(ValueError):
+    """A name that the catalogue does not have for that layout; says which it has."""
+
+
+def agent_names(layout: str) -> list[str]:
+    """The agents that can play on a layout: scripted ones and shipped checkpoints."""
+    shipped = [path.parent.name for path in sorted((WEIGHTS / layout).glob("*/config.json")) if _is_agent(path)]
+    return [*SCRIPTED, *shipped]
+
+
+def load_agent(name: str, layout: Layout) -> Agent:
+    """The agent of that name, or in that folder, for `layout`. Raises UnknownAgent or CheckpointError."""
+    if name in SCRIPTED:
+        policy, mode = SCRIPTED[name]
+        return Agent(policy(), mode)
+    from models.policy import NetworkPolicy, network_of  # scripted agents need no torch
+
+    checkpoint = load_checkpoint(agent_folder(name, layout))
+    network, trained_on, _ = network_of(checkpoint)
+    if trained_on.text != layout.text:
+        raise CheckpointError(
+            f"{checkpoint.folder}: this agent was trained on another grid ({trained_on.name}) and cannot play "
+            f"{layout.name}. Choose one of: {', '.join(agent_names(layout.name))}."
+        )
+    return Agent(NetworkPolicy(network), Mode(**checkpoint.config["mode"]))
+
+
+def agent_folder(name: str, layout: Layout) -> Path:
+    """Where an agent's checkpoint lies: a path as it is, a name among the shipped ones. Raises UnknownAgent."""
+    folder = Path(name) if "/" in name or Path(name).is_dir() else WEIGHTS / layout.name / name
+    if not folder.is_dir():
+        known = ", ".join(agent_names(layout.name))
+        raise UnknownAgent(f"no agent {name!r} for {layout.name}. Known: {known}; or give a checkpoint folder.")
+    return folder
+
+
+def agent_sha256(name: str, layout: Layout) -> str:
+    """What names exactly this agent in data: its checkpoint's sha256, for a scripted one the hash of name and mode."""
+    if name in SCRIPTED:
+        return sha256(f"{name} {asdict(SCRIPTED[name][1])}".encode()).hexdigest()
+    return sha256((agent_folder(name, layout) / SUMS).read_bytes()).hexdigest()
+
+
+def _is_agent(config: Path) -> bool:
+    return "kitchenmind agent" in config.read_text(encoding="utf-8")
