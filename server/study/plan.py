@@ -139,10 +139,9 @@ class Game(Part):
 class Tutorial(Part):
     """The practice game: endless, passed with a delivery."""
 
-    layout: Kitchen | None = None
-    """Empty: the built-in practice kitchen."""
-    agent: str = "sp"
-    """Who stands beside the participant: the name of an agent, or of a layout's own."""
+    layout: Kitchen
+    agent: str
+    """Who cooks beside the participant: the name of one of `agents`."""
     lessons: tuple[Lesson, ...] = LESSONS
     skippable: bool = False
 
@@ -226,7 +225,7 @@ class Study(Part):
     predictor: Predictor = Predictor()
     game: Game = Game()
     order: Order = Order()
-    tutorial: Tutorial = Tutorial()
+    tutorial: Tutorial
     quiz: Quiz | None = None
     questionnaires: dict[Key, Questionnaire] = Field(default_factory=dict)
     after_episode: str | None = None

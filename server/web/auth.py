@@ -1,0 +1,81 @@
+"""Who is asking: the participant's cookie, signed forms, and requests that come from elsewhere. Knows no study."""
+
+import hashlib
+import hmac
+import time
+from dataclasses import dataclass
+from urllib.parse import urlsplit
+
+from fastapi import Request, Response
+from starlette.requests import HTTPConnection
+
+COOKIE = "participant"
+COOKIE_S = 30 * 24 * 3600
+FORM_S = 12 * 3600
+FORM_FIELD = "form_token"
+
+
+@dataclass(frozen=True)
+class Guard:
+    """Signs forms and knows our own address. `public_url` empty: the address that the browser asked for counts."""
+
+    secret: bytes
+    public_url: str = ""
+
+    @property
+    def secure(self) -> bool:
+        """Whether cookies may travel over TLS only."""
+        return self.public_url.startswith("https://")
+
+    def form_token(self, session: str, now_s: float | None = None) -> str:
+        """What a form must bring back: when it was made, signed together with the session that it was made for."""
+        made = str(int(time.time() if now_s is None else now_s))
+        return f"{made}.{self._sign(made, session)}"
+
+    def is_own_form(self, token: str, session: str, now_s: float | None = None) -> bool:
+        """Whether the form was made by us for this session, less than half a day ago."""
+        made, _, signature = token.partition(".")
+        if not (made.isascii() and made.isdigit() and len(made) < 12):
+            return False
+        age_s = (time.time() if now_s is None else now_s) - int(made)
+        return hmac.compare_digest(signature, self._sign(made, session)) and -60 <= age_s <= FORM_S
+
+    def is_own_origin(self, connection: HTTPConnection) -> bool:
+        """Whether a POST or a socket comes from our own pages. A client that is no browser sends no Origin and may
+        pass: it carries nobody's cookie by accident."""
+        origin = connection.headers.get("origin")
+        if origin is None:
+            return connection.headers.get("sec-fetch-site", "same-origin") in ("same-origin", "none")
+        return origin.rstrip("/").lower() in self._own_origins(connection)
+
+    def _own_origins(self, connection: HTTPConnection) -> tuple[str, ...]:
+        if self.public_url:
+            url = urlsplit(self.public_url)
+            return (f"{url.scheme}://{url.netloc}".lower(),)
+        host = connection.headers.get("host", "").lower()
+        return (f"http://{host}", f"https://{host}")
+
+    def _sign(self, made: str, session: str) -> str:
+        return hmac.new(self.secret, f"{made}\n{session}".encode(), hashlib.sha256).hexdigest()
+
+
+def token_of(connection: HTTPConnection) -> str | None:
+    """The participant's token, from the cookie."""
+    token = connection.cookies.get(COOKIE, "")
+    return token if 20 <= len(token) <= 200 else None
+
+
+def set_cookie(response: Response, study: str, token: str, *, secure: bool) -> None:
+    """The cookie is seen by this study's pages only, and by no script."""
+    response.set_cookie(
+        COOKIE, token, max_age=COOKIE_S, path=f"/s/{study}", secure=secure, httponly=True, samesite="lax"
+    )
+
+
+def forget_cookie(response: Response, study: str, *, secure: bool) -> None:
+    response.delete_cookie(COOKIE, path=f"/s/{study}", secure=secure, httponly=True, samesite="lax")
+
+
+def session_of(request: Request) -> str:
+    """What a form is bound to: the participant's token, or nothing before consent."""
+    return token_of(request) or "nobody"

@@ -1,0 +1,134 @@
+"""What every page needs: the parts that the server was wired with, the participant who asks, the words to answer in."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import jinja2
+from fastapi import Depends, HTTPException, Request
+from fastapi.responses import HTMLResponse
+from markdown_it import MarkdownIt
+from markupsafe import Markup
+
+from server.store import participants
+from server.store.database import Database
+from server.store.participants import Participant
+from server.study.locale import Locale, best_language, languages, locale
+from server.study.plan import Study
+from server.web.auth import FORM_FIELD, Guard, session_of, token_of
+from server.web.studies import Studies
+
+TEMPLATES = Path(__file__).parents[2] / "templates"
+_markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
+
+
+@dataclass(frozen=True)
+class Web:
+    """What server.main gives the pages (as `app.state.web`)."""
+
+    database: Database
+    studies: Studies
+    guard: Guard
+    templates: jinja2.Environment
+
+
+def templates(folder: Path = TEMPLATES) -> jinja2.Environment:
+    """The templates: escaped, and a missing name is an error."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(folder),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["markdown"] = lambda words: Markup(_markdown.render(words))  # noqa: S704 - HTML in it is escaped
+    return environment
+
+
+def web_of(request: Request) -> Web:
+    web: Web = request.app.state.web
+    return web
+
+
+WebDep = Annotated[Web, Depends(web_of)]
+
+
+async def participant_of(request: Request, name: str, web: WebDep) -> Participant | None:
+    """Who has the cookie of this study; None for everybody else."""
+    token = token_of(request)
+    found = await web.database.read(participants.by_token, token) if token else None
+    if found is None:
+        return None
+    study = web.studies.version(found.study_id)
+    return found if study is not None and study.name == name else None
+
+
+ParticipantDep = Annotated[Participant | None, Depends(participant_of)]
+
+
+@dataclass(frozen=True)
+class OpenStudy:
+    """A study that takes participants, and the number of its version in the database."""
+
+    id: int
+    study: Study
+
+
+def open_study(name: str, web: WebDep) -> OpenStudy:
+    """The study at this address. Answers 404 where there is none."""
+    found = web.studies.open(name)
+    if found is None:
+        raise HTTPException(404, f"there is no study {name!r} here")
+    return OpenStudy(*found)
+
+
+OpenStudyDep = Annotated[OpenStudy, Depends(open_study)]
+
+
+@dataclass(frozen=True)
+class Page:
+    """One answer to be written: to whom, in which language, about which study."""
+
+    request: Request
+    web: Web
+    language: str
+    study: Study | None = None
+    participant: Participant | None = None
+
+    @property
+    def words(self) -> Locale:
+        return locale(self.language)
+
+    def render(self, template: str, status: int = 200, **context: Any) -> HTMLResponse:
+        """The page; never kept by a cache, as it shows where somebody is."""
+        base: dict[str, Any] = {
+            "t": self.words,
+            "language": self.language,
+            "languages": [(name, locale(name).name) for name in self.languages],
+            "study": self.study,
+            "participant": self.participant,
+            "form_field": FORM_FIELD,
+            "form_token": self.web.guard.form_token(session_of(self.request)),
+            "path": f"/s/{self.study.name}" if self.study else "",
+            "phases": (),
+            "phase": "",
+        }
+        text = self.web.templates.get_template(template).render(base | context)
+        return HTMLResponse(text, status, {"Cache-Control": "no-store"})
+
+    @property
+    def languages(self) -> tuple[str, ...]:
+        """What the page can be read in: where there is a study, its languages."""
+        return self.study.languages if self.study else languages()
+
+
+def page(request: Request, web: Web, study: Study | None = None, participant: Participant | None = None) -> Page:
+    """In the participant's language; before consent in the link's `lang`, else in the one that the browser asks for."""
+    offered = study.languages if study else languages()
+    if participant is not None and participant.language in offered:
+        language = participant.language
+    elif (wish := request.query_params.get("lang", "")) in offered:
+        language = wish
+    else:
+        language = best_language(request.headers.get("accept-language", ""), offered)
+    return Page(request, web, language, study, participant)

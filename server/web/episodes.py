@@ -1,0 +1,76 @@
+"""From a step of a study to the episode that the live game plays. The one place where study words become game words."""
+
+from functools import cache
+from typing import Literal
+
+from overcooked.layout import Layout, load_layout, parse_layout
+from overcooked.score import ProgressWeights
+from server.play.spec import EpisodeSpec, PauseLimits
+from server.study.plan import Condition, Kitchen, Study
+from server.study.steps import Step, episodes_of
+
+_SHOWN: dict[str, Literal["nothing", "random", "predictor"]] = {
+    "none": "nothing",
+    "random": "random",
+    "tom": "predictor",
+    "degraded": "predictor",
+}
+
+
+def episode_spec(study: Study, step: Step, condition: str, language: str) -> EpisodeSpec:
+    """The episode of a tutorial or episode step, for a participant in `condition` who reads `language`.
+
+    The same in all conditions but for what is shown: the predictor is asked in each. Raises LayoutError or
+    FileNotFoundError for a layout that is none (`kitchenmind study check` finds these first), KeyError for names the study lacks.
+    """
+    arm = study.condition(condition)
+    tutorial = step.kind == "tutorial"
+    kitchen = study.tutorial.layout if tutorial else study.layout(step.layout)
+    layout = layout_of(kitchen)
+    agent = study.agent(step.agent).catalogue_name
+    seat = study.game.human_seat
+    return EpisodeSpec(
+        kind="tutorial" if tutorial else "episode",
+        number=step.number,
+        episodes=episodes_of(study),
+        layout=layout.name,
+        grid=layout.text,
+        title=kitchen.title.of(language),
+        agents=(None, agent) if seat == 0 else (agent, None),
+        predictor=f"{agent}_predictor_{study.predictor.form}",
+        watched_seat=1 - seat,
+        shown=_SHOWN[arm.predictor],
+        true_share=1.0 if arm.accuracy is None else arm.accuracy,
+        seed=step.seed,
+        steps_shown=study.predictor.steps_shown,
+        confidence_opacity=study.predictor.confidence_opacity,
+        horizon=0 if tutorial else study.game.horizon,
+        tick_ms=study.game.tick_ms,
+        deadline_ms=study.game.deadline_ms,
+        pause=PauseLimits(study.game.pause.each_s, study.game.pause.episode_s),
+        progress=ProgressWeights(study.game.progress.onion_in_pot, study.game.progress.soup_on_dish),
+        lessons=lessons(study, arm) if tutorial else (),
+    )
+
+
+def lessons(study: Study, condition: Condition) -> tuple[str, ...]:
+    """What the tutorial teaches: marks only to those who will see some."""
+    return tuple(key for key in study.tutorial.lessons if key != "marks" or condition.shows_predictions)
+
+
+def layout_of(kitchen: Kitchen) -> Layout:
+    """The layout of a study's kitchen, shipped or its own grid. Raises LayoutError, FileNotFoundError."""
+    return _layout(kitchen.name, kitchen.grid)
+
+
+def models_of(study: Study) -> tuple[set[tuple[str, str]], set[tuple[str, str]]]:
+    """All (layout, agent) and (layout, predictor) pairs that the study's games ask."""
+    pairs = {(kitchen.name, agent.catalogue_name) for kitchen in study.layouts for agent in study.agents}
+    if "tutorial" in study.flow:
+        pairs.add((study.tutorial.layout.name, study.agent(study.tutorial.agent).catalogue_name))
+    return pairs, {(layout, f"{agent}_predictor_{study.predictor.form}") for layout, agent in pairs}
+
+
+@cache
+def _layout(name: str, grid: str | None) -> Layout:
+    return load_layout(name) if grid is None else parse_layout(grid, name)

@@ -1,0 +1,57 @@
+"""What comes in with a form or a link: read within limits, never trusted. Knows no database."""
+
+from collections.abc import Mapping
+from urllib.parse import parse_qs
+
+from fastapi import HTTPException, Request
+
+from server.study.plan import Recruitment
+from server.web.auth import FORM_FIELD, Guard, session_of
+
+LARGEST_FORM_BYTES = 128 * 1024
+MOST_FIELDS = 300
+LONGEST_PARAMETER = 128
+
+Form = Mapping[str, list[str]]
+
+
+async def read_form(request: Request, guard: Guard) -> Form:
+    """All values by field name. Refuses (413, 400, 403) what is too large, unreadable, or not from our own pages."""
+    if not guard.is_own_origin(request):
+        raise HTTPException(403, "this form was not sent by our own page")
+    body = bytearray()
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > LARGEST_FORM_BYTES:
+            raise HTTPException(413, f"a form has at most {LARGEST_FORM_BYTES} bytes")
+    try:
+        form = parse_qs(body.decode("utf-8"), keep_blank_values=True, max_num_fields=MOST_FIELDS, errors="strict")
+    except ValueError:  # also UnicodeDecodeError
+        raise HTTPException(400, "this is no form in UTF-8") from None
+    if not guard.is_own_form(first(form, FORM_FIELD), session_of(request)):
+        raise HTTPException(403, "the form is too old or not ours")
+    return {name: [_clean(value) for value in values] for name, values in form.items()}
+
+
+def first(form: Form, name: str) -> str:
+    """The field's first value, empty where there is none."""
+    return form.get(name, [""])[0]
+
+
+def recruitment_of(recruitment: Recruitment, given: Mapping[str, str]) -> tuple[str | None, dict[str, str]]:
+    """The person's id and the other parameters that the study keeps, from a link's query or a form."""
+    person = _parameter(given, recruitment.person_parameter)
+    extra = {name: value for name in recruitment.extra_parameters if (value := _parameter(given, name))}
+    return person, extra
+
+
+def _parameter(given: Mapping[str, str], name: str | None) -> str | None:
+    """A parameter's value; one that is too long or not printable counts as none."""
+    value = given.get(name, "").strip() if name else ""
+    return value if value and len(value) <= LONGEST_PARAMETER and value.isprintable() else None
+
+
+def _clean(value: str) -> str:
+    """Without control characters, which no keyboard writes and PostgreSQL refuses; line ends as one newline."""
+    value = value.replace("\r\n", "\n").replace("\r", "\n")
+    return "".join(letter for letter in value if letter in "\n\t" or letter.isprintable())

@@ -1,0 +1,208 @@
+"""The routes of a participant, thin: read the request, ask walk.py, render. A GET changes nothing but the note of a visit."""
+
+import hashlib
+import hmac
+import secrets
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, HTTPException, Request, Response
+from fastapi.responses import RedirectResponse
+
+from server.store import participants, withdrawal
+from server.store.participants import Participant
+from server.study.assignment import StudyFullError
+from server.study.plan import Study
+from server.study.questionnaire import Checked, Fault, asked, check_answers, is_attentive, is_correct
+from server.study.steps import Step
+from server.web import walk
+from server.web.auth import forget_cookie, set_cookie
+from server.web.deps import OpenStudyDep, ParticipantDep, Web, WebDep, page
+from server.web.forms import Form, first, read_form, recruitment_of
+from server.web.views import Filled, consent_context, render_step
+
+router = APIRouter()
+SEE_OTHER = 303
+
+
+async def own_form(request: Request, web: WebDep) -> Form:
+    """The form that was sent, from our own page only."""
+    return await read_form(request, web.guard)
+
+
+FormDep = Annotated[Form, Depends(own_form)]
+
+
+def _to(path: str) -> RedirectResponse:
+    return RedirectResponse(path, SEE_OTHER, {"Cache-Control": "no-store"})
+
+
+@router.get("/")
+async def choose(request: Request, web: WebDep) -> Response:
+    """Which study to take part in."""
+    studies = [study for name in web.studies.names() if (found := web.studies.open(name)) for study in [found[1]]]
+    return page(request, web).render("participant/choose.html", studies=studies)
+
+
+@router.get("/s/{name}")
+async def consent_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
+    """The consent page; whoever is in the study already goes on. Stores nothing, so a link preview burns nothing."""
+    study = opened.study
+    person, extra = recruitment_of(study.recruitment, dict(request.query_params))
+    before = await web.database.read(walk.known, web.studies, study.name, person) if person else None
+    if participant is not None and (person is None or (before is not None and before.id == participant.id)):
+        return _to(f"/s/{study.name}/now")
+    made = page(request, web, study)
+    if person is None and study.recruitment.required:
+        return made.render("participant/link_needed.html", 400)
+    context = consent_context(study, made.language, person, extra, secrets.token_urlsafe(24))
+    template = "participant/welcome_back.html" if before is not None else "participant/consent.html"
+    return made.render(template, **context)
+
+
+@router.post("/s/{name}/consent")
+async def consent(request: Request, opened: OpenStudyDep, web: WebDep, form: FormDep) -> Response:
+    """Makes the participant and the cookie. The same page sent twice makes one participant."""
+    study = opened.study
+    person, extra = recruitment_of(study.recruitment, {key: values[0] for key, values in form.items()})
+    if person is None and study.recruitment.required:
+        raise HTTPException(400, "the link's parameter that names the person is missing")
+    made = page(request, web, study)
+    language = first(form, "language")
+    if language in study.languages:
+        made = type(made)(request, web, language, study)
+    visit = first(form, "visit")
+    if not 16 <= len(visit) <= 64:
+        raise HTTPException(400, "the form lacks its number")
+    token = _token(web, study, visit)
+    known = await web.database.read(walk.known, web.studies, study.name, person)
+    open_boxes = [index for index in range(len(study.consent.boxes)) if not first(form, f"box_{index}")]
+    if open_boxes and known is None:
+        context = consent_context(study, made.language, person, extra, visit)
+        ticked = [index for index in range(len(study.consent.boxes)) if index not in open_boxes]
+        return made.render("participant/consent.html", 422, **(context | {"ticked": ticked, "open_boxes": open_boxes}))
+    arrival = walk.Arrival(study.name, token, made.language, person, extra, first(form, "simulated") == "yes")
+    try:
+        await web.database.write(walk.enrol, web.studies, arrival)
+    except StudyFullError:
+        return made.render("participant/full.html", 409)
+    response = _to(f"/s/{study.name}/now")
+    set_cookie(response, study.name, token, secure=web.guard.secure)
+    return response
+
+
+def _token(web: Web, study: Study, visit: str) -> str:
+    """The cookie's token follows from the consent page that was shown, so sending it twice makes nobody twice."""
+    key = f"participant\n{study.name}\n{visit}".encode()
+    return hmac.new(web.guard.secret, key, hashlib.sha256).hexdigest()
+
+
+@router.get("/s/{name}/declined")
+async def declined(request: Request, opened: OpenStudyDep, web: WebDep) -> Response:
+    """Somebody decided not to take part."""
+    outcome = opened.study.recruitment.declined
+    return page(request, web, opened.study).render("participant/declined.html", code=outcome.code, url=outcome.url)
+
+
+@router.get("/s/{name}/unsuitable")
+async def unsuitable(request: Request, opened: OpenStudyDep, web: WebDep) -> Response:
+    """The device did not pass the entry checks: the screened-out code, before anything was stored."""
+    outcome = opened.study.recruitment.screened_out
+    url = outcome.url.replace("{code}", outcome.code or "") if outcome.url else None
+    made = page(request, web, opened.study)
+    return made.render("participant/unsuitable.html", code=outcome.code, url=url if url and "{" not in url else None)
+
+
+@router.get("/s/{name}/now")
+async def now(request: Request, name: str, web: WebDep, participant: ParticipantDep) -> Response:
+    """The current step, whatever page was open before."""
+    if participant is None:
+        return _to(f"/s/{name}")
+    here = await web.database.write(walk.arrive, web.studies, participant.id)
+    if here is None:
+        return _to(f"/s/{name}")
+    return await _show(request, web, here)
+
+
+@router.post("/s/{name}/now")
+async def submit(request: Request, name: str, web: WebDep, participant: ParticipantDep, form: FormDep) -> Response:
+    """Takes the current step's page. One that is not current changes nothing and leads to the one that is."""
+    if participant is None:
+        return _to(f"/s/{name}")
+    back = _to(f"/s/{name}/now")
+    step = web.studies.step(participant)
+    if participant.status != "active" or first(form, "step") != step.key:
+        return back
+    study = web.studies.of(participant)
+    checked, happened = _check(study, participant, step, form)
+    if checked.faults:
+        if any(fault.reason == "wrong" for fault in checked.faults.values()):
+            wrong = {key: checked.answers.get(key) for key in checked.faults}
+            attempts = study.quiz.attempts if study.quiz else None
+            after = await web.database.write(walk.wrong_quiz, participant.id, wrong, attempts)
+            if after is None or after.status != "active":
+                return back
+        return await _show(request, web, participant, Filled(form, checked.faults), 422)
+    submission = walk.Submission(step, checked.answers, happened)
+    await web.database.write(walk.submit, web.studies, participant.id, submission)
+    return back
+
+
+def _check(
+    study: Study, participant: Participant, step: Step, form: Form
+) -> tuple[Checked, dict[str, dict[str, object]]]:
+    """The answers of a page with questions, and what is to be noted about them."""
+    if step.kind not in ("questionnaire", "quiz"):
+        return Checked({}, {}), {}
+    condition = study.condition(participant.condition)
+    questions = asked(study.questions(step.page or step.kind), condition.name, condition.shows_predictions)
+    checked = check_answers(questions, form)
+    failed = [
+        question.key for question in questions if is_attentive(question, checked.answers.get(question.key)) is False
+    ]
+    happened: dict[str, dict[str, object]] = (
+        {"attention_failed": {"step": step.key, "questions": failed}} if failed else {}
+    )
+    if step.kind == "quiz" and not checked.faults:
+        wrong = {q.key: Fault("wrong", {}) for q in questions if not is_correct(q, checked.answers.get(q.key))}
+        checked = Checked(checked.answers, wrong)
+    return checked, happened
+
+
+async def _show(
+    request: Request, web: Web, participant: Participant, filled: Filled | None = None, status: int = 200
+) -> Response:
+    made = page(request, web, web.studies.of(participant), participant)
+    return await render_step(made, participant, filled, status)
+
+
+@router.post("/s/{name}/language")
+async def language(name: str, web: WebDep, participant: ParticipantDep, form: FormDep) -> Response:
+    """The language of the pages from now on."""
+    wish = first(form, "language")
+    if participant is not None and wish in web.studies.of(participant).languages:
+        await web.database.write(participants.set_language, participant.id, wish)
+    return _to(f"/s/{name}/now")
+
+
+@router.get("/s/{name}/withdraw")
+async def withdraw_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
+    """Asks whether somebody really wants to leave; without the cookie, by the completion code."""
+    made = page(request, web, opened.study, participant)
+    return made.render("participant/withdraw.html", code="", wrong=False)
+
+
+@router.post("/s/{name}/withdraw")
+async def withdraw(
+    request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep, form: FormDep
+) -> Response:
+    """Deletes everything about the participant; a count remains."""
+    code = first(form, "code").strip().upper()
+    made = page(request, web, opened.study, participant)
+    leaving = participant or await web.database.read(walk.by_code, web.studies, opened.study.name, code)
+    if leaving is None:
+        return made.render("participant/withdraw.html", 422, code=code, wrong=True)
+    await web.database.write(withdrawal.withdraw, leaving.id)
+    response = made.render("participant/ended.html", kind="withdrawn", participant=None)
+    if participant is not None:
+        forget_cookie(response, opened.study.name, secure=web.guard.secure)
+    return response

@@ -1,0 +1,162 @@
+"""What the template of each step needs. Reads; never writes, never decides where somebody goes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+from urllib.parse import quote
+
+from fastapi import Response
+
+from server.store import episodes, participants
+from server.store.participants import Participant
+from server.study.plan import Outcome, Study
+from server.study.questionnaire import Fault, asked
+from server.study.steps import PHASES, Step, episodes_of
+from server.web import walk
+from server.web.deps import Page
+from server.web.episodes import layout_of, lessons
+
+INTRODUCTION = ("team", "fetch", "fill", "wait", "deliver", "marks")
+
+
+@dataclass(frozen=True)
+class Filled:
+    """A form that came back with faults: what was in it stays in it."""
+
+    form: Mapping[str, list[str]] = field(default_factory=dict)
+    faults: Mapping[str, Fault] = field(default_factory=dict)
+
+
+async def render_step(page: Page, participant: Participant, filled: Filled | None, status: int) -> Response:
+    """The page on which the participant is."""
+    if participant.status not in ("active", "completed"):
+        kind = participant.status if participant.status in ("screened_out", "withdrawn") else "timed_out"
+        outcome = page.web.studies.of(participant).recruitment.screened_out if kind == "screened_out" else Outcome()
+        return page.render("participant/ended.html", kind=kind, outcome=outcome, url=await _leave(page, outcome))
+    way = page.web.studies.way(participant)
+    step = page.web.studies.step(participant)
+    shown = {one.phase for one in way} | {"consent"}
+    base: dict[str, Any] = {
+        "step": step,
+        "phases": [phase for phase in PHASES if phase in shown],
+        "phase": step.phase,
+        "episodes": episodes_of(page.web.studies.of(participant)),
+    }
+    views = {"ready": _ready, "thanks": _thanks, "tutorial": _game, "episode": _game}
+    if step.kind in views:
+        base |= await views[step.kind](page, participant, step)
+    elif step.kind in ("questionnaire", "quiz"):
+        base |= _questions(page, participant, step, filled or Filled())
+    elif step.kind == "introduction":
+        base |= _introduction(page, participant)
+    template = "game" if step.is_game else {"quiz": "questionnaire"}.get(step.kind, step.kind)
+    return page.render(f"participant/{template}.html", status, **base)
+
+
+def consent_context(
+    study: Study, language: str, person: str | None, extra: Mapping[str, str], visit: str
+) -> dict[str, Any]:
+    """The consent page, and what its form carries: the link's parameters go on in it, out of the address."""
+    kept = dict(extra)
+    if person is not None and study.recruitment.person_parameter:
+        kept[study.recruitment.person_parameter] = person
+    phases = ["consent", "introduction", "practice", "rounds", "finish"]
+    present = {"consent", "introduction", "finish"}
+    present |= {"practice"} if "tutorial" in study.flow else set()
+    present |= {"rounds"} if "episodes" in study.flow else set()
+    return {
+        "consent": study.consent,
+        "kept": kept,
+        "visit": visit,
+        "ticked": [],
+        "open_boxes": [],
+        "phases": [phase for phase in phases if phase in present],
+        "phase": "consent",
+        "page_language": language,
+    }
+
+
+def leave_url(outcome: Outcome, values: Mapping[str, str]) -> str | None:
+    """Where the last page leads, filled in; None where there is no address or a value for it is missing."""
+    if outcome.url is None:
+        return None
+    url = outcome.url
+    for name, value in values.items():
+        url = url.replace(f"{{{name}}}", quote(value, safe=""))
+    return None if "{" in url else url
+
+
+async def _leave(page: Page, outcome: Outcome, code: str = "") -> str | None:
+    participant = page.participant
+    if participant is None or outcome.url is None:
+        return None
+    kept = await page.web.database.read(participants.personal_of, participant.id)
+    person = kept.pop(participants.RECRUITMENT_ID, "")
+    return leave_url(outcome, kept | {"person": person, "code": outcome.code or code})
+
+
+def _questions(page: Page, participant: Participant, step: Step, filled: Filled) -> dict[str, Any]:
+    study = page.web.studies.of(participant)
+    condition = study.condition(participant.condition)
+    key = step.page or step.kind
+    questionnaire = study.quiz if step.kind == "quiz" and study.quiz else study.questionnaires[key]
+    messages = {name: _message(page, study, name, fault) for name, fault in filled.faults.items()}
+    return {
+        "questionnaire": questionnaire,
+        "questions": asked(questionnaire.questions, condition.name, condition.shows_predictions),
+        "form": filled.form,
+        "faults": messages,
+        "attempts": study.quiz.attempts if step.kind == "quiz" and study.quiz else None,
+    }
+
+
+def _message(page: Page, study: Study, name: str, fault: Fault) -> str:
+    if fault.reason != "wrong":
+        return page.words(f"faults.{fault.reason}", **fault.numbers)
+    question = next((one for one in study.quiz.questions if one.key == name), None) if study.quiz else None
+    explanation = getattr(question, "explanation", None)
+    return explanation.of(page.language) if explanation else page.words("quiz.wrong_answer")
+
+
+def _introduction(page: Page, participant: Participant) -> dict[str, Any]:
+    """Marks are explained to those who will see some."""
+    condition = page.web.studies.of(participant).condition(participant.condition)
+    return {"slides": [key for key in INTRODUCTION if key != "marks" or condition.shows_predictions]}
+
+
+async def _ready(page: Page, participant: Participant, step: Step) -> dict[str, Any]:
+    study = page.web.studies.of(participant)
+    kitchen = study.layout(step.layout)
+    last = await page.web.database.read(walk.last_episode, participant.id, step.number)
+    return {
+        "kitchen": kitchen.title.of(page.language),
+        "grid": layout_of(kitchen).grid,
+        "seconds": round(study.game.horizon * study.game.tick_ms / 1000),
+        "last": last,
+        "last_kitchen": _title(study, last, page.language),
+    }
+
+
+def _title(study: Study, episode: "episodes.Episode | None", language: str) -> str:
+    titles = {kitchen.name: kitchen.title.of(language) for kitchen in study.layouts}
+    return titles.get(episode.layout, episode.layout) if episode else ""
+
+
+async def _thanks(page: Page, participant: Participant, _step: Step) -> dict[str, Any]:
+    """The code is shown once it is in the database, and only then."""
+    study = page.web.studies.of(participant)
+    completed = study.recruitment.completed
+    own = participant.completion_code or ""
+    return {
+        "code": completed.code or own,
+        "own_code": own,
+        "url": await _leave(page, completed, own),
+        "recruited": study.recruitment.source != "none",
+    }
+
+
+async def _game(page: Page, participant: Participant, step: Step) -> dict[str, Any]:
+    study = page.web.studies.of(participant)
+    taught = lessons(study, study.condition(participant.condition)) if step.kind == "tutorial" else ()
+    game = {"socket": f"/s/{study.name}/socket", "lessons": taught, "away_s": study.game.pause.each_s}
+    return {"game": game | {"ready_page": step.kind == "episode"}}

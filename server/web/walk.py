@@ -1,0 +1,212 @@
+"""How a participant moves through a study, as functions on one database transaction. Knows no HTTP and no page.
+
+Every function may be called again: what is done stays done, and what comes too late changes nothing.
+"""
+
+import secrets
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from importlib.metadata import version
+from typing import Any
+
+from sqlalchemy import Connection
+
+from server.store import answers, episodes, events, participants, studies
+from server.store.participants import NewParticipant, Participant
+from server.study.assignment import Count, next_condition, participant_seed
+from server.study.plan import Study
+from server.study.steps import Step
+from server.web.episodes import episode_spec
+from server.web.studies import Studies
+
+_CODE_LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # none that look alike
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """Somebody who consents: by which study, with which cookie, from which link."""
+
+    study: str
+    token: str
+    language: str = "en"
+    person: str | None = None
+    extra: Mapping[str, str] = field(default_factory=dict)
+    simulated: bool = False
+
+
+@dataclass(frozen=True)
+class Submission:
+    """A page as it was sent: for which step, with which checked answers."""
+
+    step: Step
+    answers: Mapping[str, Any] = field(default_factory=dict)
+    events: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # kind -> detail
+
+
+def new_code() -> str:
+    """A completion code of 40 random bits, easy to read out."""
+    letters = "".join(secrets.choice(_CODE_LETTERS) for _ in range(8))
+    return f"KM-{letters[:4]}-{letters[4:]}"
+
+
+def known(connection: Connection, all_studies: Studies, name: str, person: str | None) -> Participant | None:
+    """The participant that the recruiter sent before, in whichever version of the study."""
+    for study_id in all_studies.versions(name) if person else ():
+        found = participants.by_recruitment_id(connection, study_id, person or "")
+        if found is not None:
+            return found
+    return None
+
+
+def enrol(connection: Connection, all_studies: Studies, arrival: Arrival) -> Participant:
+    """The participant who consents now, in the condition whose turn it is; or the one that the person already is, who
+    goes on with the new cookie. Raises StudyFullError, KeyError (the study is not open)."""
+    before = known(connection, all_studies, arrival.study, arrival.person)
+    if before is not None:
+        participants.replace_token(connection, before.id, arrival.token)
+        return before
+    opened = all_studies.open(arrival.study)
+    if opened is None:
+        raise KeyError(arrival.study)
+    study_id, study = opened
+    release(connection, study_id, study)
+    row = studies.get(connection, study_id)
+    number = row.started if row else 0
+    new = NewParticipant(
+        study_id=study_id,
+        condition=next_condition(study, held(connection, study_id), number),
+        seed=participant_seed(study, number),
+        token=arrival.token,
+        language=arrival.language,
+        simulated=arrival.simulated,
+        recruitment_id=arrival.person,
+        personal=arrival.extra,
+    )
+    return participants.create(connection, new)
+
+
+def held(connection: Connection, study_id: int) -> dict[str, Count]:
+    """How many hold a place in each condition."""
+    found = participants.counts(connection, study_id)
+    return {name: Count(by.get("completed", 0), by.get("active", 0)) for name, by in found.items()}
+
+
+def release(connection: Connection, study_id: int, study: Study) -> int:
+    """Gives the places of those back who were not seen for too long; returns how many."""
+    return participants.time_out(connection, study_id, datetime.now(UTC) - timedelta(minutes=study.timeout_min))
+
+
+def arrive(connection: Connection, all_studies: Studies, participant_id: str) -> Participant | None:
+    """The participant opens the page of the current step: a game that is over is left behind, the visit is noted."""
+    participant = participants.get(connection, participant_id)
+    if participant is None or participant.status != "active":
+        return participant
+    way = all_studies.way(participant)
+    step = way[min(participant.position, len(way) - 1)]
+    if step.is_game and _is_over(connection, participant, step):
+        _move_on(connection, participant, way)
+        participant = participants.get(connection, participant_id)
+        step = way[participant.position] if participant else step
+    answers.enter(connection, participant_id, step.key)
+    participants.seen(connection, participant_id)
+    return participants.get(connection, participant_id)
+
+
+def submit(connection: Connection, all_studies: Studies, participant_id: str, submission: Submission) -> bool:
+    """Stores a page's answers and moves on to the next step. False, and nothing changes, if the participant is no longer
+    at that step: the page was sent twice, from another tab, or after the end."""
+    participant = participants.get(connection, participant_id)
+    if participant is None or participant.status != "active":
+        return False
+    way = all_studies.way(participant)
+    step = way[min(participant.position, len(way) - 1)]
+    if step.key != submission.step.key or step.kind == "thanks":
+        return False
+    if step.is_game and not _is_over(connection, participant, step):
+        return False
+    took_ms = answers.leave(connection, participant_id, step.key)
+    episode = episodes.of_step(connection, participant_id, f"episode-{step.number:02d}") if step.number else None
+    about = episode.id if episode is not None and step.kind == "questionnaire" else None
+    answers.save(connection, answers.Page(participant_id, step.key, submission.answers, about, took_ms))
+    note(connection, participant_id, submission.events)
+    return _move_on(connection, participant, way)
+
+
+def note(connection: Connection, participant_id: str, happened: Mapping[str, Mapping[str, Any]]) -> None:
+    """Keeps things that happened beside the answers: a failed attention check, a wrong answer in the quiz."""
+    now = datetime.now(UTC)
+    new = [events.Event(kind, now, participant_id, detail=dict(detail)) for kind, detail in happened.items()]
+    events.add(connection, *new)
+
+
+def wrong_quiz(
+    connection: Connection, participant_id: str, wrong: Mapping[str, Any], attempts: int | None
+) -> Participant | None:
+    """Notes a failed attempt at the quiz; the last one that is allowed ends the participation."""
+    note(connection, participant_id, {"quiz_failed": {"answers": dict(wrong)}})
+    failed = len(events.of_participant(connection, participant_id, "quiz_failed"))
+    if attempts is not None and failed >= attempts:
+        participants.leave(connection, participant_id, "screened_out")
+    return participants.get(connection, participant_id)
+
+
+def play(
+    connection: Connection, all_studies: Studies, participant_id: str, sha256_of: Callable[[str, str], str | None]
+) -> str | None:
+    """The id of the episode that the participant's current step is; made at the first call, and again after a tutorial
+    that was not passed. None where the step is no game. `sha256_of(layout, model)`: the hash of a model's weights."""
+    participant = participants.get(connection, participant_id)
+    if participant is None or participant.status != "active":
+        return None
+    study, step = all_studies.of(participant), all_studies.step(participant)
+    if not step.is_game:
+        return None
+    before = episodes.of_step(connection, participant_id, step.key)
+    if before is not None and (before.status in ("new", "running") or _is_over(connection, participant, step)):
+        return before.id
+    spec = episode_spec(study, step, participant.condition, participant.language)
+    hashes = [sha256_of(spec.layout, agent) if agent else None for agent in spec.agents]
+    new = episodes.NewEpisode(
+        spec=spec,
+        step_key=step.key,
+        participants=(participant_id, None) if spec.human_seats == (0,) else (None, participant_id),
+        study_id=participant.study_id,
+        condition=participant.condition,
+        agent_sha256s=(hashes[0], hashes[1]),
+        predictor_sha256=sha256_of(spec.layout, spec.predictor) if spec.predictor else None,
+        code_version=version("kitchenmind"),
+    )
+    return episodes.create(connection, new)
+
+
+def by_code(connection: Connection, all_studies: Studies, name: str, code: str) -> Participant | None:
+    """Who was given this completion code, in whichever version of the study."""
+    for study_id in all_studies.versions(name) if code else ():
+        found = participants.by_code(connection, study_id, code)
+        if found is not None:
+            return found
+    return None
+
+
+def last_episode(connection: Connection, participant_id: str, number: int) -> episodes.Episode | None:
+    """The episode before the `number`-th, for the page that gets somebody ready."""
+    return episodes.of_step(connection, participant_id, f"episode-{number - 1:02d}") if number > 1 else None
+
+
+def _is_over(connection: Connection, participant: Participant, step: Step) -> bool:
+    """A tutorial has to be passed; an episode has to have ended, in whatever way."""
+    episode = episodes.of_step(connection, participant.id, step.key)
+    if episode is None:
+        return False
+    return bool(episode.passed) if step.kind == "tutorial" else episode.status in ("done", "aborted")
+
+
+def _move_on(connection: Connection, participant: Participant, way: tuple[Step, ...]) -> bool:
+    """To the next step; who gets to the last one has done everything, and gets the code in the same transaction."""
+    following = participant.position + 1
+    if following >= len(way) or not participants.advance(connection, participant.id, participant.position, following):
+        return False
+    if way[following].kind == "thanks":
+        participants.complete(connection, participant.id, new_code())
+    return True
