@@ -38,7 +38,8 @@ def save(connection: Connection, page: Page) -> int:
             "submitted_at": now,
             "took_ms": page.took_ms,
         }
-        stored += connection.execute(insert(answers).values(row).on_conflict_do_nothing()).rowcount
+        new = insert(answers).values(row).on_conflict_do_nothing().returning(answers.c.id)
+        stored += connection.execute(new).first() is not None
     return stored
 
 

@@ -18,6 +18,7 @@ from sqlalchemy.pool import QueuePool
 BUSY_TIMEOUT_S = 30
 CONNECT_TIMEOUT_S = 5
 _ADVISORY_LOCK = 0x6B69_7463_6865_6E01  # any constant will do, as long as it never changes
+_OVERWRITE = "overwrite deleted content"
 _ADDRESSES = "Use sqlite:///file.db or postgresql://user@host/name."
 _SQLITE_DOWN = {
     sqlite3.SQLITE_BUSY,
@@ -89,7 +90,8 @@ def translated(error: BaseException) -> BaseException:
 def writer_engine(url: URL) -> Engine:
     """One connection that may write. SQLite: the only one that ever writes or checkpoints."""
     if url.get_backend_name() == "postgresql":
-        return create_engine(url, pool_size=1, max_overflow=0, connect_args={"connect_timeout": CONNECT_TIMEOUT_S})
+        options = {"connect_timeout": CONNECT_TIMEOUT_S, "options": "-c synchronous_commit=on"}
+        return create_engine(url, pool_size=1, max_overflow=0, connect_args=options)
     engine = create_engine(
         url,
         poolclass=QueuePool,
@@ -103,7 +105,7 @@ def writer_engine(url: URL) -> Engine:
         "PRAGMA journal_mode=WAL",
         "PRAGMA synchronous=FULL",  # NORMAL would lose the last commits with the power
         "PRAGMA foreign_keys=ON",
-        "PRAGMA secure_delete=ON",  # what a participant withdraws is overwritten
+        "PRAGMA secure_delete=ON",  # what is deleted when a participant withdraws is overwritten
     )
     return engine
 
@@ -135,6 +137,11 @@ def _sqlite_settings(engine: Engine, begin: str, *pragmas: str) -> None:
     event.listen(engine, "begin", lambda connection: connection.exec_driver_sql(begin))
 
 
+def overwrite_deleted(connection: Connection) -> None:
+    """After this transaction, what was deleted leaves SQLite's write-ahead log too (Writer.transaction does it)."""
+    connection.info[_OVERWRITE] = True
+
+
 class Writer:
     """The one connection that writes, with the lock that keeps a second server out."""
 
@@ -156,6 +163,8 @@ class Writer:
         try:
             with connection.begin():
                 yield connection
+            if connection.info.get(_OVERWRITE) and not self._postgres:
+                _empty_log(connection)
         except BaseException as error:
             if is_down(error):
                 self._disconnect()
@@ -190,6 +199,15 @@ class Writer:
         if connection is not None:
             connection.invalidate()
             connection.close()
+
+
+def _empty_log(connection: Connection) -> None:
+    """Folds the log into the file and cuts it to nothing. While somebody reads an older state it cannot: next time."""
+    driver: Any = connection.connection.driver_connection
+    driver.execute("PRAGMA busy_timeout=0").close()
+    busy, _, _ = driver.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+    driver.execute(f"PRAGMA busy_timeout={BUSY_TIMEOUT_S * 1000}").close()
+    connection.info[_OVERWRITE] = bool(busy)
 
 
 def _lock_file(url: URL) -> IO[str]:

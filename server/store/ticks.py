@@ -33,9 +33,8 @@ class Stored:
 def insert(connection: Connection, records: Sequence[TickRecord]) -> Stored:
     """Stores ticks of any episodes; tick 0 starts its episode. What is stored already and equal counts as stored."""
     wanted = {record.episode for record in records}
-    statuses = dict(
-        connection.execute(select(episodes.c.id, episodes.c.status).where(episodes.c.id.in_(wanted))).tuples().all()
-    )
+    known = connection.execute(select(episodes.c.id, episodes.c.status).where(episodes.c.id.in_(wanted)))
+    statuses = {row.id: row.status for row in known}
     rows = [row_of(record) for record in records if record.episode in statuses]
     starting = [record.episode for record in records if record.timestep == 0 and statuses.get(record.episode) == "new"]
     if starting:

@@ -28,14 +28,17 @@ def postgres_template(postgres: PostgresServer) -> str:
 
 
 @pytest.fixture(params=KINDS)
-def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
     """The address of a fresh database with the tables."""
     if request.param == "sqlite":
         address = f"sqlite:///{tmp_path}/study.db"
         migrate(address)
-        return address
+        yield address
+        return
     server: PostgresServer = request.getfixturevalue("postgres")
-    return server.url(server.new_database(request.getfixturevalue("postgres_template")))
+    name = server.new_database(request.getfixturevalue("postgres_template"))
+    yield server.url(name)
+    server.drop_database(name)
 
 
 @pytest.fixture

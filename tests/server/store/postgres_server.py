@@ -43,11 +43,15 @@ class PostgresServer:
         return f"postgresql://kitchenmind@/{name}?host={self.folder}"
 
     def new_database(self, template: str = "template1") -> str:
-        """The address of a fresh database, a copy of `template`."""
+        """The name of a fresh database, a copy of `template`."""
         name = f"study_{secrets.token_hex(6)}"
         with psycopg.connect(self.url(), autocommit=True) as connection:
-            connection.execute(f"CREATE DATABASE {name} TEMPLATE {template} STRATEGY FILE_COPY")
+            connection.execute(f"CREATE DATABASE {name} TEMPLATE {template}")
         return name
+
+    def drop_database(self, name: str) -> None:
+        with psycopg.connect(self.url(), autocommit=True) as connection:
+            connection.execute(f"DROP DATABASE {name} WITH (FORCE)")
 
     def start(self) -> None:
         settings = [word for setting in (*_QUICK, "listen_addresses=") for word in ("-c", setting)]
@@ -63,6 +67,19 @@ class PostgresServer:
         self._process.send_signal(signal.SIGQUIT)
         self._process.wait(30)
         self._process = None
+
+    def freeze(self) -> None:
+        """Every process of the server stands still: it answers nobody, and nobody is told."""
+        self._signal_all(signal.SIGSTOP)
+
+    def thaw(self) -> None:
+        self._signal_all(signal.SIGCONT)
+
+    def _signal_all(self, number: signal.Signals) -> None:
+        assert self._process is not None
+        children = Path(f"/proc/{self._process.pid}/task/{self._process.pid}/children").read_text().split()
+        for process in [self._process.pid, *map(int, children)]:
+            os.kill(process, number)
 
     def remove(self) -> None:
         if self._process is not None:

@@ -1,0 +1,52 @@
+"""A participant withdraws: everything about the person is deleted, and that somebody withdrew is all that is kept."""
+
+from datetime import UTC, datetime
+
+from sqlalchemy import Connection, delete, or_, select, update
+
+from server.store import audit, engines
+from server.store.tables import (
+    answers,
+    episodes,
+    events,
+    participants,
+    pauses,
+    personal,
+    ticks,
+    visits,
+    withdrawals,
+)
+
+
+def withdraw(connection: Connection, participant_id: str) -> bool:
+    """Deletes the participant from every table; False if there is none. What counts later: condition, step and time.
+
+    Episodes go with their ticks, also those played with another participant. On SQLite the deleted content is
+    overwritten in the file; on PostgreSQL it is gone from the files after the next VACUUM.
+    """
+    here = participants.c.id == participant_id
+    row = connection.execute(
+        select(participants.c.study_id, participants.c.condition, participants.c.position).where(here)
+    ).first()
+    if row is None:
+        return False
+    played = or_(episodes.c.participant_0 == participant_id, episodes.c.participant_1 == participant_id)
+    _delete_episodes(connection, list(connection.execute(select(episodes.c.id).where(played)).scalars()))
+    for table in (answers, visits, events, personal):
+        connection.execute(delete(table).where(table.c.participant_id == participant_id))
+    connection.execute(delete(participants).where(here))
+    audit.forget(connection, participant_id)
+    kept = {"study_id": row.study_id, "condition": row.condition, "position": row.position}
+    connection.execute(withdrawals.insert().values(withdrawn_at=datetime.now(UTC), **kept))
+    audit.add(connection, "participant", "withdraw", {"study": row.study_id})
+    engines.overwrite_deleted(connection)
+    return True
+
+
+def _delete_episodes(connection: Connection, episode_ids: list[str]) -> None:
+    for episode_id in episode_ids:
+        connection.execute(update(answers).where(answers.c.episode_id == episode_id).values(episode_id=None))
+        for table in (ticks, pauses, events):
+            connection.execute(delete(table).where(table.c.episode_id == episode_id))
+        connection.execute(delete(episodes).where(episodes.c.id == episode_id))
+        audit.forget(connection, episode_id)
