@@ -6,7 +6,6 @@ import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Any, Final
-from urllib.parse import urlsplit
 
 from fastapi import APIRouter, WebSocket
 from starlette.requests import HTTPConnection
@@ -43,6 +42,7 @@ class Player:
 
 
 FindPlayer = Callable[[HTTPConnection, str], Awaitable[Player | None]]  # (connection with the cookie, study) -> who
+IsOurs = Callable[[HTTPConnection], bool]
 Report = Callable[[str, str], Awaitable[None]]  # (participant, text of a problem in their browser)
 
 
@@ -91,7 +91,8 @@ class Gate:
         try:
             message = messages.decode(text)
         except messages.BadMessage as error:
-            return self._refuse(str(error), mine, now)
+            self._refuse(str(error), mine, now)
+            return None
         if isinstance(message, messages.Pong) and mine.outlet.pong(message.id, time.monotonic()):
             return None
         if not self._budget.spend(now):
@@ -110,9 +111,9 @@ class Gate:
 class Sockets:
     """All open game sockets of this server."""
 
-    def __init__(self, games: Games, find: FindPlayer, origins: frozenset[str], report: Report | None = None) -> None:
-        """`origins`: further allowed origins beside the host that the request names."""
-        self._games, self._find, self._origins, self._report = games, find, origins, report
+    def __init__(self, games: Games, find: FindPlayer, is_ours: IsOurs, report: Report | None = None) -> None:
+        """`is_ours`: whether the page that opens the socket is one of ours (Origin check)."""
+        self._games, self._find, self._is_ours, self._report = games, find, is_ours, report
         self._open: set[PlayerSocket] = set()
         self._budgets: dict[str, Budget] = {}
         self._heart: asyncio.Task[None] | None = None
@@ -128,7 +129,7 @@ class Sockets:
 
     async def serve(self, socket: WebSocket, study: str) -> None:
         """From handshake to close. Strangers and foreign pages get a 403 before anything is accepted."""
-        if not self._allowed(socket):
+        if not self._is_ours(socket):
             log.warning("a websocket from another origin was refused: %s", socket.headers.get("origin", "")[:100])
             return await socket.close(ABUSE)
         player = await self._find(socket, study)
@@ -158,13 +159,6 @@ class Sockets:
         """The last words may still go out, but nobody waits long for a dead peer."""
         mine.close(1000, "")
         await asyncio.wait({writer}, timeout=1.0)
-
-    def _allowed(self, socket: WebSocket) -> bool:
-        """Browsers always name the page's origin: it must be ours. Programs that are no browsers need not."""
-        origin = socket.headers.get("origin")
-        if origin is None or origin in self._origins:
-            return True
-        return urlsplit(origin).netloc == socket.headers.get("host", "")
 
     async def _beat(self) -> None:
         while self._open:
@@ -232,12 +226,11 @@ class Sockets:
         return game
 
 
-def router(sockets: Sockets) -> APIRouter:
-    """The one websocket route of participants."""
-    routes = APIRouter()
+router = APIRouter()
 
-    @routes.websocket("/s/{study}/socket")
-    async def play(socket: WebSocket, study: str) -> None:
-        await sockets.serve(socket, study)
 
-    return routes
+@router.websocket("/s/{study}/socket")
+async def play(socket: WebSocket, study: str) -> None:
+    """Plays the participant's current step, if it is a game."""
+    sockets: Sockets = socket.app.state.sockets
+    await sockets.serve(socket, study)

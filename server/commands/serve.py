@@ -1,0 +1,155 @@
+"""`kitchenmind serve`: database brought up to date, models started, pages served. Imports late: --help stays quick."""
+
+import argparse
+import asyncio
+import signal
+import socket
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import uvicorn
+    from fastapi import FastAPI
+
+    from server.settings import Settings
+
+_UNSENT_GIVE_UP_MS = 10_000  # a peer that takes nothing in for so long is gone, whatever its socket says
+_SEND_BUFFER_BYTES = 64 * 1024  # what a slow reader can make the kernel keep
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--study", action="append", type=Path, metavar="FILE", help="a study file; may be repeated")
+    parser.add_argument("--host", help="address to listen on (127.0.0.1)")
+    parser.add_argument("--port", type=int, help="port to listen on (8000; 0 takes a free one)")
+    parser.add_argument("--database", metavar="URL", help="sqlite:///path or postgresql://user@host/name")
+    parser.add_argument("--model-workers", type=int, metavar="N", help="processes that run the models (1)")
+    parser.add_argument("--speed", type=float, help=argparse.SUPPRESS)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Serves until it is told to stop; 2 when a setting or study is wrong, 1 when the server could not start."""
+    try:
+        settings = settings_of(arguments)
+        listening = listen(settings.host, settings.port)
+    except (ValueError, OSError) as error:
+        return _refuse(error, 2)
+    return serve(settings, listening)
+
+
+def settings_of(arguments: argparse.Namespace) -> "Settings":
+    """The environment's settings with those of the command line over them. Raises ValueError."""
+    from server.settings import Settings
+
+    given: dict[str, Any] = {
+        "studies": tuple(arguments.study) if arguments.study else None,
+        "host": arguments.host,
+        "port": arguments.port,
+        "database": arguments.database,
+        "model_workers": arguments.model_workers,
+        "speed": arguments.speed,
+    }
+    return Settings(**{name: value for name, value in given.items() if value is not None})
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A listening socket, so that a port that is taken is told before anything is started. Raises OSError."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
+    if hasattr(socket, "TCP_USER_TIMEOUT"):
+        listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNSENT_GIVE_UP_MS)
+    try:
+        listening.bind((host, port))
+        listening.listen(2048)
+    except OSError as error:
+        listening.close()
+        raise OSError(f"cannot listen on {host}:{port} ({error.strerror}). Choose another with --port.") from None
+    listening.setblocking(False)
+    return listening
+
+
+def serve(settings: "Settings", listening: socket.socket) -> int:
+    """Runs the application on the socket until a signal stops it; the exit status."""
+    import uvloop
+
+    from models.lane import ModelsDown
+    from server.store.database import DatabaseDown, DatabaseInUse
+    from server.store.migrate import DatabaseTooNew
+    from server.study.loader import StudyError
+
+    try:
+        with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+            runner.run(_serve(settings, listening))
+    except (StudyError, ValueError, FileNotFoundError) as error:
+        return _refuse(error, 2)
+    except (ModelsDown, DatabaseDown, DatabaseInUse, DatabaseTooNew) as error:
+        return _refuse(error, 1)
+    return 0
+
+
+async def _serve(settings: "Settings", listening: socket.socket) -> None:
+    from server.main import create_app, wired
+
+    app = create_app(settings)
+    async with wired(app):
+        server = _server(app, settings)
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            loop.add_signal_handler(number, server.handle_exit, number, None)
+        await server.serve(sockets=[listening])
+
+
+def _server(app: "FastAPI", settings: "Settings") -> "uvicorn.Server":
+    import uvicorn
+
+    from server.play.messages import MAX_FRAME_BYTES
+
+    class Server(uvicorn.Server):
+        """Tells the address once it can be opened; pauses all games before it closes their sockets."""
+
+        async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+            await super().startup(sockets=sockets)
+            if self.started and sockets:
+                print(f"kitchenmind is at {_address(sockets[0])}  (stop with Ctrl+C)", flush=True)
+
+        async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+            await app.state.games.stop()
+            await super().shutdown(sockets=sockets)
+
+        @contextmanager
+        def capture_signals(self) -> Iterator[None]:
+            """uvicorn's own way ends the process before games and database are closed."""
+            yield
+
+    return Server(
+        uvicorn.Config(
+            app,
+            lifespan="off",
+            ws="websockets-sansio",
+            ws_max_size=MAX_FRAME_BYTES,
+            ws_per_message_deflate=False,
+            ws_ping_interval=None,
+            access_log=False,
+            log_level="warning",
+            proxy_headers=settings.mode == "production",
+            forwarded_allow_ips=settings.trusted_proxies,
+            server_header=False,
+            timeout_graceful_shutdown=10,
+        )
+    )
+
+
+def _address(listening: socket.socket) -> str:
+    host, port = listening.getsockname()[:2]
+    if host in ("0.0.0.0", "::"):  # noqa: S104
+        host = "127.0.0.1"
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+
+def _refuse(error: Exception, status: int) -> int:
+    print(f"kitchenmind serve: {error}", file=sys.stderr)
+    return status

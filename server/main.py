@@ -1,0 +1,127 @@
+"""The one place where the parts are wired: settings in, a running application out."""
+
+import asyncio
+import gc
+import logging
+from collections.abc import AsyncIterator, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager
+from datetime import UTC, datetime
+
+from fastapi import FastAPI
+from fastapi.staticfiles import StaticFiles
+
+from models.runner import ModelServer
+from overcooked.constants import STAY
+from server.cast import cast_of, fingerprint
+from server.play.clock import Clock
+from server.play.games import Games
+from server.play.recorder import EpisodeRecord, RecorderDown
+from server.play.trace import Trace
+from server.settings import ROOT, Settings
+from server.store import episodes, events
+from server.store.database import Database, DatabaseDown
+from server.store.episodes import StoreRecorder
+from server.store.migrate import migrate
+from server.study.loader import StudyError, StudyFile, load_study
+from server.version import code_version
+from server.web import pages, socket
+from server.web.auth import Guard
+from server.web.deps import Web, templates
+from server.web.episodes import layout_of
+from server.web.errors import install_error_pages
+from server.web.headers import SecurityHeaders
+from server.web.seats import Seats
+from server.web.socket import Sockets
+from server.web.studies import Studies
+
+log = logging.getLogger(__name__)
+_GARBAGE_THRESHOLDS = (50_000, 20, 20)  # a full collection costs milliseconds, and a game makes hardly any cycles
+
+
+def create_app(settings: Settings) -> FastAPI:
+    """The application. Its start, `wired`, raises StudyError, ModelsDown, DatabaseInUse, DatabaseDown, DatabaseTooNew."""
+    app = FastAPI(title="kitchenmind", docs_url=None, redoc_url=None, openapi_url=None, lifespan=wired)
+    app.state.settings = settings
+    guard = Guard(settings.signing_key(), settings.public_url)
+    app.state.guard = guard
+    app.add_middleware(SecurityHeaders, secure=guard.secure)
+    app.mount("/static", StaticFiles(directory=ROOT / "static"), name="static")
+    install_error_pages(app)
+    app.include_router(pages.router)
+    app.include_router(socket.router)
+    return app
+
+
+@asynccontextmanager
+async def wired(app: FastAPI) -> AsyncIterator[None]:
+    """The application with all its parts running, as long as the context lasts."""
+    settings: Settings = app.state.settings
+    files = _served(settings)
+    async with AsyncExitStack() as stack:
+        await asyncio.to_thread(migrate, settings.database)
+        database = Database(settings.database)
+        stack.callback(database.close)
+        studies = await Studies.opened(database, files)
+        cast = cast_of(files)
+        predictors = [name for name in cast.predictors if name not in cast.missing]
+        models = ModelServer(cast.agents, predictors, settings.model_workers)
+        await models.start()
+        stack.push_async_callback(models.close)
+        app.state.web = Web(database, studies, app.state.guard, templates())
+        app.state.games = _games(settings, database, models)
+        stack.push_async_callback(app.state.games.stop)
+        app.state.sockets = _sockets(app, database, studies)
+        _warm(files)
+        gc.collect()
+        gc.freeze()
+        gc.set_threshold(*_GARBAGE_THRESHOLDS)
+        yield
+
+
+def _served(settings: Settings) -> list[StudyFile]:
+    """The studies that can be played. Raises StudyError for a broken file; in production for any missing model too."""
+    served, reasons = [], []
+    for path in settings.studies:
+        file = load_study(path)
+        cast = cast_of([file])
+        missing = [f"{model} on {layout}" for layout, model in cast.missing]
+        if missing:
+            reasons.append(f"{path.name}: there are no weights for {', '.join(missing)}. Train them or name others.")
+        if set(cast.agents) & set(cast.missing):
+            continue
+        served.append(file)
+    if not served or (reasons and settings.mode == "production"):
+        raise StudyError(reasons)
+    for reason in reasons:
+        log.warning(reason)
+    return served
+
+
+def _games(settings: Settings, database: Database, models: ModelServer) -> Games:
+    async def load(episode: str) -> EpisodeRecord | None:
+        try:
+            return await database.read(episodes.load, episode)
+        except DatabaseDown as down:
+            raise RecorderDown(str(down)) from down
+
+    return Games(Clock(settings.speed), models, StoreRecorder(database), load)
+
+
+def _sockets(app: FastAPI, database: Database, studies: Studies) -> Sockets:
+    async def report(participant: str, text: str) -> None:
+        event = events.Event("trouble", datetime.now(UTC), participant, detail={"text": text})
+        try:
+            await database.write(events.add, event)
+        except DatabaseDown:
+            log.warning("a problem in a browser could not be stored: %s", text)
+
+    seats = Seats(database, studies, fingerprint, code_version())
+    return Sockets(app.state.games, seats.find, app.state.guard.is_own_origin, report)
+
+
+def _warm(files: Sequence[StudyFile]) -> None:
+    """The first step of a game must not wait for a compiler."""
+    for file in files:
+        trace = Trace(layout_of(file.study.layouts[0]), horizon=1)
+        trace.step((STAY, STAY))
+        trace.history(0)(1)

@@ -1,0 +1,79 @@
+"""Which game a participant may play now, and in which seat: the step of their way as an episode in the database."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from sqlalchemy import Connection
+from starlette.requests import HTTPConnection
+
+from server.play.session import VIEWER
+from server.play.spec import EpisodeSpec
+from server.store import episodes, participants
+from server.store.database import Database
+from server.store.episodes import Episode, NewEpisode
+from server.store.participants import Participant
+from server.study.steps import Step
+from server.web.auth import token_of
+from server.web.episodes import episode_spec
+from server.web.socket import Player
+from server.web.studies import Studies
+
+Fingerprint = Callable[[str, str], str | None]  # (layout, model) -> sha256 of its checkpoint
+
+
+@dataclass(frozen=True)
+class Seats:
+    """Finds a participant's game. `fingerprint` and `code_version` go into the record of a new episode."""
+
+    database: Database
+    studies: Studies
+    fingerprint: Fingerprint
+    code_version: str
+
+    async def find(self, connection: HTTPConnection, study: str) -> Player | None:
+        """Who has the cookie of this study and what they play now; None for everybody else. Raises DatabaseDown."""
+        token = token_of(connection)
+        participant = await self.database.read(participants.by_token, token) if token else None
+        version = self.studies.version(participant.study_id) if participant else None
+        if participant is None or version is None or version.name != study:
+            return None
+        return await self.database.write(self._seat, participant.id, f"/s/{study}/now")
+
+    def _seat(self, connection: Connection, participant_id: str, next_url: str) -> Player | None:
+        participant = participants.get(connection, participant_id)
+        if participant is None:
+            return None
+        step = self.studies.step(participant)
+        if participant.status != "active" or not step.is_game:
+            return Player(participant_id, None, VIEWER, next_url)
+        episode = episodes.of_step(connection, participant_id, step.key)
+        if episode is None or _to_be_repeated(step, episode):
+            made = episodes.create(connection, self._new(participant, step))
+            episode = episodes.get(connection, made)
+        if episode is None or episode.status in ("done", "aborted"):
+            return Player(participant_id, None, VIEWER, next_url)
+        seat = (episode.participant_0, episode.participant_1).index(participant_id)
+        return Player(participant_id, episode.id, seat, next_url)
+
+    def _new(self, participant: Participant, step: Step) -> NewEpisode:
+        spec = episode_spec(self.studies.of(participant), step, participant.condition, participant.language)
+        first, second = (participant.id if agent is None else None for agent in spec.agents)
+        return NewEpisode(
+            spec=spec,
+            step_key=step.key,
+            participants=(first, second),
+            study_id=participant.study_id,
+            condition=participant.condition,
+            agent_sha256s=(self._agent(spec, 0), self._agent(spec, 1)),
+            predictor_sha256=self.fingerprint(spec.layout, spec.predictor) if spec.predictor else None,
+            code_version=self.code_version,
+        )
+
+    def _agent(self, spec: EpisodeSpec, seat: int) -> str | None:
+        agent = spec.agents[seat]
+        return None if agent is None else self.fingerprint(spec.layout, agent)
+
+
+def _to_be_repeated(step: Step, episode: Episode) -> bool:
+    """A tutorial is there to be passed: one that ended otherwise starts anew."""
+    return step.kind == "tutorial" and episode.status in ("done", "aborted") and not episode.passed
