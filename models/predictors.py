@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 
 from models.blackbox import is_foreign, load_foreign_predictor
 from models.protocols import STEPS, Observations, Predictions, Predictor
+from models.scripted import GuidePredictor
 from overcooked.constants import ACTIONS
 from overcooked.layout import Layout
 
 WEIGHTS = Path(__file__).parent / "weights"
 RANDOM = "random"
+GUIDE = "guide"  # of the tutorial's agent of the same name
 
 
 class UnknownPredictor(ValueError):
@@ -20,11 +22,13 @@ class UnknownPredictor(ValueError):
 
 
 def load_predictor(name: str, layout: Layout) -> Predictor:
-    """The predictor called `name`: `random`, a shipped one such as `sp_predictor_stream`, one degraded to an accuracy
-    such as `sp_predictor_stream@60`, or a foreign one (`module:Class`, an ONNX file). Raises ValueError (its kinds)
-    or OSError."""
+    """The predictor called `name`: `random`, `guide`, a shipped one such as `sp_predictor_stream`, one degraded to an
+    accuracy such as `sp_predictor_stream@60`, or a foreign one (`module:Class`, an ONNX file). Raises ValueError (its
+    kinds) or OSError."""
     if name == RANDOM:
         return UniformPredictor()
+    if name == GUIDE:
+        return GuidePredictor()
     if is_foreign(name):
         return load_foreign_predictor(name, layout)
     base, _, wanted = name.partition("@")

@@ -1,6 +1,7 @@
 """Agents that are a few lines: `random`, `stay`, and the tutorial's `guide`, whose next actions anybody can foresee."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models.protocols import STEPS, Mode, Observations, Predictions, Probabilities
 from models.sight import Cell, Sight, certain, sight
@@ -34,6 +35,23 @@ class GuidePolicy:
 
     def probabilities(self, observations: Observations) -> Probabilities:
         return np.stack([certain(_pace(*_where(sight(planes)))) for planes in observations])
+
+
+class GuidePredictor:
+    """Foretells the guide, which is all it knows."""
+
+    memory = 1
+
+    def begin(self, slots: NDArray[np.intp]) -> None:
+        """Nothing to forget."""
+
+    def predict(
+        self,
+        slots: NDArray[np.intp],  # noqa: ARG002 - every state tells enough
+        observations: Observations,
+        last_actions: NDArray[np.int8],  # noqa: ARG002
+    ) -> Predictions:
+        return guide_ahead(observations)
 
 
 def guide_ahead(observations: Observations) -> Predictions:
