@@ -5,9 +5,11 @@ Result rows in, matplotlib figures out. Computes nothing but positions.
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
 from io import StringIO
 from pathlib import Path
+from typing import ParamSpec
 
 import numpy as np
 from matplotlib import rc_context
@@ -15,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from scipy import stats
 
@@ -28,6 +31,7 @@ ACCENT = "#b8501f"
 FILLS = {"none": (SOFT, CARD, ""), "random": ("#7a5195", CARD, "////"), "tom": ("#12737a", "#12737a", "")}
 OTHERS = (("#9a6400", CARD, "...."), ("#9a6400", CARD, "xxxx"), ("#004a99", CARD, "----"), ("#004a99", "#004a99", ""))
 WIDTH_IN = 8.6
+Drawn = ParamSpec("Drawn")
 STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
@@ -64,11 +68,21 @@ def save(figure: Figure, folder: Path, name: str) -> str:
     return re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
 
 
+def _styled(draw: Callable[Drawn, Figure]) -> Callable[Drawn, Figure]:
+    """The style holds while the figure is drawn, and nowhere else in the process."""
+
+    @wraps(draw)
+    def styled(*args: Drawn.args, **keywords: Drawn.kwargs) -> Figure:
+        with rc_context(STYLE):  # type: ignore[arg-type, unused-ignore]
+            return draw(*args, **keywords)
+
+    return styled
+
+
 def _figure(height_in: float, rows: int = 1, width_in: float = WIDTH_IN) -> tuple[Figure, list[Axes]]:
-    with rc_context(STYLE):  # type: ignore[arg-type]
-        figure = Figure(figsize=(width_in, height_in), layout="constrained")
-        FigureCanvasAgg(figure)
-        axes = figure.subplots(rows, 1, squeeze=False)[:, 0]
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(rows, 1, squeeze=False)[:, 0]
     for panel in axes:
         panel.spines[["top", "right", "left"]].set_visible(False)
         panel.tick_params(length=0)
@@ -117,6 +131,7 @@ def _group_places(conditions: Sequence[str]) -> dict[str, float]:
     return dict(zip(conditions, spread.tolist(), strict=True))
 
 
+@_styled
 def rewards(rows: Sequence[Result], conditions: Sequence[str], contrast: tuple[str, str] | None) -> Figure:
     """Mean reward with standard error by agent (panels), layout and condition; brackets where `contrast` is significant
     after correction."""
@@ -137,7 +152,8 @@ def rewards(rows: Sequence[Result], conditions: Sequence[str], contrast: tuple[s
         panel.set_title(f"{agent_title(agent)} agent")
         panel.set_xticks(range(len(layouts)), [layout_title(layout) for layout in layouts])
         panel.set_xlim(-0.55, len(layouts) - 0.45)
-        panel.set_ylim(0, top * 1.24)
+        panel.set_ylim(0, top * 1.26)
+        panel.yaxis.set_major_locator(MaxNLocator(5))
         panel.grid(axis="y")
     _legend(panels[0], conditions)
     return figure
@@ -160,11 +176,14 @@ def _bracket(
     if not mark:
         return
     left, right = sorted(index + places[name] for name in contrast)
-    low, high = reach + top * 0.095, reach + top * 0.12
+    low, high = reach + top * 0.1, reach + top * 0.125
     panel.plot([left, left, right, right], [low, high, high, low], color=INK, linewidth=0.9)
-    panel.annotate(mark, ((left + right) / 2, high), (0, -1.5), textcoords="offset points", ha="center", fontsize=9)
+    panel.annotate(
+        mark, ((left + right) / 2, high), (0, -3), textcoords="offset points", ha="center", fontsize=9, va="bottom"
+    )
 
 
+@_styled
 def effect_sizes(rows: Sequence[Result], contrast: tuple[str, str]) -> Figure:
     """Hedges g with interval for every layout and agent; filled where significant after correction."""
     tests = select(rows, section="reward", test="t_test", contrast=" - ".join(contrast))
@@ -191,6 +210,7 @@ def effect_sizes(rows: Sequence[Result], contrast: tuple[str, str]) -> Figure:
     return figure
 
 
+@_styled
 def questionnaire(rows: Sequence[Result], conditions: Sequence[str], titles: Mapping[str, str]) -> Figure:
     """Mean answers with 95 % interval by agent (panels), question and condition, on the scale 1 to 7."""
     means = select(rows, section="questionnaire", test="mean")
@@ -207,7 +227,7 @@ def questionnaire(rows: Sequence[Result], conditions: Sequence[str], titles: Map
                     row = bars[condition]
                     _bar(panel, x, row, conditions, row.estimate_high - row.estimate, 2)
                 else:
-                    panel.annotate("not asked", (x, 1.08), ha="center", fontsize=7.2, color=SOFT, rotation=90)
+                    panel.annotate("not asked", (x, 1.2), ha="center", va="bottom", fontsize=7, color=SOFT, rotation=90)
         panel.set_title(f"{agent_title(agent)} agent")
         panel.set_xticks(range(len(questions)), [titles[question] for question in questions])
         panel.set_xlim(-0.55, len(questions) - 0.45)
@@ -218,6 +238,7 @@ def questionnaire(rows: Sequence[Result], conditions: Sequence[str], titles: Map
     return figure
 
 
+@_styled
 def accuracy(rows: Sequence[Result], chance: float = 1 / 6) -> Figure:
     """Accuracy by step ahead for every agent: filled offline, hollow with people."""
     figure, (panel,) = _figure(2.5, width_in=4.2)
@@ -236,8 +257,8 @@ def accuracy(rows: Sequence[Result], chance: float = 1 / 6) -> Figure:
             panel.plot(steps, line, style, color=INK, linewidth=1.2, marker="o", markersize=4.5, markerfacecolor=face)
             ends.append((line[-1], f"{agent_title(row.agent)} {name}"))
     _end_labels(panel, ends, 6.5)
-    panel.axhline(chance * 100, color=FILLS["random"][0], linewidth=1.2, linestyle=(0, (2, 2)))
-    panel.annotate("chance", (3.08, chance * 100), va="center", fontsize=8)
+    panel.plot([1, 3], [chance * 100] * 2, color=FILLS["random"][0], linewidth=1.2, linestyle=(0, (2, 2)))
+    panel.annotate("chance", (3.12, chance * 100), va="center", fontsize=8)
     panel.set_xticks([1, 2, 3])
     panel.set_xlim(0.85, 4.05)
     panel.set_ylim(0, 103)
@@ -252,9 +273,10 @@ def _end_labels(panel: Axes, ends: Sequence[tuple[float, str]], apart: float) ->
     place = math.inf
     for value, label in sorted(ends, reverse=True):
         place = min(value, place - apart)
-        panel.annotate(label, (3.08, place), va="center", fontsize=8)
+        panel.annotate(label, (3.12, place), va="center", fontsize=8)
 
 
+@_styled
 def power(points: Sequence[Power], here: int | None) -> Figure:
     """Power of the test over people by participants, one line an effect; `here` marks this study."""
     figure, (panel,) = _figure(2.5, width_in=4.2)
@@ -276,6 +298,7 @@ def power(points: Sequence[Power], here: int | None) -> Figure:
     return figure
 
 
+@_styled
 def quantiles(residuals: NDArray[np.float64]) -> Figure:
     """Residuals of the mixed model against a normal distribution."""
     figure, (panel,) = _figure(2.5, width_in=4.2)

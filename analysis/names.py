@@ -4,6 +4,7 @@ import math
 
 LAYOUT_TITLES = {"all": "All layouts"}
 CONDITION_TITLES = {"none": "None", "random": "Random", "tom": "ToM", "all": "All"}
+CONDITION_PHRASES = {"none": "no prediction", "random": "random predictions", "tom": "ToM predictions"}
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 
 
@@ -22,6 +23,11 @@ def agent_title(agent: str) -> str:
 def condition_title(condition: str) -> str:
     """tom -> ToM."""
     return CONDITION_TITLES.get(condition, condition.replace("_", " ").capitalize())
+
+
+def condition_phrase(condition: str) -> str:
+    """What stands after "with" in a sentence: tom -> ToM predictions."""
+    return CONDITION_PHRASES.get(condition, condition_title(condition))
 
 
 def contrast_title(contrast: str) -> str:

@@ -4,8 +4,10 @@ Two questions: does the test over people find the difference, and how many of th
 Benjamini-Hochberg? Reward levels of layouts and agents fall out of both and are left out.
 """
 
+import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +93,15 @@ def curve(
 ) -> list[Power]:
     """The power of every effect at every number of participants in a condition."""
     return [power(design, effect, size, studies, seed) for effect in effects for size in sizes]
+
+
+def write_points(points: Sequence[Power], path: Path) -> None:
+    """The curve as CSV, one row a point."""
+    names = ("effect", "participants", "people", "comparison", "some", "studies")
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows([[getattr(point, name) for name in names] for point in points])
 
 
 def participants_needed(points: Sequence[Power], effect: float, wanted: float = 0.8) -> int | None:

@@ -11,14 +11,15 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+import polars as pl
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from analysis import figures, names, quality, questionnaires, wording
+from analysis import figures, names, questionnaires, wording
 from analysis.results import Result, select, write_results
 from analysis.study import Analysis, Options, analyse, smallest_condition
-from analysis.tables import SPELLINGS, Export, read_export, table_file
+from analysis.tables import LAYOUTS, SPELLINGS, Export, read_export, table_file
 
 HERE = Path(__file__).parent
 
@@ -99,7 +100,9 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
     def rows(**wanted: object) -> list[Result]:
         return select(analysis.rows, **wanted)
 
-    return environment.get_template("report.html.j2").render(
+    return environment.get_template(
+        "report.html.j2"
+    ).render(
         a=analysis,
         rows=rows,
         main_tests=_main_tests(analysis),
@@ -107,10 +110,17 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
         css=Markup((HERE / "report.css").read_text(encoding="utf-8")),  # noqa: S704
         findings=[Markup(text) for text in wording.findings(analysis)],  # noqa: S704
         sentences=[Markup(text) for text in wording.sentences(analysis)],  # noqa: S704
-        rules=quality.RULES,
+        flagged=_flagged(analysis),
+        own_grids=[name for name in analysis.layouts if name in LAYOUTS[1:]],
         provenance=_provenance(analysis, options),
         simulated=_simulated(analysis.export),
     )
+
+
+def _flagged(analysis: Analysis) -> pl.DataFrame:
+    """Episodes that a rule or the researcher found wanting, the worst first."""
+    wanting = (pl.col("proposal") != "keep") | (pl.col("excluded") != "")
+    return analysis.quality.filter(wanting).sort("proposal", maintain_order=True)
 
 
 def _simulated(export: Export) -> bool:

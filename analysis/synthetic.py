@@ -21,6 +21,7 @@ BASELINE = {  # mean reward by layout, invented
     "matrix": 74.0,
     "clear_division": 119.0,
 }
+ACCURACY = {"sp": (0.80, 0.72, 0.66), "fcp": (0.88, 0.80, 0.74)}
 QUESTIONS = ("partner_satisfaction", "predictor_satisfaction", "situational_awareness", "efficiency")
 
 
@@ -37,7 +38,7 @@ class Truth:
     agent_bonus: float = 16.0  # of every agent over the one before
     person_sd: float = 8.0
     residual_sd: float = 14.0
-    accuracy: tuple[float, ...] = (0.85, 0.78, 0.72)  # of the predictor's steps
+    accuracy: Mapping[str, tuple[float, ...]] = field(default_factory=lambda: dict(ACCURACY))  # of the steps, by agent
     timesteps: int = 400
     broken: float = 0.011  # share of episodes that the researcher removes
     seed: int = 1
@@ -62,8 +63,8 @@ def write_export(truth: Truth, folder: Path) -> None:
 
 
 def _offline(truth: Truth) -> dict[str, dict[str, list[float]]]:
-    shares = [min(1.0, share + 0.04) for share in truth.accuracy]
-    return {agent: dict.fromkeys(truth.layouts, shares) for agent in truth.agents}
+    better = {agent: [min(1.0, share + 0.04) for share in truth.accuracy[agent]] for agent in truth.agents}
+    return {agent: dict.fromkeys(truth.layouts, shares) for agent, shares in better.items()}
 
 
 def _participants(truth: Truth) -> pl.DataFrame:
@@ -142,7 +143,8 @@ def _ticks(truth: Truth, episodes: pl.DataFrame, generator: np.random.Generator)
         coming = np.full((games, length + 1), -1, dtype=np.int8)
         coming[:, : length + 1 - step] = actions[:, step - 1 :, 1]
         wrong = (coming + generator.integers(1, ACTIONS, coming.shape)) % ACTIONS
-        right = generator.random(coming.shape) < truth.accuracy[step - 1]
+        share = np.array([truth.accuracy[agent][step - 1] for agent in episodes["agent_1"]])
+        right = generator.random(coming.shape) < share[:, None]
         guess = np.where(coming < 0, 4, np.where(right, coming, wrong)).astype(np.int8)
         table = table.with_columns(pl.Series(f"predicted_{step}", guess.ravel()))
     return table

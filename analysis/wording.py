@@ -7,13 +7,12 @@ import math
 
 from analysis.names import (
     agent_title,
-    condition_title,
+    condition_phrase,
     degrees,
     layout_title,
     listed,
     number,
     p_equals,
-    signed,
     word,
 )
 from analysis.questionnaires import title
@@ -69,15 +68,16 @@ def _layouts_finding(analysis: Analysis) -> str:
     tests = _main_tests(analysis)
     if not tests or analysis.contrast is None:
         return ""
-    parts = []
+    parts: list[str] = []
     for agent in analysis.agents:
         rows = [row for row in tests if row.agent == agent]
         better = [row for row in rows if row.p_adjusted < ALPHA and row.estimate > 0]
-        parts += [f"{len(better)} of {len(rows)} layouts with {agent_title(agent)}"] if rows else []
+        layouts = "" if parts else " layouts"
+        parts += [f"{len(better)} of {len(rows)}{layouts} with {agent_title(agent)}"] if rows else []
     worse = sum(row.p_adjusted < ALPHA and row.estimate < 0 for row in tests)
-    first, second = (condition_title(name) for name in analysis.contrast)
+    first, second = (condition_phrase(name) for name in analysis.contrast)
     also = f" They earn less in {word(worse)}." if worse else ""
-    return f"Under {first} teams earn more than under {second} in {listed(parts)}, after correction.{also}"
+    return f"With {first} teams earn more than with {second} in {listed(parts)}, after correction.{also}"
 
 
 def _accuracy_finding(analysis: Analysis) -> str:
@@ -144,7 +144,7 @@ def _pairwise(analysis: Analysis) -> str:
     tests = _main_tests(analysis)
     if not tests or analysis.contrast is None:
         return ""
-    first, second = (condition_title(name) for name in analysis.contrast)
+    first, second = (condition_phrase(name) for name in analysis.contrast)
     sure = [row for row in tests if row.p_adjusted < ALPHA and row.estimate > 0]
     if not sure:
         return (
@@ -170,29 +170,42 @@ def _mixed(analysis: Analysis) -> str:
     if not rows or math.isnan(rows[0].p) or analysis.model.variance is None:
         return ""
     row = rows[0]
-    first, second = (condition_title(name) for name in analysis.contrast)
+    first, second = (condition_phrase(name) for name in analysis.contrast)
+    way = "higher" if row.estimate > 0 else "lower"
+    interval = f"95 % CI [{number(row.estimate_low, 1)}, {number(row.estimate_high, 1)}]"
     return (
-        f"In a mixed model with participants as random effect and agent and layout as fixed effects, {first} changed "
-        f"the reward by {signed(row.estimate)} points against {second} (95 % CI [{number(row.estimate_low, 1)}, "
-        f"{number(row.estimate_high, 1)}], {statistic(row)}; ICC = {number(analysis.model.variance.icc)})."
+        f"In a mixed model with participants as random effect and agent and layout as fixed effects, the reward was "
+        f"{number(abs(row.estimate), 1)} points {way} with {first} than with {second} ({interval}, {statistic(row)}; "
+        f"ICC = {number(analysis.model.variance.icc)})."
     )
 
 
 def _questionnaire(analysis: Analysis) -> list[str]:
-    """One sentence a question and contrast, agents together, where any is significant as published (uncorrected)."""
+    """One sentence a question and contrast where any agent's test is significant as published (uncorrected)."""
     tests = select(analysis.rows, section="questionnaire", test="t_test")
     made = []
     for question, contrast in dict.fromkeys((row.question, row.contrast) for row in tests):
         rows = [row for row in select(tests, question=question, contrast=contrast) if not math.isnan(row.p)]
-        if not any(row.p < ALPHA for row in rows):
-            continue
-        first, second = (condition_title(name) for name in contrast.split(" - "))
-        values = "; ".join(
-            f"{agent_title(row.agent)}: {statistic(row)}, <i>g</i> = {number(row.effect)}" for row in rows
-        )
-        way = "higher" if max(rows, key=lambda row: -row.p).estimate > 0 else "lower"
-        made.append(f"“{title(question)}” was rated {way} under {first} than under {second} ({values}).")
+        first, second = (condition_phrase(name) for name in contrast.split(" - "))
+        parts = [f"{way} {_with_agents(found)}" for way, found in _by_way(rows) if found]
+        if parts:
+            rest = [row for row in rows if row.p >= ALPHA]
+            also = f", but not significantly so {_with_agents(rest)}" if rest else ""
+            made.append(f"“{title(question)}” was rated {listed(parts)} under {first} than under {second}{also}.")
     return made
+
+
+def _by_way(rows: list[Result]) -> list[tuple[str, list[Result]]]:
+    sure = [row for row in rows if row.p < ALPHA]
+    return [
+        ("higher", [row for row in sure if row.estimate > 0]),
+        ("lower", [row for row in sure if row.estimate < 0]),
+    ]
+
+
+def _with_agents(rows: list[Result]) -> str:
+    values = [f"{agent_title(row.agent)} ({statistic(row)}, <i>g</i> = {number(row.effect)})" for row in rows]
+    return f"with {listed(values)}"
 
 
 def _accuracy_sentence(analysis: Analysis) -> str:

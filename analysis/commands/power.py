@@ -1,0 +1,125 @@
+"""`kitchenmind power`: how many participants a study needs, by simulation on its own design."""
+
+import argparse
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from analysis.power import Design
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Episodes of a participant, participants planned, and the spread of reward where data say it."""
+
+    episodes: int
+    participants: int
+    person_sd: float | None = None
+    residual_sd: float | None = None
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares what the verb takes."""
+    parser.add_argument("source", type=Path, metavar="STUDY_OR_EXPORT", help="a study file, or the export of a pilot")
+    parser.add_argument(
+        "--effect", type=float, nargs="+", required=True, metavar="POINTS", help="true differences of mean reward"
+    )
+    parser.add_argument("--participants", type=int, help="in each condition; default: as in the export, else 29")
+    parser.add_argument("--pilot", type=Path, help="export that tells how reward varies, beside a study file")
+    parser.add_argument(
+        "--person-sd", type=float, help="standard deviation between people, points (instead of a pilot)"
+    )
+    parser.add_argument("--residual-sd", type=float, help="standard deviation within people, points")
+    parser.add_argument("--alpha", type=float, default=0.05)
+    parser.add_argument("--studies", type=int, default=2000, help="simulated studies for every point (default: 2000)")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=Path("power"), help="folder for the curve (default: power)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Prints a sentence for every effect, writes power.csv, power.svg and power.png; 2 with a reason for bad input."""
+    from analysis import figures, power
+
+    try:
+        design, participants = _design(arguments)
+    except ValueError as error:
+        print(f"kitchenmind power: {error}", file=sys.stderr)
+        return 2
+    sizes = sorted({*power.SIZES, participants})
+    points = power.curve(design, arguments.effect, sizes, arguments.studies, arguments.seed)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    figures.save(figures.power(points, participants), arguments.out, "power")
+    power.write_points(points, arguments.out / "power.csv")
+    for effect in dict.fromkeys(arguments.effect):
+        print(power.sentence(design, points, effect, participants))
+    print(f"The curve: {arguments.out / 'power.svg'}; its numbers: {arguments.out / 'power.csv'}")
+    return 0
+
+
+def _design(arguments: argparse.Namespace) -> "tuple[Design, int]":
+    """The design to simulate and the participants to speak about. Raises ValueError with a remedy."""
+    from analysis.power import Design
+
+    if arguments.source.is_dir():
+        plan = _from_export(arguments.source)
+    else:
+        plan = _from_study(arguments.source)
+        if arguments.pilot is not None:
+            pilot = _from_export(arguments.pilot)
+            plan = Plan(plan.episodes, plan.participants, pilot.person_sd, pilot.residual_sd)
+    person_sd = plan.person_sd if arguments.person_sd is None else arguments.person_sd
+    residual_sd = plan.residual_sd if arguments.residual_sd is None else arguments.residual_sd
+    if person_sd is None or residual_sd is None:
+        raise ValueError(
+            "nothing says how much reward varies. Give --pilot with the export of a pilot or of bots, or both "
+            "--person-sd and --residual-sd."
+        )
+    participants = plan.participants if arguments.participants is None else arguments.participants
+    bounds = {
+        "--participants": participants >= 2,
+        "--studies": arguments.studies >= 1,
+        "--alpha": 0 < arguments.alpha < 1,
+        "--person-sd": person_sd >= 0,
+        "--residual-sd": residual_sd > 0,
+    }
+    for name, holds in bounds.items():
+        if not holds:
+            raise ValueError(
+                f"{name} is out of range. At least two participants, one study; alpha between 0 and 1; sd > 0."
+            )
+    return Design(person_sd, residual_sd, plan.episodes, arguments.alpha), participants
+
+
+def _from_export(folder: Path) -> Plan:
+    """How reward varied in a pilot."""
+    from analysis import measures, mixed
+    from analysis.study import MEASURE, smallest_condition
+    from analysis.tables import read_export
+
+    export = read_export(folder)
+    episodes = measures.analysed(measures.episode_measures(export), export.participants)
+    variance = mixed.fit(episodes, MEASURE, export.conditions).variance
+    if variance is None:
+        raise ValueError(
+            f"{folder} holds too little: two conditions, six people and several episodes a person are needed."
+        )
+    each = round(episodes.height / episodes["participant"].n_unique())
+    return Plan(each, smallest_condition(episodes, export.conditions), variance.person_sd, variance.residual_sd)
+
+
+def _from_study(path: Path) -> Plan:
+    """Episodes of a participant as a study file plans them."""
+    import yaml
+
+    try:
+        study = yaml.safe_load(path.read_text(encoding="utf-8"))
+        repeat = study.get("order", {}).get("repeat", 1)
+        return Plan(len(study["layouts"]) * len(study["agents"]) * repeat, participants=29)
+    except OSError as error:
+        raise ValueError(
+            f"cannot read {path}: {error.strerror}. Give a study file or the folder of an export."
+        ) from None
+    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError, AttributeError):
+        raise ValueError(f"{path} is no study file: it needs `layouts` and `agents`.") from None
