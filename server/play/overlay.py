@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from overcooked.constants import ACTIONS
-from server.play.randomness import DEGRADED, MARKS, uniform
+from server.play.randomness import MARKS, uniform
 from server.play.spec import EpisodeSpec
 
 NOTHING_SHOWN: Final = 6
@@ -18,11 +18,10 @@ def display(spec: EpisodeSpec, timestep: int, prediction: Sequence[Sequence[floa
     """What the participant sees on the state of `timestep`.
 
     `prediction` (steps, 6): probabilities, empty where the predictor gave none (then nothing is drawn). Random marks
-    are uniform over the six actions and redrawn each timestep; a degraded predictor shows them in a share of timesteps.
+    are uniform over the six actions and redrawn each timestep.
     """
     opacities = _opacities(spec, prediction)
-    degraded = spec.true_share < 1 and bool(prediction) and uniform(spec.seed, timestep, DEGRADED) >= spec.true_share
-    if spec.shown == "random" or (spec.shown == "predictor" and degraded):
+    if spec.shown == "random":
         actions = [int(uniform(spec.seed, timestep, MARKS + step) * ACTIONS) for step in range(spec.steps_shown)]
     elif spec.shown == "predictor" and prediction:
         actions = [max(range(ACTIONS), key=row.__getitem__) for row in prediction[: spec.steps_shown]]

@@ -3,7 +3,6 @@
 from typing import Final
 
 PARTNER: Final = 1  # + seat: draws the agent's action
-DEGRADED: Final = 8  # whether a degraded predictor's own answer is shown
 MARKS: Final = 16  # + step: the random marks of the "random" condition
 
 _MASK = (1 << 64) - 1

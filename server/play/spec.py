@@ -30,7 +30,6 @@ class EpisodeSpec:
     watched_seat: int
     shown: Literal["nothing", "predictor", "random"]  # what the condition lets the participant see
     seed: int  # 63 bits; all randomness of the episode
-    true_share: float = 1.0  # degraded predictor: share of timesteps that show its own answer; the others random steps
     steps_shown: int = 3
     confidence_opacity: bool = False
     horizon: int = HORIZON  # 0: endless (tutorial)

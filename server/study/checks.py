@@ -149,9 +149,6 @@ def _episodes(study: Study) -> Iterator[Problem]:
             yield Problem(
                 ("breaks", "after", index), f"there is no break after episode {number}", f"Use 1 to {count - 1}."
             )
-    if study.tutorial.agent not in {agent.name for agent in study.agents}:
-        known = ", ".join(agent.name for agent in study.agents)
-        yield Problem(("tutorial", "agent"), f"there is no agent {study.tutorial.agent!r}", f"Known: {known}.")
     if study.order.rule == "paper" and len(study.agents) != 2:
         yield Problem(
             ("order", "rule"), "the paper's rule alternates two agents", "List two agents, or use `latin_square`."

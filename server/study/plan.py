@@ -53,9 +53,9 @@ class Condition(Part):
 
     name: Key
     predictor: Literal["none", "random", "tom", "degraded"]
-    """What is drawn: nothing, uniformly random steps, the predictor's, or the predictor's with a share made random."""
-    accuracy: Annotated[float, Field(ge=0, le=1)] | None = None
-    """With `degraded`: the share of timesteps in which the predictor's own answer is drawn; the others are random."""
+    """What is drawn: nothing, uniformly random steps, the predictor's, or those of a predictor made worse."""
+    accuracy: Annotated[float, Field(ge=0.17, le=1)] | None = None
+    """With `degraded`: the wanted accuracy of the first step, e.g. 0.6; the predictor errs the more to reach it."""
     weight: Annotated[int, Field(ge=1, le=1000)] = 1
     quota: Annotated[int, Field(ge=1)] | None = None
     """At most so many participants. Empty: no limit."""
@@ -71,14 +71,16 @@ class Agent(Part):
     name: Key
     """Names the agent in the study and, unless `model` says otherwise, its checkpoint."""
     model: str | None = None
-    """The catalogue's name of the agent."""
+    """What the catalogue calls it, or somebody's own agent: `module:Class`, an ONNX file, an address."""
     mode: Literal["card", "greedy", "sampled"] = "card"
     """How it acts: as its card says, always its likeliest action, or drawn from its probabilities."""
+    predictor: str | None = None
+    """Who foretells it. Empty: the predictor that was trained for it, in the study's form."""
 
     @property
     def catalogue_name(self) -> str:
         name = self.model or self.name
-        return name if self.mode == "card" else f"{name}:{self.mode}"
+        return name if self.mode == "card" else f"{name}@{self.mode}"
 
 
 class Kitchen(Part):
@@ -139,9 +141,9 @@ class Game(Part):
 class Tutorial(Part):
     """The practice game: endless, passed with a delivery."""
 
-    layout: Kitchen
-    agent: str
-    """Who cooks beside the participant: the name of one of `agents`."""
+    layout: Kitchen = Kitchen(name="practice", title=Text({"en": "Practice", "zh": "练习"}))
+    agent: Agent = Agent(name="guide", predictor="guide")
+    """Who walks beside the participant. The guide paces up and down, so its marks are easy to read."""
     lessons: tuple[Lesson, ...] = LESSONS
     skippable: bool = False
 
@@ -225,7 +227,7 @@ class Study(Part):
     predictor: Predictor = Predictor()
     game: Game = Game()
     order: Order = Order()
-    tutorial: Tutorial
+    tutorial: Tutorial = Tutorial()
     quiz: Quiz | None = None
     questionnaires: dict[Key, Questionnaire] = Field(default_factory=dict)
     after_episode: str | None = None

@@ -39,11 +39,7 @@ def steps(study: Study, condition: str, seed: int, number: int = 0) -> tuple[Ste
         if entry == "episodes":
             way.extend(_episodes(study, seed, number))
         elif entry == "tutorial":
-            way.append(
-                Step(
-                    "tutorial", "tutorial", "practice", seed=derived_seed(seed, "tutorial"), agent=study.tutorial.agent
-                )
-            )
+            way.append(Step("tutorial", "tutorial", "practice", seed=derived_seed(seed, "tutorial")))
         else:
             way.append(_page(study, entry, _phase(study, entry)))
     return tuple(way)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
+from urllib.parse import urlencode
 
 import jinja2
 from fastapi import Depends, HTTPException, Request
@@ -107,14 +108,24 @@ class Page:
             "languages": [(name, locale(name).name) for name in self.languages],
             "study": self.study,
             "participant": self.participant,
-            "form_field": FORM_FIELD,
-            "form_token": self.web.guard.form_token(session_of(self.request)),
+            "token": self._token,
+            "query_with_language": self._query_with_language,
             "path": f"/s/{self.study.name}" if self.study else "",
             "phases": (),
             "phase": "",
         }
         text = self.web.templates.get_template(template).render(base | context)
         return HTMLResponse(text, status, {"Cache-Control": "no-store"})
+
+    def _token(self) -> Markup:
+        """The hidden field that every form needs (auth.py)."""
+        token = self.web.guard.form_token(session_of(self.request))
+        return Markup('<input type="hidden" name="{}" value="{}">').format(FORM_FIELD, token)
+
+    def _query_with_language(self, language: str) -> str:
+        """The address's parameters with another language, so that a recruitment link stays whole."""
+        kept = [(name, value) for name, value in self.request.query_params.multi_items() if name != "lang"]
+        return urlencode([*kept, ("lang", language)])
 
     @property
     def languages(self) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from typing import Literal
 from overcooked.layout import Layout, load_layout, parse_layout
 from overcooked.score import ProgressWeights
 from server.play.spec import EpisodeSpec, PauseLimits
-from server.study.plan import Condition, Kitchen, Study
+from server.study.plan import Agent, Condition, Kitchen, Study
 from server.study.steps import Step, episodes_of
 
 _SHOWN: dict[str, Literal["nothing", "random", "predictor"]] = {
@@ -21,13 +21,14 @@ def episode_spec(study: Study, step: Step, condition: str, language: str) -> Epi
     """The episode of a tutorial or episode step, for a participant in `condition` who reads `language`.
 
     The same in all conditions but for what is shown: the predictor is asked in each. Raises LayoutError or
-    FileNotFoundError for a layout that is none (`kitchenmind study check` finds these first), KeyError for names the study lacks.
+    FileNotFoundError for a layout that is none (`kitchenmind study check` finds these first), KeyError for names
+    that the study lacks.
     """
     arm = study.condition(condition)
     tutorial = step.kind == "tutorial"
     kitchen = study.tutorial.layout if tutorial else study.layout(step.layout)
     layout = layout_of(kitchen)
-    agent = study.agent(step.agent).catalogue_name
+    agent = study.tutorial.agent if tutorial else study.agent(step.agent)
     seat = study.game.human_seat
     return EpisodeSpec(
         kind="tutorial" if tutorial else "episode",
@@ -36,11 +37,10 @@ def episode_spec(study: Study, step: Step, condition: str, language: str) -> Epi
         layout=layout.name,
         grid=layout.text,
         title=kitchen.title.of(language),
-        agents=(None, agent) if seat == 0 else (agent, None),
-        predictor=f"{agent}_predictor_{study.predictor.form}",
+        agents=(None, agent.catalogue_name) if seat == 0 else (agent.catalogue_name, None),
+        predictor=predictor_of(study, agent, arm),
         watched_seat=1 - seat,
         shown=_SHOWN[arm.predictor],
-        true_share=1.0 if arm.accuracy is None else arm.accuracy,
         seed=step.seed,
         steps_shown=study.predictor.steps_shown,
         confidence_opacity=study.predictor.confidence_opacity,
@@ -63,12 +63,20 @@ def layout_of(kitchen: Kitchen) -> Layout:
     return _layout(kitchen.name, kitchen.grid)
 
 
+def predictor_of(study: Study, agent: Agent, condition: Condition) -> str:
+    """The catalogue's name of what foretells the agent; in a degraded condition, of its worse self."""
+    name = agent.predictor or f"{agent.model or agent.name}_predictor_{study.predictor.form}"
+    return f"{name}@{100 * condition.accuracy:g}" if condition.accuracy is not None else name
+
+
 def models_of(study: Study) -> tuple[set[tuple[str, str]], set[tuple[str, str]]]:
     """All (layout, agent) and (layout, predictor) pairs that the study's games ask."""
-    pairs = {(kitchen.name, agent.catalogue_name) for kitchen in study.layouts for agent in study.agents}
+    games = [(kitchen.name, agent) for kitchen in study.layouts for agent in study.agents if "episodes" in study.flow]
     if "tutorial" in study.flow:
-        pairs.add((study.tutorial.layout.name, study.agent(study.tutorial.agent).catalogue_name))
-    return pairs, {(layout, f"{agent}_predictor_{study.predictor.form}") for layout, agent in pairs}
+        games.append((study.tutorial.layout.name, study.tutorial.agent))
+    agents = {(layout, agent.catalogue_name) for layout, agent in games}
+    arms = study.conditions
+    return agents, {(layout, predictor_of(study, agent, arm)) for layout, agent in games for arm in arms}
 
 
 @cache

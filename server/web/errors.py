@@ -1,5 +1,7 @@
 """Pages for what went wrong, in the same look and the reader's language. They tell nothing about the inside."""
 
+from collections.abc import Mapping
+
 import structlog
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
@@ -21,11 +23,11 @@ def install_error_pages(app: FastAPI) -> None:
         return error_page(request, error.status_code, str(error.detail), error.headers)
 
     @app.exception_handler(RequestValidationError)
-    async def not_understood(request: Request, error: RequestValidationError) -> Response:
+    async def not_understood(request: Request, _error: RequestValidationError) -> Response:
         return error_page(request, 400, "this request is not understood")
 
     @app.exception_handler(DatabaseDown)
-    async def no_database(request: Request, error: DatabaseDown) -> Response:
+    async def no_database(request: Request, _error: DatabaseDown) -> Response:
         return error_page(request, 503, "the database cannot be reached", {"Retry-After": "5"})
 
     @app.exception_handler(Exception)
@@ -34,10 +36,10 @@ def install_error_pages(app: FastAPI) -> None:
         return error_page(request, 500, "something went wrong on our side")
 
 
-def error_page(request: Request, status: int, reason: str, headers: "dict[str, str] | None" = None) -> Response:
+def error_page(request: Request, status: int, reason: str, headers: Mapping[str, str] | None = None) -> Response:
     """The answer to a request that failed. `reason` is for programs; people read the page's own words."""
     if "text/html" not in request.headers.get("accept", ""):
-        return JSONResponse({"detail": reason}, status, headers)
+        return JSONResponse({"detail": reason}, status, dict(headers or {}))
     web = web_of(request)
     # A path below /s/name leads back into the study; only a name that exists is put into the page.
     pieces = request.url.path.split("/")

@@ -1,4 +1,4 @@
-"""The routes of a participant, thin: read the request, ask walk.py, render. A GET changes nothing but the note of a visit."""
+"""The routes of a participant, thin: read the request, ask walk.py, render. A GET notes a visit and changes no more."""
 
 import hashlib
 import hmac

@@ -9,6 +9,7 @@ from fastapi import Response
 
 from server.store import episodes, participants
 from server.store.participants import Participant
+from server.store.tables import RECRUITMENT_ID
 from server.study.plan import Outcome, Study
 from server.study.questionnaire import Fault, asked
 from server.study.steps import PHASES, Step, episodes_of
@@ -91,7 +92,7 @@ async def _leave(page: Page, outcome: Outcome, code: str = "") -> str | None:
     if participant is None or outcome.url is None:
         return None
     kept = await page.web.database.read(participants.personal_of, participant.id)
-    person = kept.pop(participants.RECRUITMENT_ID, "")
+    person = kept.pop(RECRUITMENT_ID, "")
     return leave_url(outcome, kept | {"person": person, "code": outcome.code or code})
 
 

@@ -114,8 +114,8 @@ def arrive(connection: Connection, all_studies: Studies, participant_id: str) ->
 
 
 def submit(connection: Connection, all_studies: Studies, participant_id: str, submission: Submission) -> bool:
-    """Stores a page's answers and moves on to the next step. False, and nothing changes, if the participant is no longer
-    at that step: the page was sent twice, from another tab, or after the end."""
+    """Stores a page's answers and moves on to the next step. False, and nothing changes, if the participant is no
+    longer at that step: the page was sent twice, from another tab, or after the end."""
     participant = participants.get(connection, participant_id)
     if participant is None or participant.status != "active":
         return False
