@@ -1,0 +1,67 @@
+# Everything starts here. Python 3.11+ and make are all that must be there before; `make test` says what else it needs.
+PYTHON ?= python3
+BIN := .venv/bin
+# --no-compile: Python compiles what it imports; compiling every file of every dependency would delay the first page.
+PIP := $(BIN)/python -m pip install --quiet --no-compile
+PYTEST_WORKERS ?= 2
+# Alone and first, so that pip takes the build that suits the machine and not what another package would draw in.
+TORCH := $(shell sed -n 's/.*"\(torch==[^"]*\)".*/\1/p' pyproject.toml)
+
+.PHONY: help setup serve test test-slow bench lint format system clean
+
+help:
+	@echo "make setup      the Python environment in .venv"
+	@echo "make serve      kitchenmind at http://127.0.0.1:8000 (ARGS=... are passed on)"
+	@echo "make test       everything that must hold before a change goes in"
+	@echo "make test-slow  the long proofs"
+	@echo "make lint       style and types only; make format puts the style right"
+	@echo "make bench      the measured figures"
+
+setup: .venv/.runtime
+
+serve: setup
+	@$(BIN)/kitchenmind serve $(ARGS)
+
+test: lint system
+	$(BIN)/python -m pytest -n $(PYTEST_WORKERS) --dist loadfile -m "not slow" $(ARGS)
+
+test-slow: .venv/.test system
+	$(BIN)/python -m pytest -m slow --timeout 3600 $(ARGS)
+
+lint: .venv/.test
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+format: .venv/.test
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+bench: .venv/.test
+	@for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python $$script $(ARGS) || exit 1; done
+
+# Chromium, PostgreSQL and Redis: the tests use the real ones.
+system:
+	@.ci/system
+
+clean:
+	rm -rf .venv build *.egg-info
+	find . -name __pycache__ -prune -exec rm -rf {} +
+
+# The stamps make a second call cost nothing.
+.venv/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "kitchenmind needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) --version 2>&1 || echo missing)." >&2; \
+	  echo "Install it, or name another one: make setup PYTHON=python3.12" >&2; exit 2; }
+	@$(PYTHON) -m venv .venv || { rm -rf .venv; \
+	  echo "Python cannot make a virtual environment here (on Debian and Ubuntu: apt-get install python3-venv)." >&2; exit 2; }
+
+.venv/.runtime: pyproject.toml | .venv/bin/python
+	@echo "Installing torch and the other dependencies into .venv (a few minutes, once) ..."
+	@$(PIP) $(TORCH)
+	@$(PIP) --editable .
+	@touch $@
+
+.venv/.test: pyproject.toml .venv/.runtime
+	@$(PIP) --editable ".[training,analysis,test]"
+	@touch $@
