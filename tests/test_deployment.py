@@ -1,0 +1,48 @@
+"""The container set-up: a valid compose file that does not start without its secrets."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parent.parent
+SECRETS = {"POSTGRES_PASSWORD": "a", "KITCHENMIND_SECRET": "b", "KITCHENMIND_PUBLIC_URL": "https://lab.example.org"}
+
+
+def compose(environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    program = shutil.which("docker-compose")
+    if program is None:
+        pytest.skip("docker-compose is not installed here")
+    command = [program, "--file", str(ROOT / "docker-compose.yml"), "config"]
+    variables = {"PATH": os.environ["PATH"], **environment}
+    return subprocess.run(command, capture_output=True, text=True, env=variables, cwd=ROOT / "docs")
+
+
+def test_compose_file_is_accepted() -> None:
+    accepted = compose(SECRETS)
+    assert accepted.returncode == 0, accepted.stderr
+    services = yaml.safe_load(accepted.stdout)["services"]
+    assert services["server"]["environment"]["KITCHENMIND_PUBLIC_URL"] == SECRETS["KITCHENMIND_PUBLIC_URL"]
+
+
+@pytest.mark.parametrize("missing", SECRETS)
+def test_compose_file_is_refused_without_a_secret(missing: str) -> None:
+    refused = compose({name: value for name, value in SECRETS.items() if name != missing})
+    assert refused.returncode != 0
+    assert "set it in .env" in refused.stderr
+
+
+def test_no_service_is_open_to_other_machines_and_all_are_watched() -> None:
+    services = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
+    ports = [port for service in services.values() for port in service.get("ports", [])]
+    assert all(port.startswith("127.0.0.1:") for port in ports)
+    assert "HEALTHCHECK" in (ROOT / "Dockerfile").read_text()
+    assert all("healthcheck" in service or "build" in service for service in services.values())
+
+
+def test_image_leaves_data_and_secrets_of_the_checkout_behind() -> None:
+    ignored = (ROOT / ".dockerignore").read_text().split()
+    assert {".git", ".venv", ".env", "var", "runs"} <= set(ignored)
