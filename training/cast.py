@@ -8,10 +8,12 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from overcooked.layout import load_layout
-from training.agents import SKILLS, ship, train_agent
+from training.agents import PEOPLE, SKILLS, ship, train_agent
+from training.choose import choose_fcp, choose_sp, ship_cast
 from training.config import CONFIG_FOLDER, AgentConfig, ConfigError, changed
 from training.study import Task, Work
 
+STUDY_LAYOUTS = ("coordination_ring", "double_rings", "double_counters", "matrix", "clear_division")
 ROLES = ("population_sp", "target_sp", "population_fcp", "target_fcp", "features")
 _SEEDS = {"population_sp": 1, "target_sp": 11, "population_fcp": 21, "target_fcp": 31, "features": 41}
 
@@ -54,6 +56,20 @@ def agent_tasks(layout: str, preset: Preset) -> list[Task]:
             minutes = config.timesteps / (50_000 if config.network == "mlp" else 7_000) / 60
             tasks.append(Task(layout, name, _train, settings, inputs, minutes))
     return tasks
+
+
+def study_tasks(layout: str, preset: Preset) -> list[Task]:
+    """The whole cast of a kitchen, inputs first: agents, the choice of targets, the weights."""
+    sp, fcp = seeds("target_sp", preset), seeds("target_fcp", preset)
+    grid = load_layout(layout)
+    agents = agent_tasks(layout, preset)
+    settings = {"mode": asdict(PEOPLE)}
+    choice = [
+        Task(layout, "choose_sp", lambda work: choose_sp(work, grid), settings, tuple(sp)),
+        Task(layout, "choose_fcp", lambda work: choose_fcp(work, grid), settings, ("choose_sp", *sp, *fcp)),
+    ]
+    everybody = tuple(task.name for task in (*agents, *choice) if not task.name.startswith("target_fcp"))
+    return [*agents, *choice, Task(layout, "weights", lambda work: ship_cast(work, grid), {}, everybody, 0.1)]
 
 
 def seeds(role: str, preset: Preset) -> list[str]:

@@ -78,6 +78,21 @@ class Graph:
         except (OSError, ValueError):
             return 0.0
 
+    def log(self, label: str) -> Path:
+        """Where a task's process writes what it has to say."""
+        folder = self.folder(label)
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder / "log.txt"
+
+    def limited(self, prefixes: Iterable[str]) -> "Graph":
+        """Only the tasks whose names (or layout/names) begin with one of `prefixes`, and what they need."""
+        wanted: set[str] = set()
+        for label, task in reversed(self.tasks.items()):
+            chosen = any(task.name.startswith(prefix) or label.startswith(prefix) for prefix in prefixes)
+            if chosen or label in wanted:
+                wanted |= {label, *(f"{task.layout}/{name}" for name in task.inputs)}
+        return Graph([task for label, task in self.tasks.items() if label in wanted], self.runs)
+
     def run(self, label: str) -> None:
         """Does one task (or the rest of it); its inputs must be done."""
         task, folder = self.tasks[label], self.folder(label)

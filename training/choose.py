@@ -1,0 +1,105 @@
+"""Which runs become the agents that people meet, by measurement in the mode in which they meet them.
+
+It must not know how the runs were made.
+"""
+
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from models.catalogue import WEIGHTS, load_agent
+from models.policy import NetworkPolicy, load_network
+from models.protocols import Policy
+from overcooked.layout import Layout
+from training.agents import PEOPLE, SKILLS, ship
+from training.evaluate_agents import Player, measured, with_itself
+from training.runlog import open_run
+from training.study import Work
+
+HELD_OUT = "held_out"
+_DECISION = "decision.json"
+
+
+def choose_sp(work: Work, layout: Layout) -> None:
+    """The target run that scores best with itself; ties go to the one that jams least. Leaves <folder>/agent."""
+    scores = {}
+    for name, folder in work.inputs.items():
+        games = with_itself(layout, Player(_policy(folder), PEOPLE))
+        scores[name] = {"self_play": round(float(games.scores.mean()), 1), "stuck": round(games.stuck, 4)}
+    best = max(scores, key=lambda name: (scores[name]["self_play"], -scores[name]["stuck"]))
+    _leave(work, layout, best, "sp", [folder for name, folder in work.inputs.items() if name != best], scores)
+
+
+def choose_fcp(work: Work, layout: Layout) -> None:
+    """The FCP run that scores best with partners it never met, among those that score half of SP's with themselves (or
+    the one that comes nearest)."""
+    sp = work.inputs["choose_sp"]
+    decision = json.loads((sp / _DECISION).read_text(encoding="utf-8"))
+    strangers = [
+        folder for name, folder in work.inputs.items() if name.startswith("target_sp") and name != decision["best"]
+    ]
+    enough = 0.5 * decision["measured"]["self_play"]["mean"]
+    runs = {name: folder for name, folder in work.inputs.items() if name.startswith("target_fcp")}
+    scores = {}
+    for name, folder in runs.items():
+        entry = measured(layout, name, Player(_policy(folder), PEOPLE), _levels(strangers))
+        scores[name] = {key: entry[key]["mean"] for key in ("self_play", "held_out")}
+    best = max(scores, key=lambda name: (min(1.0, scores[name]["self_play"] / enough), scores[name]["held_out"]))
+    _leave(work, layout, best, "fcp", strangers, scores)
+
+
+def ship_cast(work: Work, layout: Layout) -> None:
+    """Copies the chosen agents, the feature lender and the population into models/weights/<layout>."""
+    target = WEIGHTS / layout.name
+    for name, folder in work.inputs.items():
+        role, _, seed = name.rpartition("_")
+        if role == "choose":
+            _copy(folder / "agent", target / seed)
+        elif role == "features":
+            _copy(folder / "100", target / "features")
+        elif role.startswith("population"):
+            kind = role.removeprefix("population_")
+            for skill in SKILLS:
+                _copy(folder / str(skill), target / "population" / f"{kind}_{seed}_{skill}")
+    chosen = json.loads((work.inputs["choose_sp"] / _DECISION).read_text(encoding="utf-8"))["best"]
+    for name, folder in work.inputs.items():
+        if name.startswith("target_sp") and name != chosen:
+            for skill in SKILLS:
+                _copy(folder / str(skill), target / HELD_OUT / f"{name}_{skill}")
+
+
+def evaluate_shipped(layout: Layout, names: Sequence[str] = ("sp", "fcp"), episodes: int = 40) -> list[dict[str, Any]]:
+    """What `kitchenmind evaluate agents --json` prints for one layout: the shipped agents with themselves and with the
+    held-out partners that travel with them."""
+    folders = sorted((WEIGHTS / layout.name / HELD_OUT).glob("*/config.json"))
+    strangers: list[Policy] = [NetworkPolicy(load_network(config.parent)) for config in folders]
+    present = [name for name in names if name == "planner" or (WEIGHTS / layout.name / name).is_dir()]
+    return [measured(layout, name, Player(*load_agent(name, layout)), strangers, episodes) for name in present]
+
+
+def _leave(
+    work: Work, layout: Layout, best: str, name: str, strangers: Sequence[Path], scores: Mapping[str, Any]
+) -> None:
+    """The chosen run as <folder>/agent with its figures, and the decision beside it."""
+    entry = measured(layout, name, Player(_policy(work.inputs[best]), PEOPLE), _levels(strangers))
+    figures: dict[str, Any] = {key: entry[key] for key in ("self_play", "held_out", "episodes") if key in entry}
+    run = open_run(work.inputs[best] / "run")
+    ship(run, 100, work.folder / "agent", name, PEOPLE, {**figures, "candidates": dict(scores)})
+    decision = {"best": best, "scores": dict(scores), "measured": entry}
+    (work.folder / _DECISION).write_text(json.dumps(decision, indent=2), encoding="utf-8")
+
+
+def _policy(folder: Path) -> Policy:
+    return NetworkPolicy(load_network(folder / "100"))
+
+
+def _levels(folders: Sequence[Path]) -> list[Policy]:
+    return [NetworkPolicy(load_network(folder / str(skill))) for folder in folders for skill in SKILLS]
+
+
+def _copy(folder: Path, target: Path) -> None:
+    shutil.rmtree(target, ignore_errors=True)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copytree(folder, target)

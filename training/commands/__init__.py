@@ -1,0 +1,1 @@
+"""The command line's verbs that make models: thin calls into training."""

@@ -1,0 +1,122 @@
+"""`kitchenmind train agent | predictor | study`: parses, shows progress, reports. It must not train anything itself."""
+
+import argparse
+import importlib
+import importlib.util
+import sys
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from training.config import AgentConfig, ConfigError, agent_config
+
+_PREDICTOR = "training.commands.predictor"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The three things that can be trained."""
+    kinds = parser.add_subparsers(dest="what", metavar="agent|predictor|study", required=True)
+    agent = kinds.add_parser("agent", help="one agent by self-play, or with partners (FCP)")
+    agent.add_argument("--layout", required=True, help="a shipped layout or a .layout file")
+    agent.add_argument("--seed", type=int, default=1)
+    agent.add_argument("--config", help="a TOML file, or the name of one in training/configs")
+    agent.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change one setting")
+    agent.add_argument("--partners", nargs="*", type=Path, default=[], help="checkpoint folders to be best with")
+    agent.add_argument("--out", type=Path, help="also write the finished agent's checkpoint here")
+    _add_runs(agent)
+    study = kinds.add_parser("study", help="everything that a study needs, from population to weights")
+    study.add_argument("--preset", default="cpu", help="cpu (two cores overnight) or paper (the published scale)")
+    study.add_argument("--layouts", nargs="*", metavar="LAYOUT", help="only these kitchens")
+    study.add_argument("--only", nargs="*", metavar="TASK", help="only tasks whose name begins so, and their inputs")
+    study.add_argument("--workers", type=int, default=1, help="tasks at once, each on one core")
+    study.add_argument("--ray", metavar="ADDRESS", help="run the tasks on this Ray cluster (local: start one here)")
+    study.add_argument("--plan", action="store_true", help="show the tasks and stop")
+    study.add_argument("--task", help=argparse.SUPPRESS)  # one task in this process: how workers are started
+    _add_runs(study)
+    predictor = kinds.add_parser("predictor", help="a Theory-of-Mind predictor from collected games")
+    if importlib.util.find_spec(_PREDICTOR):
+        importlib.import_module(_PREDICTOR).add_arguments(predictor)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """0 done, 1 failed, 2 wrong input (said on standard error)."""
+    verbs: dict[str, Callable[[argparse.Namespace], int]] = {
+        "agent": _train_agent,
+        "study": _train_study,
+        "predictor": lambda given: int(importlib.import_module(_PREDICTOR).run(given)),
+    }
+    try:
+        return verbs[arguments.what](arguments)
+    except (ValueError, FileNotFoundError) as error:  # every refusal of ours is one, with place and remedy
+        print(f"kitchenmind train {arguments.what}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("\nInterrupted. The same command goes on from the last saved state.", file=sys.stderr)
+        return 1
+
+
+def _add_runs(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--runs", type=Path, default=Path("runs"), help="where runs are kept (default: runs)")
+
+
+def _train_agent(arguments: argparse.Namespace) -> int:
+    from overcooked.layout import load_layout
+    from training.agents import ship, train_agent
+
+    config = agent_config(arguments.config, arguments.set)
+    layout = load_layout(arguments.layout)
+    kind = "fcp" if arguments.partners else "sp"
+    path = arguments.runs / layout.name / f"{kind}_{arguments.seed}"
+    _show(config)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("reward {task.fields[reward]:.0f}"),
+    )
+    with Progress(*columns) as bar:
+        task = bar.add_task(f"{layout.name} {path.name}", total=config.timesteps, reward=0.0)
+
+        def progress(timesteps: int, metrics: dict[str, float]) -> None:
+            bar.update(task, completed=min(timesteps, config.timesteps), reward=metrics["mean_reward"])
+
+        folder = train_agent(config, layout, arguments.seed, path, arguments.partners, progress)
+    best = max(reward for _, reward, _ in folder.snapshots())
+    print(f"{folder.path}: best mean reward {best:.1f} per episode, {folder.seconds():.0f} s")
+    if arguments.out is not None:
+        print(f"{arguments.out}: {ship(folder, 100, arguments.out, arguments.out.name)}")
+    return 0
+
+
+def _show(config: AgentConfig) -> None:
+    for setting in fields(config):
+        print(f"{setting.name} = {getattr(config, setting.name)}")
+
+
+def _train_study(arguments: argparse.Namespace) -> int:
+    from overcooked.layout import load_layout
+    from training.cast import STUDY_LAYOUTS, load_preset, study_tasks
+    from training.schedule import run_here, run_on_ray, run_task, show_plan
+    from training.study import Graph
+
+    preset = load_preset(arguments.preset)
+    layouts = arguments.layouts or list(STUDY_LAYOUTS)
+    for layout in layouts:
+        load_layout(layout)
+    graph = Graph([task for layout in layouts for task in study_tasks(layout, preset)], arguments.runs / "study")
+    if arguments.only:
+        graph = graph.limited(arguments.only)
+    if arguments.task:
+        return run_task(graph, arguments.task)
+    if arguments.plan:
+        return show_plan(graph)
+    command = ["--preset", arguments.preset, "--layouts", *layouts, "--runs", str(arguments.runs)]
+    if arguments.ray:
+        return run_on_ray(graph, command, arguments.ray, arguments.workers)
+    return run_here(graph, command, arguments.workers)
+
+
+__all__ = ["ConfigError", "add_arguments", "run"]
