@@ -65,7 +65,9 @@ def layout_of(kitchen: Kitchen) -> Layout:
 
 def predictor_of(study: Study, agent: Agent, condition: Condition) -> str:
     """The catalogue's name of what foretells the agent; in a degraded condition, of its worse self."""
-    name = agent.predictor or f"{agent.model or agent.name}_predictor_{study.predictor.form}"
+    if agent.predictor is not None:
+        return agent.predictor
+    name = f"{agent.model or agent.name}_predictor_{study.predictor.form}"
     return f"{name}@{100 * condition.accuracy:g}" if condition.accuracy is not None else name
 
 

@@ -1,11 +1,13 @@
 """The routes of a participant, thin: read the request, ask walk.py, render. A GET notes a visit and changes no more."""
 
+import asyncio
+import contextlib
 import hashlib
 import hmac
 import secrets
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, HTTPException, Request, Response
+from fastapi import APIRouter, Depends, HTTPException, Request, Response, WebSocket, WebSocketDisconnect
 from fastapi.responses import RedirectResponse
 
 from server.store import participants, withdrawal
@@ -22,6 +24,8 @@ from server.web.views import Filled, consent_context, render_step
 
 router = APIRouter()
 SEE_OTHER = 303
+CHECK_S = 15
+MOST_ECHOES = 20
 
 
 async def own_form(request: Request, web: WebDep) -> Form:
@@ -110,6 +114,23 @@ async def unsuitable(request: Request, opened: OpenStudyDep, web: WebDep) -> Res
     url = outcome.url.replace("{code}", outcome.code or "") if outcome.url else None
     made = page(request, web, opened.study)
     return made.render("participant/unsuitable.html", code=outcome.code, url=url if url and "{" not in url else None)
+
+
+@router.websocket("/s/{name}/check")
+async def check_connection(socket: WebSocket, name: str) -> None:
+    """Sends back what comes, a few times: the entry check measures the connection with it."""
+    web: Web = socket.app.state.web
+    if web.studies.open(name) is None or not web.guard.is_own_origin(socket):
+        await socket.close(1008)
+        return
+    await socket.accept()
+    with contextlib.suppress(TimeoutError, WebSocketDisconnect, KeyError, RuntimeError):
+        async with asyncio.timeout(CHECK_S):
+            for _ in range(MOST_ECHOES):
+                words = await socket.receive_text()
+                await socket.send_text(words[:16])
+    with contextlib.suppress(RuntimeError):
+        await socket.close(1000)
 
 
 @router.get("/s/{name}/now")

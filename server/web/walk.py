@@ -4,10 +4,9 @@ Every function may be called again: what is done stays done, and what comes too 
 """
 
 import secrets
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from importlib.metadata import version
 from typing import Any
 
 from sqlalchemy import Connection
@@ -17,7 +16,6 @@ from server.store.participants import NewParticipant, Participant
 from server.study.assignment import Count, next_condition, participant_seed
 from server.study.plan import Study
 from server.study.steps import Step
-from server.web.episodes import episode_spec
 from server.web.studies import Studies
 
 _CODE_LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # none that look alike
@@ -149,35 +147,6 @@ def wrong_quiz(
     if attempts is not None and failed >= attempts:
         participants.leave(connection, participant_id, "screened_out")
     return participants.get(connection, participant_id)
-
-
-def play(
-    connection: Connection, all_studies: Studies, participant_id: str, sha256_of: Callable[[str, str], str | None]
-) -> str | None:
-    """The id of the episode that the participant's current step is; made at the first call, and again after a tutorial
-    that was not passed. None where the step is no game. `sha256_of(layout, model)`: the hash of a model's weights."""
-    participant = participants.get(connection, participant_id)
-    if participant is None or participant.status != "active":
-        return None
-    study, step = all_studies.of(participant), all_studies.step(participant)
-    if not step.is_game:
-        return None
-    before = episodes.of_step(connection, participant_id, step.key)
-    if before is not None and (before.status in ("new", "running") or _is_over(connection, participant, step)):
-        return before.id
-    spec = episode_spec(study, step, participant.condition, participant.language)
-    hashes = [sha256_of(spec.layout, agent) if agent else None for agent in spec.agents]
-    new = episodes.NewEpisode(
-        spec=spec,
-        step_key=step.key,
-        participants=(participant_id, None) if spec.human_seats == (0,) else (None, participant_id),
-        study_id=participant.study_id,
-        condition=participant.condition,
-        agent_sha256s=(hashes[0], hashes[1]),
-        predictor_sha256=sha256_of(spec.layout, spec.predictor) if spec.predictor else None,
-        code_version=version("kitchenmind"),
-    )
-    return episodes.create(connection, new)
 
 
 def by_code(connection: Connection, all_studies: Studies, name: str, code: str) -> Participant | None:
