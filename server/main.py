@@ -39,7 +39,7 @@ _GARBAGE_THRESHOLDS = (50_000, 20, 20)  # a full collection costs milliseconds, 
 
 
 def create_app(settings: Settings) -> FastAPI:
-    """The application. Its start, `wired`, raises StudyError, ModelsDown, DatabaseInUse, DatabaseDown, DatabaseTooNew."""
+    """The application; `wired` starts and stops its parts."""
     app = FastAPI(title="kitchenmind", docs_url=None, redoc_url=None, openapi_url=None, lifespan=wired)
     app.state.settings = settings
     guard = Guard(settings.signing_key(), settings.public_url)
@@ -54,7 +54,10 @@ def create_app(settings: Settings) -> FastAPI:
 
 @asynccontextmanager
 async def wired(app: FastAPI) -> AsyncIterator[None]:
-    """The application with all its parts running, as long as the context lasts."""
+    """The application with all its parts running, as long as the context lasts.
+
+    Raises StudyError, ModelsDown, DatabaseInUse, DatabaseDown, DatabaseTooNew.
+    """
     settings: Settings = app.state.settings
     files = _served(settings)
     async with AsyncExitStack() as stack:

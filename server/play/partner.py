@@ -16,10 +16,7 @@ class Answers:
 
     next_actions: tuple[int | None, int | None]  # by seat; None: a human's seat, or no answer in time
     prediction: tuple[tuple[float, ...], ...]  # (steps, 6); empty: no predictor, or no answer in time
-    late: bool  # somebody who was asked did not answer in time
-
-
-NO_ANSWERS = Answers((None, None), (), late=False)
+    late: bool  # an agent did not answer in time: it will wait
 
 
 def questions(episode: str, spec: EpisodeSpec, trace: Trace) -> list[Question]:
@@ -52,11 +49,10 @@ def answers(asked: Sequence[Question], decisions: Sequence[Decision | None]) -> 
     late = False
     for question, decision in zip(asked, decisions, strict=True):
         if decision is None or not 0 <= decision.action < ACTIONS:
-            late = True
+            late = late or question.agent is not None
             continue
         if question.agent is not None:
             next_actions[question.seat] = decision.action
         if question.predictor is not None:
             prediction = decision.prediction
-            late = late or not prediction
     return Answers((next_actions[0], next_actions[1]), prediction, late)

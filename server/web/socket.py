@@ -4,10 +4,11 @@ import asyncio
 import logging
 import time
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
-from fastapi import APIRouter, WebSocket
+from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from starlette.requests import HTTPConnection
 
 from server.play import messages
@@ -19,7 +20,9 @@ from server.play.recorder import RecorderDown
 
 log = logging.getLogger(__name__)
 BEAT_EVERY_S: Final = 0.25
-HELLO_WITHIN_S: Final = 10.0
+CHECK_WITHIN_S: Final = 20.0
+MOST_CHECKS: Final = 30
+CHECK_LENGTH: Final = 64
 MOST_REFUSED: Final = 20  # bad messages on one socket
 _BUDGETS_KEPT: Final = 10_000
 
@@ -113,7 +116,7 @@ class Sockets:
 
     def __init__(self, games: Games, find: FindPlayer, is_ours: IsOurs, report: Report | None = None) -> None:
         """`is_ours`: whether the page that opens the socket is one of ours (Origin check)."""
-        self._games, self._find, self._is_ours, self._report = games, find, is_ours, report
+        self._games, self._find, self.is_ours, self._report = games, find, is_ours, report
         self._open: set[PlayerSocket] = set()
         self._budgets: dict[str, Budget] = {}
         self._heart: asyncio.Task[None] | None = None
@@ -129,7 +132,7 @@ class Sockets:
 
     async def serve(self, socket: WebSocket, study: str) -> None:
         """From handshake to close. Strangers and foreign pages get a 403 before anything is accepted."""
-        if not self._is_ours(socket):
+        if not self.is_ours(socket):
             log.warning("a websocket from another origin was refused: %s", socket.headers.get("origin", "")[:100])
             return await socket.close(ABUSE)
         player = await self._find(socket, study)
@@ -234,3 +237,20 @@ async def play(socket: WebSocket, study: str) -> None:
     """Plays the participant's current step, if it is a game."""
     sockets: Sockets = socket.app.state.sockets
     await sockets.serve(socket, study)
+
+
+@router.websocket("/s/{study}/check")
+async def check(socket: WebSocket, study: str) -> None:  # noqa: ARG001 - part of the address
+    """Echoes a few short frames, so that a page can tell before consent whether sockets work and how fast they are."""
+    sockets: Sockets = socket.app.state.sockets
+    if not sockets.is_ours(socket):
+        return await socket.close(ABUSE)
+    await socket.accept()
+    try:
+        async with asyncio.timeout(CHECK_WITHIN_S):
+            for _ in range(MOST_CHECKS):
+                await socket.send_text((await socket.receive_text())[:CHECK_LENGTH])
+    except (TimeoutError, WebSocketDisconnect, KeyError):
+        pass  # gone, too slow, or not a text frame: nothing hangs on it
+    with suppress(RuntimeError):
+        await socket.close()
