@@ -165,7 +165,7 @@ def _check_grid(rows: list[str], source: str) -> list[tuple[int, int]]:
                 min(len(row), width) + 1,
             )
         for x, tile in enumerate(row):
-            _check_cell(tile, x, y, width, height, starts, source)
+            _check_cell(tile, (x, y), (width, height), starts, source)
     if max(width, height) > _LARGEST_SIDE:
         raise LayoutError(
             source,
@@ -187,8 +187,9 @@ def _check_grid(rows: list[str], source: str) -> list[tuple[int, int]]:
 
 
 def _check_cell(
-    tile: str, x: int, y: int, width: int, height: int, starts: dict[str, tuple[int, int]], source: str
+    tile: str, cell: tuple[int, int], size: tuple[int, int], starts: dict[str, tuple[int, int]], source: str
 ) -> None:
+    (x, y), (width, height) = cell, size
     place = {"row": y + 1, "column": x + 1}
     if tile == "T":
         raise LayoutError(source, "tomatoes (T) are not served in this kitchen", "Use O (onions).", **place)
@@ -200,7 +201,7 @@ def _check_cell(
     if tile in "12":
         if tile in starts:
             raise LayoutError(source, f"player {tile} starts twice", "Leave one of the two digits.", **place)
-        starts[tile] = (x, y)
+        starts[tile] = cell
 
 
 def _check_reach(rows: list[str], tiles: NDArray[np.int8], starts: list[tuple[int, int]], source: str) -> None:
