@@ -5,38 +5,51 @@ from collections.abc import Sequence
 import polars as pl
 
 from analysis.results import Result
+from analysis.tables import Export
 
+WITHDRAWN = "asked for withdrawal, data deleted"
 REASONS = {
     "active": "still taking part",
     "screened_out": "did not pass the checks",
-    "withdrawn": "asked for withdrawal",
+    "withdrawn": WITHDRAWN,
     "timed_out": "left without a word",
     "returned": "returned the study",
 }
 
 
-def flow(
-    participants: pl.DataFrame, episodes: pl.DataFrame, analysed: pl.DataFrame, conditions: Sequence[str]
-) -> list[Result]:
+def flow(export: Export, episodes: pl.DataFrame, analysed: pl.DataFrame) -> list[Result]:
     """Counts by condition (and `all`), in the order of a flow diagram; `note` holds a reason, `test` names the step:
     assigned, left, excluded, analysed (people), played, unfinished, removed, analysed (episodes)."""
-    unit = "people"
-    rows = _counts("assigned", participants, conditions, unit)
+    participants, conditions = export.participants, export.conditions
+    everybody = pl.concat([participants.select("condition"), export.withdrawals.select("condition")])
+    rows = _counts("assigned", everybody, conditions, "people")
+    if export.withdrawals.height:
+        rows += _counts("left", export.withdrawals, conditions, "people", WITHDRAWN)
     for status in [name for name in participants["status"].unique(maintain_order=True) if name != "completed"]:
         left = participants.filter(pl.col("status") == status)
-        rows += _counts("left", left, conditions, unit, REASONS.get(str(status), str(status)))
-    rows += _by_reason("excluded", participants.filter(pl.col("excluded") != ""), conditions, unit)
-    rows += _counts("analysed", analysed.unique("participant", maintain_order=True), conditions, unit)
+        rows += _counts("left", left, conditions, "people", REASONS.get(str(status), str(status)))
+    completed = participants.filter(pl.col("status") == "completed")
+    rows += _by_reason("excluded", completed.filter(pl.col("excluded") != ""), conditions, "people")
+    people = analysed.unique("participant", maintain_order=True)
+    rows += _counts("analysed", people, conditions, "people")
+    return rows + _episodes(participants, episodes, conditions) + _counts("analysed", analysed, conditions, "episodes")
+
+
+def _episodes(participants: pl.DataFrame, episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result]:
     unit = "episodes"
     played = episodes.filter(pl.col("status") != "new")
-    rows += _counts("played", played, conditions, unit)
-    rows += _counts("unfinished", played.filter(pl.col("status") != "done"), conditions, unit)
+    rows = _counts("played", played, conditions, unit)
     done = played.filter(pl.col("status") == "done")
+    rows += _counts("unfinished", played.filter(pl.col("status") != "done"), conditions, unit)
     rows += _by_reason("removed", done.filter(pl.col("excluded") != ""), conditions, unit)
-    of_excluded = participants.filter(pl.col("excluded") != "")["participant"].to_list()
-    others = done.filter((pl.col("excluded") == "") & pl.col("participant").is_in(of_excluded))
-    rows += _counts("removed", others, conditions, unit, "of excluded participants") if others.height else []
-    return rows + _counts("analysed", analysed, conditions, unit)
+    kept = done.filter(pl.col("excluded") == "")
+    for step, wanted in (
+        ("of_incomplete", pl.col("status") != "completed"),
+        ("of_excluded", (pl.col("status") == "completed") & (pl.col("excluded") != "")),
+    ):
+        others = kept.join(participants.filter(wanted).select("participant"), on="participant", how="semi")
+        rows += _counts(step, others, conditions, unit) if others.height else []
+    return rows
 
 
 def _by_reason(step: str, table: pl.DataFrame, conditions: Sequence[str], unit: str) -> list[Result]:

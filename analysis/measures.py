@@ -1,7 +1,7 @@
 """From ticks to measures of an episode: reward, idleness, lateness, and how often the predictor was right.
 
-Knows no statistics. Tick n holds the actions that made state n, and the prediction made on state n: its first step is
-about timestep n, whose action stands in tick n + 1.
+Knows no statistics. Row t holds what was predicted before timestep t, and the actions that were done in it: the first
+predicted step is about row t itself, the second about the next row.
 """
 
 import polars as pl
@@ -15,19 +15,19 @@ PUSHES = 8  # as often the same move in a row goes into a wall or a person: kitc
 def episode_measures(export: Export) -> pl.DataFrame:
     """The export's episodes with reward, and measures from their ticks: idle_share, longest_idle_s, interactions,
     pushing_share, late_share, lag_ms, hidden_share, accuracy and accuracy_1..3 (shares, 0 to 1; null without ticks)."""
-    ticks = export.ticks.filter(pl.col("person").is_not_null())
+    ticks = export.ticks
     of_ticks = ticks.group_by("episode").agg(
-        timesteps=pl.len(),
+        timesteps_seen=pl.len(),
         idle_share=(pl.col("person") == STAY).mean(),
         interactions=(pl.col("person") == INTERACT).sum(),
         late_share=pl.col("late").mean(),
     )
     episodes = export.episodes.with_columns(reward=pl.col("score") + pl.col("progress"))
-    for table in (of_ticks, longest_idle(ticks), pushing(ticks), lag(ticks), accuracy_of_episodes(export.ticks)):
+    for table in (of_ticks, longest_idle(ticks), pushing(ticks), lag(ticks), accuracy_of_episodes(ticks)):
         episodes = episodes.join(table, on="episode", how="left")
     hidden = export.pauses.filter(pl.col("reason").is_in(["hidden", "blur"]))
-    hidden = hidden.group_by("episode").agg(hidden_ms=pl.col("duration_ms").sum())
-    length_ms = pl.col("timesteps") * pl.col("tick_ms")
+    hidden = hidden.group_by("episode").agg(hidden_ms=pl.col("duration_ms").cast(pl.Float64).sum())
+    length_ms = pl.col("timesteps_seen") * pl.col("tick_ms")
     return (
         episodes.join(hidden, on="episode", how="left", maintain_order="left")
         .with_columns(
@@ -39,11 +39,11 @@ def episode_measures(export: Export) -> pl.DataFrame:
 
 
 def analysed(episodes: pl.DataFrame, participants: pl.DataFrame) -> pl.DataFrame:
-    """The episodes that count: played to their end; neither they nor their participant excluded by the researcher."""
-    out = participants.filter(pl.col("excluded") != "")["participant"]
-    return episodes.filter(
-        (pl.col("status") == "done") & (pl.col("excluded") == "") & ~pl.col("participant").is_in(out.to_list())
-    )
+    """The episodes that count: played to their end by somebody who finished the study; neither of them excluded by the
+    researcher."""
+    people = participants.filter((pl.col("status") == "completed") & (pl.col("excluded") == ""))
+    counting = episodes.filter((pl.col("status") == "done") & (pl.col("excluded") == ""))
+    return counting.join(people.select("participant"), on="participant", how="semi", maintain_order="left")
 
 
 def _runs(ticks: pl.DataFrame) -> pl.DataFrame:
@@ -84,7 +84,7 @@ def prediction_hits(ticks: pl.DataFrame) -> pl.DataFrame:
     ticks = ticks.sort("episode", "timestep")
     steps = []
     for step in range(1, STEPS + 1):
-        done = pl.col("partner").shift(-step).over("episode")
+        done = pl.col("partner").shift(1 - step).over("episode")
         hits = ticks.select(
             "episode",
             "timestep",

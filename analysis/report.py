@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from analysis import figures, names, questionnaires, wording
 from analysis.results import Result, select, write_results
 from analysis.study import Analysis, Options, analyse, smallest_condition
-from analysis.tables import LAYOUTS, SPELLINGS, Export, read_export, table_file
+from analysis.tables import COLUMNS, LAYOUTS, Export, read_export, table_file
 
 HERE = Path(__file__).parent
 
@@ -34,11 +34,11 @@ class Report:
     analysis: Analysis
 
 
-def write_report(folder: Path, out: Path, options: Options | None = None) -> Report:
+def write_report(folder: Path, out: Path, options: Options | None = None, study: str | None = None) -> Report:
     """Analyses the export in `folder` and writes report.html, results.csv, quality.csv and figures/ into `out`,
     which is made. Raises analysis.tables.ExportError."""
     options = options or Options()
-    analysis = analyse(read_export(folder), options)
+    analysis = analyse(read_export(folder, study), options)
     out.mkdir(parents=True, exist_ok=True)
     drawn = _draw(analysis, out / "figures")
     report = Report(out / "report.html", out / "results.csv", out / "quality.csv", analysis)
@@ -141,7 +141,7 @@ def _provenance(analysis: Analysis, options: Options) -> dict[str, str]:
     return {
         "Data set": f"sha256 {fingerprint(export.folder)[:32]}…",
         "Participants": f"{people.len()} analysed" + (f": {', '.join(arms)}" if arms else ""),
-        "Study": str(export.about.get("title") or export.about.get("name") or export.folder.name),
+        "Study": str(export.about.get("title") or export.study),
         "Episodes": f"{flow.get('played', 0)} played, {flow.get('analysed', 0)} analysed",
         "Software": software,
         "Seed": str(options.seed),
@@ -153,7 +153,7 @@ def _provenance(analysis: Analysis, options: Options) -> dict[str, str]:
 def fingerprint(folder: Path) -> str:
     """SHA-256 of the tables that were read, in the order of their names: the same data, the same 64 digits."""
     digest = hashlib.sha256()
-    for name in sorted(SPELLINGS):
+    for name in sorted(COLUMNS):
         path = table_file(folder, name)
         if path is not None:
             digest.update(hashlib.sha256(path.read_bytes()).digest())

@@ -60,7 +60,7 @@ def analyse(export: Export, options: Options) -> Analysis:
     both = [(layout, "all") for layout in layouts] if len(agents) > 1 else []
     with_total = compare.cells([*layouts, "all"] if len(layouts) > 1 else layouts, agents)
     rows = [
-        *exclusions.flow(export.participants, every, episodes, export.conditions),
+        *exclusions.flow(export, every, episodes),
         *compare.means(episodes, MEASURE, conditions, with_total, "reward"),
         *compare.kruskal_wallis(episodes, MEASURE, conditions, agents),
         *compare.anova(episodes, MEASURE, conditions, [*places, *both]),

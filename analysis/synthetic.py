@@ -72,6 +72,7 @@ def _participants(truth: Truth) -> pl.DataFrame:
     return pl.DataFrame(
         {
             "participant": [f"p{number:05d}" for number in range(len(conditions))],
+            "study": "simulated",
             "condition": conditions,
             "status": "completed",
             "simulated": True,
@@ -126,25 +127,20 @@ def _answers(truth: Truth, episodes: pl.DataFrame, generator: np.random.Generato
 def _ticks(truth: Truth, episodes: pl.DataFrame, generator: np.random.Generator) -> pl.DataFrame:
     """Actions at random and predictions that are right as often as the truth says."""
     games, length = episodes.height, truth.timesteps
-    actions = generator.integers(0, ACTIONS, (games, length, 2), dtype=np.int8)
+    actions = generator.integers(0, ACTIONS, (2, games, length), dtype=np.int8)  # (seats, games, timesteps)
     columns = {
-        "episode": np.repeat(episodes["episode"].to_numpy(), length + 1),
-        "timestep": np.tile(np.arange(length + 1), games),
-        "late": np.zeros(games * (length + 1), dtype=bool),
-        "late_ms": generator.exponential(0.4, games * (length + 1)).round(2),
+        "episode": np.repeat(episodes["episode"].to_numpy(), length),
+        "timestep": np.tile(np.arange(length), games),
+        "action_0": actions[0].ravel(),
+        "action_1": actions[1].ravel(),
+        "late": np.zeros(games * length, dtype=bool),
+        "late_ms": generator.exponential(0.4, games * length).round(2),
     }
-    table = pl.DataFrame(columns)
-    for seat in (0, 1):
-        made = np.concatenate([np.zeros((games, 1), dtype=np.int8), actions[:, :, seat]], axis=1)
-        values = pl.Series(made.ravel())
-        first = pl.col("timestep") == 0
-        table = table.with_columns(pl.when(first).then(None).otherwise(values).alias(f"action_{seat}"))
     for step in range(1, STEPS + 1):
-        coming = np.full((games, length + 1), -1, dtype=np.int8)
-        coming[:, : length + 1 - step] = actions[:, step - 1 :, 1]
+        coming = np.full((games, length), 4, dtype=np.int8)
+        coming[:, : length + 1 - step] = actions[1, :, step - 1 :]
         wrong = (coming + generator.integers(1, ACTIONS, coming.shape)) % ACTIONS
         share = np.array([truth.accuracy[agent][step - 1] for agent in episodes["agent_1"]])
         right = generator.random(coming.shape) < share[:, None]
-        guess = np.where(coming < 0, 4, np.where(right, coming, wrong)).astype(np.int8)
-        table = table.with_columns(pl.Series(f"predicted_{step}", guess.ravel()))
-    return table
+        columns[f"predicted_{step}"] = np.where(right, coming, wrong).astype(np.int8).ravel()
+    return pl.DataFrame(columns)

@@ -20,35 +20,32 @@ CONDITIONS = ("none", "random", "tom")  # order of the published design
 LAYOUTS = ("coordination_ring", "double_rings", "double_counters", "matrix", "clear_division")
 AGENTS = ("sp", "fcp")
 
-# column here -> how an export may spell it, best first
-SPELLINGS: dict[str, dict[str, tuple[str, ...]]] = {
-    "participants": {"participant": ("participant", "participant_id", "id"), "condition": (), "status": ()},
-    "episodes": {
-        "episode": ("episode", "episode_id", "id"),
-        "condition": (),
-        "layout": (),
-        "number": (),
-        "status": (),
-        "score": (),
-        "progress": (),
-        "watched_seat": (),
-    },
-    "answers": {
-        "participant": ("participant", "participant_id"),
-        "episode": ("episode", "episode_id"),
-        "question": ("question", "question_key"),
-        "value": (),
-    },
-    "ticks": {
-        "episode": ("episode", "episode_id"),
-        "timestep": (),
-        "action_0": (),
-        "action_1": (),
-        "late": (),
-    },
-    "pauses": {"episode": ("episode", "episode_id"), "reason": (), "duration_ms": ()},
+# What is read of each table. An export has more columns and tables; codebook.json explains them all.
+COLUMNS = {
+    "participants": ("participant", "study", "condition", "status"),
+    "episodes": (
+        "episode",
+        "participant_0",
+        "participant_1",
+        "agent_0",
+        "agent_1",
+        "condition",
+        "kind",
+        "layout",
+        "number",
+        "status",
+        "score",
+        "progress",
+        "watched_seat",
+        "tick_ms",
+    ),
+    "answers": ("participant", "episode", "question", "value"),
+    "ticks": ("episode", "timestep", "action_0", "action_1", "late", "predicted_1", "predicted_2", "predicted_3"),
+    "pauses": ("episode", "reason", "duration_ms"),
+    "withdrawals": ("study", "condition"),
 }
-OPTIONAL = ("pauses",)
+OPTIONAL = ("pauses", "withdrawals")
+IDENTIFIERS = ("participant", "participant_0", "participant_1", "episode", "study", "condition", "layout", "status")
 
 
 class ExportError(ValueError):
@@ -57,17 +54,20 @@ class ExportError(ValueError):
 
 @dataclass(frozen=True)
 class Export:
-    """The tables of one export, in the roles of the study.
+    """The tables of one study, in its roles.
 
-    participants: participant, condition, status, excluded. episodes: episode, participant, condition, layout, agent,
-    number, score, progress, status, excluded, tick_ms, horizon. answers: participant, episode, question, value (numbers
-    only). ticks: episode, timestep, person, partner (actions that made this state; null at timestep 0), predicted_1..3
-    (most probable actions of the partner at timesteps n, n+1, n+2), late. pauses: episode, reason, duration_ms.
-    `excluded` is the researcher's reason, empty for what is analysed. Tutorials and watched games are left out.
+    participants: participant, condition, status, excluded. withdrawals: condition. episodes: episode, participant,
+    condition, layout, agent, number, score, progress, status, excluded, tick_ms. answers: participant, episode,
+    question, value (numbers only). pauses: episode, reason, duration_ms. ticks: episode, timestep, person and partner
+    (actions of this timestep), predicted_1..3 (the partner's most probable actions in this timestep and the next two),
+    late, and the person's key_client_ms and key_received_ms. `excluded` is the researcher's reason, empty for what is
+    analysed. Tutorials and watched games are left out.
     """
 
     folder: Path
+    study: str
     participants: pl.DataFrame
+    withdrawals: pl.DataFrame
     episodes: pl.DataFrame
     answers: pl.DataFrame
     ticks: pl.DataFrame
@@ -93,22 +93,43 @@ def in_order(values: pl.Series, known: tuple[str, ...]) -> tuple[str, ...]:
     return tuple([name for name in known if name in present] + [name for name in present if name not in known])
 
 
-def read_export(folder: Path) -> Export:
-    """The export in `folder` (tables as Parquet or CSV, also in a data/ folder below). Raises ExportError."""
+def read_export(folder: Path, study: str | None = None) -> Export:
+    """The export in `folder` (tables as Parquet or CSV, also in a data/ folder below); `study` chooses where it holds
+    more than one. Raises ExportError."""
     if not folder.is_dir():
         raise ExportError(f"{folder} is no folder. Give the folder that `kitchenmind export --out` wrote.")
-    raw = {name: _read_table(folder, name) for name in SPELLINGS}
-    episodes = _episodes(raw["episodes"])
-    played = set(episodes["episode"])
-    participants = _with_default(raw["participants"], "excluded", "").with_columns(pl.col("excluded").fill_null(""))
+    raw = {name: _read_table(folder, name) for name in COLUMNS}
+    study = _chosen_study(raw["participants"], study)
+    participants = raw["participants"].filter(pl.col("study") == study)
+    participants = _with_default(participants, "excluded", "").with_columns(pl.col("excluded").fill_null(""))
+    episodes = _episodes(raw["episodes"]).join(participants.select("participant"), on="participant", how="semi")
+    played = episodes.select("episode")
     return Export(
         folder,
-        participants.with_columns(_text("participant", "condition", "status")),
+        study,
+        participants,
+        raw["withdrawals"].filter(pl.col("study") == study),
         episodes,
-        _answers(raw["answers"]),
-        _ticks(raw["ticks"].filter(pl.col("episode").is_in(played)), episodes),
-        raw["pauses"].filter(pl.col("episode").is_in(played)),
+        _answers(raw["answers"]).join(played, on="episode", how="semi"),
+        _ticks(raw["ticks"].join(played, on="episode", how="semi"), episodes),
+        raw["pauses"].join(played, on="episode", how="semi"),
         _about(folder),
+    )
+
+
+def _chosen_study(participants: pl.DataFrame, study: str | None) -> str:
+    present = sorted(str(name) for name in participants["study"].drop_nulls().unique())
+    if study is None and len(present) == 1:
+        return present[0]
+    if study in present:
+        return str(study)
+    names = ", ".join(present)
+    if not present:
+        raise ExportError("Nobody has taken part yet: the table of participants is empty.")
+    raise ExportError(
+        f"The export holds several studies. Choose one with --study: {names}."
+        if study is None
+        else f"The export holds no study {study}. It has: {names}."
     )
 
 
@@ -124,23 +145,17 @@ def table_file(folder: Path, name: str) -> Path | None:
 
 def _read_table(folder: Path, name: str) -> pl.DataFrame:
     path = table_file(folder, name)
+    if path is None and name in OPTIONAL:
+        return pl.DataFrame(schema=dict.fromkeys(COLUMNS[name], pl.String))
     if path is None:
-        if name in OPTIONAL:
-            return pl.DataFrame(schema=dict.fromkeys(SPELLINGS[name], pl.String)).cast({"duration_ms": pl.Float64})
         raise ExportError(f"{folder} has no table of {name} ({name}.csv or {name}.parquet). Export the study again.")
     table = pl.read_parquet(path) if path.suffix == ".parquet" else pl.read_csv(path, infer_schema_length=None)
-    for column, spellings in SPELLINGS[name].items():
-        known = next((spelling for spelling in (spellings or (column,)) if spelling in table.columns), None)
-        if known is None:
+    for column in COLUMNS[name]:
+        if column not in table.columns:
             raise ExportError(
                 f"{path} has no column {column}. Export the study again with this version of kitchenmind."
             )
-        table = table.rename({known: column}) if known != column else table
-    return table
-
-
-def _text(*columns: str) -> list[pl.Expr]:
-    return [pl.col(column).cast(pl.String) for column in columns]
+    return table.with_columns(pl.col(column).cast(pl.String) for column in IDENTIFIERS if column in table.columns)
 
 
 def _with_default(table: pl.DataFrame, column: str, value: object) -> pl.DataFrame:
@@ -149,55 +164,42 @@ def _with_default(table: pl.DataFrame, column: str, value: object) -> pl.DataFra
 
 def _episodes(table: pl.DataFrame) -> pl.DataFrame:
     """Episodes of the plan, with the person and the partner looked up from the seats."""
-    if "kind" in table.columns:
-        table = table.filter(pl.col("kind") == "episode")
     partner = pl.col("watched_seat") == 0
-    for role, column, at_seat in (("partner", "agent", partner), ("person", "participant", ~partner)):
-        if column not in table.columns:
-            if f"{column}_0" not in table.columns:
-                raise ExportError(f"The table of episodes names no {role}: it needs the column {column} or {column}_0.")
-            table = table.with_columns(
-                pl.when(at_seat).then(pl.col(f"{column}_0")).otherwise(pl.col(f"{column}_1")).alias(column)
-            )
-    defaults = {"excluded": "", "tick_ms": 200, "horizon": 400}
-    for column, value in defaults.items():
-        table = _with_default(table, column, value)
-    return table.with_columns(
-        *_text("episode", "participant", "condition", "layout", "agent", "status"),
-        pl.col("excluded").fill_null(""),
-        pl.col("score", "progress").cast(pl.Float64),
-    ).sort("participant", "number")
+    return (
+        _with_default(table.filter(pl.col("kind") == "episode"), "excluded", "")
+        .with_columns(
+            agent=pl.when(partner).then(pl.col("agent_0")).otherwise(pl.col("agent_1")).cast(pl.String),
+            participant=pl.when(partner).then(pl.col("participant_1")).otherwise(pl.col("participant_0")),
+            excluded=pl.col("excluded").fill_null(""),
+            score=pl.col("score").cast(pl.Float64),
+            progress=pl.col("progress").cast(pl.Float64),
+        )
+        .sort("participant", "number")
+    )
 
 
 def _answers(table: pl.DataFrame) -> pl.DataFrame:
     """Numeric answers about an episode; free text is no matter of statistics."""
-    value = pl.col("value").cast(pl.String).str.strip_chars('"').cast(pl.Float64, strict=False)
-    return table.with_columns(value, *_text("participant", "episode", "question")).drop_nulls(["episode", "value"])
+    value = pl.col("value").cast(pl.String).cast(pl.Float64, strict=False)
+    return table.with_columns(value).drop_nulls(["episode", "value"])
 
 
 def _ticks(table: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
-    """Actions by role and the most probable action of each step."""
-    table = table.with_columns(pl.col("episode").cast(pl.String))
+    """Actions and key times by role."""
     table = table.join(episodes.select("episode", "watched_seat"), on="episode")
     partner = pl.col("watched_seat") == 0
-    columns = [
-        pl.when(partner).then(pl.col("action_0")).otherwise(pl.col("action_1")).cast(pl.Int8).alias("partner"),
-        pl.when(partner).then(pl.col("action_1")).otherwise(pl.col("action_0")).cast(pl.Int8).alias("person"),
-        pl.col("late").cast(pl.Boolean),
-    ]
+
+    def at(seat_of_partner: bool, column: str) -> pl.Expr:
+        first, second = (0, 1) if seat_of_partner else (1, 0)
+        return pl.when(partner).then(pl.col(f"{column}_{first}")).otherwise(pl.col(f"{column}_{second}"))
+
     keys = [key for key in ("key_client_ms", "key_received_ms") if f"{key}_0" in table.columns]
-    columns += [pl.when(partner).then(pl.col(f"{key}_1")).otherwise(pl.col(f"{key}_0")).alias(key) for key in keys]
-    missing = [step for step in range(1, STEPS + 1) if f"predicted_{step}" not in table.columns]
-    columns += [_most_probable(table, step) for step in missing]
-    return table.with_columns(columns).sort("episode", "timestep")
-
-
-def _most_probable(table: pl.DataFrame, step: int) -> pl.Expr:
-    probabilities = [column for column in table.columns if column.startswith(f"p{step}_")]
-    if len(probabilities) != ACTIONS:
-        return pl.lit(None, dtype=pl.Int8).alias(f"predicted_{step}")
-    best = pl.concat_list(probabilities).list.arg_max().cast(pl.Int8)
-    return pl.when(pl.col(probabilities[0]).is_null()).then(None).otherwise(best).alias(f"predicted_{step}")
+    return table.with_columns(
+        at(True, "action").cast(pl.Int8).alias("partner"),
+        at(False, "action").cast(pl.Int8).alias("person"),
+        pl.col("late").cast(pl.Boolean),
+        *[at(False, key).cast(pl.Float64).alias(key) for key in keys],
+    ).sort("episode", "timestep")
 
 
 def _about(folder: Path) -> dict[str, Any]:

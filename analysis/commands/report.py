@@ -9,6 +9,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares what the verb takes."""
     parser.add_argument("export", type=Path, metavar="EXPORT_DIR", help="the folder that `kitchenmind export` wrote")
     parser.add_argument("--out", type=Path, default=Path("report"), help="folder to write into (default: report)")
+    parser.add_argument("--study", help="which study, where the export holds several")
     parser.add_argument(
         "--questionnaire-layouts",
         nargs="+",
@@ -27,7 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     options = Options(questionnaire_layouts=tuple(arguments.questionnaire_layouts), seed=arguments.seed)
     try:
-        report = write_report(arguments.export, arguments.out, options)
+        report = write_report(arguments.export, arguments.out, options, arguments.study)
     except ExportError as error:
         print(f"kitchenmind report: {error}", file=sys.stderr)
         return 2
