@@ -1,0 +1,27 @@
+"""Opens the database that a command was given, for reading only: the server may go on meanwhile."""
+
+from pathlib import Path
+
+from sqlalchemy import inspect
+
+from server.settings import Settings
+from server.store.database import Database, DatabaseDown
+from server.store.engines import normal_url
+
+
+def open_stored(url: str | None) -> Database:
+    """The database at `url`, or the one in the settings. Raises ValueError with the remedy when there is none."""
+    wanted = normal_url(url or Settings().database)
+    named = wanted.render_as_string()
+    if wanted.get_backend_name() == "sqlite" and not Path(str(wanted.database)).is_file():
+        raise ValueError(f"there is no database {wanted.database}. Give the right one with --database sqlite:///path.")
+    database = Database(wanted.render_as_string(hide_password=False), read_only=True)
+    try:
+        has_tables = database.read_now(lambda connection: inspect(connection).has_table("ticks"))
+    except DatabaseDown as error:
+        database.close()
+        raise ValueError(f"cannot read {named}: {error}") from None
+    if not has_tables:
+        database.close()
+        raise ValueError(f"{named} is no kitchenmind database. Give the right one with --database.")
+    return database
