@@ -89,7 +89,8 @@ class KitchenEnv(ParallelEnv[str, NDArray[np.int8], int]):  # type: ignore[misc]
 
     def state(self) -> NDArray[np.int8]:
         """Both chefs' views, (2, width, height, 26): all there is to know."""
-        return self._kitchen.encode(horizon=self.horizon)[0]
+        views: NDArray[np.int8] = self._kitchen.encode(horizon=self.horizon)[0]
+        return views
 
     def render(self) -> str:
         """The kitchen as text: chefs as ^ v > <, and what they hold behind their rows."""
@@ -106,4 +107,4 @@ class KitchenEnv(ParallelEnv[str, NDArray[np.int8], int]):  # type: ignore[misc]
         """Nothing is held open."""
 
     def _observations(self) -> Observations:
-        return dict(zip(AGENTS, self._kitchen.encode(horizon=self.horizon)[0], strict=True))
+        return dict(zip(AGENTS, self.state(), strict=True))
