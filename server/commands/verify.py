@@ -1,0 +1,81 @@
+"""`kitchenmind verify`: re-simulates every stored episode from its own grid and actions and compares all hashes."""
+
+import argparse
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection
+
+    from server.verification import Verdict
+
+LISTED = 20
+
+
+@dataclass
+class _Line:
+    """What was found on one layout."""
+
+    episodes: int = 0
+    timesteps: int = 0
+    different: int = 0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--database", metavar="URL", help="sqlite:///path or postgresql://user@host/name")
+    parser.add_argument("--study", metavar="KEY", help="only this study (all its versions)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """0: every episode came out the same; 1: some did not, or the database failed; 2: wrong input."""
+    from server.commands.databases import open_stored
+    from server.store.engines import DatabaseDown
+
+    try:
+        with open_stored(arguments.database) as database:
+            return database.read_now(_verify, arguments.study)
+    except ValueError as error:
+        sys.stderr.write(f"kitchenmind verify: {error}\n")
+        return 2
+    except DatabaseDown as error:
+        sys.stderr.write(f"kitchenmind verify: {error}\n")
+        return 1
+
+
+def _verify(connection: "Connection", study: str | None) -> int:
+    from server.store import studies
+    from server.verification import verify_all
+
+    chosen = None
+    if study is not None:
+        chosen = tuple(version.id for version in studies.every(connection, study))
+        if not chosen:
+            known = ", ".join(sorted({version.key for version in studies.every(connection)})) or "none"
+            raise ValueError(f"there is no study {study!r} in this database. It has: {known}.")
+    return report(verify_all(connection, chosen))
+
+
+def report(verdicts: "Iterable[Verdict]") -> int:
+    """Prints a line a layout and the first differences; returns the exit status."""
+    lines: dict[str, _Line] = {}
+    different: list[Verdict] = []
+    for verdict in verdicts:
+        line = lines.setdefault(verdict.layout, _Line())
+        line.episodes += 1
+        line.timesteps += verdict.timesteps
+        if verdict.difference is not None:
+            line.different += 1
+            different.append(verdict)
+    say = sys.stdout.write
+    say(f"{'layout':<24}{'episodes':>10}{'timesteps':>12}{'different':>11}\n")
+    for layout, line in sorted(lines.items()):
+        say(f"{layout:<24}{line.episodes:>10}{line.timesteps:>12}{line.different:>11}\n")
+    for verdict in different[:LISTED]:
+        place = "" if verdict.timestep is None else f", timestep {verdict.timestep}"
+        say(f"episode {verdict.episode}{place}: {verdict.difference}\n")
+    if len(different) > LISTED:
+        say(f"... and {len(different) - LISTED} more episodes\n")
+    say("Every episode was simulated to the same states.\n" if not different else "")
+    return 1 if different else 0

@@ -1,0 +1,88 @@
+"""Plays stored episodes again by the rules alone and compares everything that the rules decide."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+
+from sqlalchemy import Connection
+
+from overcooked.layout import Layout, LayoutError, parse_layout
+from overcooked.score import progress_credit
+from server.play.recorder import EpisodeRecord, TickRecord
+from server.play.trace import Trace
+from server.store import episodes, ticks
+from server.store.episodes import BrokenEpisode, Episode
+from server.store.exported import Selection, episode_ids
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One episode: what was compared and the first difference, if any."""
+
+    episode: str
+    layout: str
+    timesteps: int
+    difference: str | None = None
+    timestep: int | None = None  # of the difference
+
+
+def verify_all(connection: Connection, study_ids: tuple[int, ...] | None = None) -> Iterator[Verdict]:
+    """The verdict on every episode of these study versions (None: on all that there are), oldest first."""
+    for episode_id in list(episode_ids(Selection(connection, study_ids))):
+        yield verify(connection, episode_id)
+
+
+def verify(connection: Connection, episode_id: str) -> Verdict:
+    """Plays one episode again: every state's hash, rewards and events, then score, soups, progress and final hash."""
+    ended = episodes.get(connection, episode_id)
+    try:
+        record = episodes.load(connection, episode_id)
+    except BrokenEpisode as error:
+        return Verdict(episode_id, ended.layout if ended else "?", 0, str(error))
+    if record is None or ended is None:
+        return Verdict(episode_id, "?", 0, "there is no such episode")
+    stored = ticks.of_episode(connection, episode_id)
+    if not stored:
+        return Verdict(episode_id, ended.layout, 0)
+    try:
+        layout = _layout(record.spec.grid, record.spec.layout)
+    except LayoutError as error:
+        return Verdict(episode_id, ended.layout, 0, f"the stored grid is no kitchen: {error}")
+    trace = Trace(layout, record.spec.horizon)
+    found = _compare_ticks(trace, stored) or _compare_end(trace, record, ended)
+    return Verdict(episode_id, ended.layout, len(stored) - 1, *(found or (None, None)))
+
+
+@lru_cache(maxsize=64)
+def _layout(grid: str, name: str) -> Layout:
+    return parse_layout(grid, name)
+
+
+def _compare_ticks(trace: Trace, stored: list[TickRecord]) -> tuple[str, int] | None:
+    for tick in stored:
+        if tick.timestep:
+            if tick.actions is None:
+                return "no joint action is stored", tick.timestep
+            step = trace.step(tick.actions)
+            for name in ("rewards", "shaped", "events"):
+                if getattr(step, name) != getattr(tick, name):
+                    return f"{name} are {getattr(step, name)}, stored is {getattr(tick, name)}", tick.timestep
+        if trace.hash() != tick.state_hash:
+            return f"state hash is {trace.hash()}, stored is {tick.state_hash}", tick.timestep
+    return None
+
+
+def _compare_end(trace: Trace, record: EpisodeRecord, ended: Episode) -> tuple[str, int] | None:
+    """Only for what has ended: a running episode has no score yet."""
+    if ended.status not in ("done", "aborted"):
+        return None
+    simulated = {
+        "score": trace.score,
+        "soups": trace.soups,
+        "progress": progress_credit(trace.layout, trace.players(), trace.contents(), record.spec.progress),
+        "final_hash": trace.hash(),
+    }
+    for name, value in simulated.items():
+        if value != getattr(ended, name):
+            return f"{name} is {value}, stored is {getattr(ended, name)}", trace.timestep
+    return None

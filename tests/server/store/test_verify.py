@@ -1,0 +1,126 @@
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from sqlalchemy import Connection, create_engine, delete, select, update
+from study_data import fill
+
+import kitchenmind
+from server.store.database import Database
+from server.store.tables import episodes, ticks
+
+
+@pytest.fixture
+def filled(url: str) -> str:
+    with Database(url) as database:
+        database.write_now(fill)
+    return url
+
+
+def verify(url: str, *more: str) -> int:
+    return kitchenmind.main(["verify", "--database", url, *more])
+
+
+def first_episode(connection: Connection) -> str:
+    query = select(episodes.c.id).order_by(episodes.c.created_at, episodes.c.id)
+    return connection.execute(query).scalars().first() or ""
+
+
+def test_every_stored_episode_is_simulated_to_the_same_states(filled: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert verify(filled) == 0
+    assert capsys.readouterr().out.splitlines()[1].split() == ["coordination_ring", "6", "240", "0"]
+    assert verify(filled, "--study", "ring") == 0
+
+
+def test_running_episode_is_checked_as_far_as_it_was_played(filled: str) -> None:
+    def reopen(connection: Connection) -> None:
+        unended = dict.fromkeys(("score", "soups", "progress", "final_hash", "ended_at"), None)
+        connection.execute(update(episodes).values(status="running", **unended))
+        connection.execute(delete(ticks).where(ticks.c.timestep > 20))
+
+    with Database(filled) as database:
+        database.write_now(reopen)
+    assert verify(filled) == 0
+
+
+def change_tick(**values: object) -> Callable[[Connection], None]:
+    def change(connection: Connection) -> None:
+        here = (ticks.c.episode_id == first_episode(connection), ticks.c.timestep == 17)
+        connection.execute(update(ticks).where(*here).values(**values))
+
+    return change
+
+
+def change_episode(**values: object) -> Callable[[Connection], None]:
+    def change(connection: Connection) -> None:
+        connection.execute(update(episodes).where(episodes.c.id == first_episode(connection)).values(**values))
+
+    return change
+
+
+def remove_tick(connection: Connection) -> None:
+    connection.execute(delete(ticks).where(ticks.c.episode_id == first_episode(connection), ticks.c.timestep == 17))
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (change_tick(state_hash=b"\0" * 8), "timestep 17: state hash"),
+        (change_tick(reward_0=20), "timestep 17: rewards"),
+        (change_tick(shaped_1=99), "timestep 17: shaped"),
+        (change_tick(events_0=1 << 20), "timestep 17: events"),
+        (change_tick(action_0=None), "timestep 17: no joint action"),
+        (change_episode(score=1000), "score is"),
+        (change_episode(soups=50), "soups is"),
+        (change_episode(progress=0.5), "progress is"),
+        (change_episode(final_hash="0" * 16), "final_hash is"),
+        (remove_tick, "has no tick 17"),
+    ],
+    ids=["hash", "reward", "shaped", "events", "action", "score", "soups", "progress", "final hash", "hole"],
+)
+def test_any_change_of_what_was_stored_is_found_and_named(
+    filled: str, change: Callable[[Connection], None], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Database(filled) as database:
+        episode = database.read_now(first_episode)
+        database.write_now(change)
+    assert verify(filled) == 1
+    out = capsys.readouterr().out
+    assert f"episode {episode}" in out
+    assert told in out
+
+
+def test_changed_action_shows_in_the_states_that_follow(filled: str, capsys: pytest.CaptureFixture[str]) -> None:
+    def change(connection: Connection) -> None:
+        here = ticks.c.episode_id == first_episode(connection)
+        for timestep, action in connection.execute(select(ticks.c.timestep, ticks.c.action_0).where(here)).all():
+            if timestep:
+                turned = update(ticks).where(here, ticks.c.timestep == timestep)
+                connection.execute(turned.values(action_0=(action + 1) % 4))
+
+    with Database(filled) as database:
+        database.write_now(change)
+    assert verify(filled) == 1
+    assert "state hash is" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", [["verify"], ["export", "--out", "out"]], ids=["verify", "export"])
+def test_wrong_input_is_told_with_the_remedy(
+    filled: str, command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    create_engine(f"sqlite:///{tmp_path}/empty.db").connect().close()
+    wrong = [
+        ([f"sqlite:///{tmp_path}/missing.db"], "there is no database"),
+        ([f"sqlite:///{tmp_path}/empty.db"], "is no kitchenmind database"),
+        (["mysql://somewhere"], "not supported"),
+        (["postgresql://nobody@127.0.0.1:1/none"], "cannot read"),
+        ([filled, "--study", "unknown"], "It has: ring"),
+    ]
+    for words, told in wrong:
+        assert kitchenmind.main([*command, "--database", *words]) == 2
+        message = capsys.readouterr().err
+        assert told in message, words
+        assert message.startswith(f"kitchenmind {command[0]}: ")
+    assert not (tmp_path / "out").exists()
+    assert not (tmp_path / "missing.db").exists()
