@@ -10,16 +10,17 @@ TORCH := $(shell sed -n 's/.*"\(torch==[^"]*\)".*/\1/p' pyproject.toml)
 .PHONY: help setup serve test test-slow bench lint format system clean
 
 help:
-	@echo "make setup      the Python environment in .venv"
+	@echo "make setup      the Python environment in .venv, for everything but the tests"
 	@echo "make serve      kitchenmind at http://127.0.0.1:8000 (ARGS=... are passed on)"
 	@echo "make test       everything that must hold before a change goes in"
 	@echo "make test-slow  the long proofs"
 	@echo "make lint       style and types only; make format puts the style right"
 	@echo "make bench      the measured figures"
 
-setup: .venv/.runtime
+setup: .venv/.complete
+	@echo "Ready: make serve, or $(BIN)/kitchenmind --help"
 
-serve: setup
+serve: .venv/.serving
 	@$(BIN)/kitchenmind serve $(ARGS)
 
 test: lint system
@@ -56,12 +57,18 @@ clean:
 	@$(PYTHON) -m venv .venv || { rm -rf .venv; \
 	  echo "Python cannot make a virtual environment here (on Debian and Ubuntu: apt-get install python3-venv)." >&2; exit 2; }
 
-.venv/.runtime: pyproject.toml | .venv/bin/python
-	@echo "Installing torch and the other dependencies into .venv (a few minutes, once) ..."
+.venv/.serving: pyproject.toml | .venv/bin/python
+	@echo "Installing torch and what else the server needs into .venv (about a minute, once) ..."
 	@$(PIP) $(TORCH)
 	@$(PIP) --editable .
 	@touch $@
 
-.venv/.test: pyproject.toml .venv/.runtime
+.venv/.complete: .venv/.serving
+	@echo "Installing what training and analysis need ..."
+	@$(PIP) --editable ".[training,analysis]"
+	@touch $@
+
+.venv/.test: .venv/.serving
+	@echo "Installing what the tests need ..."
 	@$(PIP) --editable ".[training,analysis,test]"
 	@touch $@

@@ -4,6 +4,7 @@ import argparse
 import importlib
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 # verb -> (module with `add_arguments(parser)` and `run(arguments) -> int`, what it does)
 VERBS: dict[str, tuple[str, str]] = {
@@ -21,7 +22,7 @@ VERBS: dict[str, tuple[str, str]] = {
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs one verb; returns the exit status: 0 done, 1 failed, 2 wrong input."""
+    """Runs one verb; returns the exit status: 0 done, 1 failed, 2 wrong input, 130 stopped by Ctrl+C."""
     words = list(sys.argv[1:] if argv is None else argv)
     verb = words[0] if words else None
     parser = argparse.ArgumentParser(prog="kitchenmind", description=__doc__ if verb is None else None)
@@ -31,9 +32,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     if verb not in VERBS:
         parser.parse_args(words)
         return 2
-    module = importlib.import_module(VERBS[verb][0])
-    module.add_arguments(verbs.choices[verb])
-    return int(module.run(parser.parse_args(words)))
+    try:
+        module = importlib.import_module(VERBS[verb][0])
+        module.add_arguments(verbs.choices[verb])
+        return int(module.run(parser.parse_args(words)))
+    except ModuleNotFoundError as error:
+        if error.name is None or (Path(__file__).parent / error.name.split(".")[0]).exists():
+            raise
+        print(f"kitchenmind {verb} needs the Python package {error.name}: run `make setup`.", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
 
 
 if __name__ == "__main__":

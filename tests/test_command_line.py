@@ -1,0 +1,50 @@
+"""The command line: quick, complete, and clear about wrong input."""
+
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import kitchenmind
+
+ROOT = Path(__file__).parent.parent
+
+
+def test_help_names_every_verb_and_imports_nothing_heavy() -> None:
+    program = "import sys, kitchenmind\ntry: kitchenmind.main(['--help'])\nfinally: print(sorted(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT)
+    shown, _, loaded = done.stdout.rpartition("['")
+    assert all(f"    {verb} " in shown for verb in kitchenmind.VERBS)
+    assert not [name for name in ("numpy", "numba", "torch", "fastapi", "sqlalchemy") if f"'{name}'" in loaded]
+
+
+@pytest.mark.parametrize("verb", kitchenmind.VERBS)
+def test_verb_is_there_and_explains_itself(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    module = importlib.import_module(kitchenmind.VERBS[verb][0])
+    assert callable(module.run)
+    with pytest.raises(SystemExit) as leaving:
+        kitchenmind.main([verb, "--help"])
+    assert leaving.value.code == 0
+    assert f"kitchenmind {verb}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("words", [[], ["bake"], ["replay"], ["replay", "a", "--unknown"]])
+def test_wrong_words_give_exit_status_2_and_a_usage(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as leaving:
+        kitchenmind.main(words)
+    assert leaving.value.code == 2
+    assert "usage: kitchenmind" in capsys.readouterr().err
+
+
+def test_missing_package_is_named_with_its_remedy(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "needing_a_package.py").write_text("import a_package_that_nobody_installed")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setitem(kitchenmind.VERBS, "bake", ("needing_a_package", "bakes"))
+    assert kitchenmind.main(["bake"]) == 2
+    message = capsys.readouterr().err
+    assert "a_package_that_nobody_installed" in message
+    assert "make setup" in message
