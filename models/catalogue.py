@@ -1,6 +1,6 @@
 """The names a study may ask for, and what they load. Foreign agents (`module:Class`, ONNX, HTTP) are `blackbox`'s."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
@@ -17,6 +17,7 @@ SCRIPTED: dict[str, tuple[type[Policy], Mode]] = {
     "random": (scripted.UniformPolicy, scripted.PLAIN),
     "stay": (scripted.StayPolicy, scripted.SURE),
 }
+TEMPERATURES = {"greedy": 0.0, "sampled": 1.0}  # by what follows the @ of an agent's name
 
 
 class Agent(NamedTuple):
@@ -37,7 +38,18 @@ def agent_names(layout: str) -> list[str]:
 
 
 def load_agent(name: str, layout: Layout) -> Agent:
-    """The agent of that name, or in that folder, for `layout`. Raises UnknownAgent or CheckpointError."""
+    """The agent of that name, or in that folder, for `layout`; `name@greedy` and `name@sampled` act otherwise than their
+    card says. Raises UnknownAgent or CheckpointError."""
+    base, _, wanted = name.partition("@")
+    agent = _load(base, layout)
+    if not wanted:
+        return agent
+    if wanted not in TEMPERATURES:
+        raise UnknownAgent(f"{name}: after @ comes how the agent acts: {', '.join(TEMPERATURES)}.")
+    return Agent(agent.policy, replace(agent.mode, temperature=TEMPERATURES[wanted]))
+
+
+def _load(name: str, layout: Layout) -> Agent:
     if name in SCRIPTED:
         policy, mode = SCRIPTED[name]
         return Agent(policy(), mode)

@@ -12,13 +12,7 @@ class Text(RootModel[dict[str, str]]):
     """What a participant reads, by language. In a study file: a mapping `{en: ..., zh: ...}`, or plain words that
     are the same in every language (a name, a number)."""
 
-    model_config = ConfigDict(
-        frozen=True,
-        json_schema_extra={
-            "anyOf": [{"type": "string"}, {"type": "object", "additionalProperties": {"type": "string"}}],
-            "type": None,
-        },
-    )
+    model_config = ConfigDict(frozen=True, json_schema_extra=lambda schema: _either(schema))
 
     @model_validator(mode="before")
     @classmethod
@@ -41,3 +35,11 @@ class Text(RootModel[dict[str, str]]):
             if ANY_LANGUAGE in self.root
             else tuple(name for name in languages if not self.root.get(name, "").strip())
         )
+
+
+def _either(schema: dict[str, Any]) -> None:
+    """For editors: a mapping by language, or plain words."""
+    by_language = {"type": "object", "additionalProperties": {"type": "string"}, "minProperties": 1}
+    for key in ("type", "additionalProperties"):
+        schema.pop(key, None)
+    schema["anyOf"] = [{"type": "string"}, by_language]

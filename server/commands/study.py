@@ -1,0 +1,99 @@
+"""`kitchenmind study`: make a study file, check one, or print the schema that editors use. Imports late."""
+
+import argparse
+import json
+import re
+import secrets
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from server.study.loader import StudyFile
+
+STUDIES = Path(__file__).parents[2] / "studies"
+PATTERN = STUDIES / "quick_look.yaml"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    verbs = parser.add_subparsers(dest="study_verb", required=True, metavar="new|check|schema")
+    new = verbs.add_parser("new", help="a file to start from, ready to be served")
+    new.add_argument("name", help="names the study in its address and its data, e.g. pilot_1")
+    new.add_argument("--out", type=Path, help="the file (studies/NAME.yaml)")
+    check = verbs.add_parser("check", help="everything wrong with a file: line, reason, remedy")
+    check.add_argument("file", type=Path)
+    verbs.add_parser("schema", help="the JSON Schema of a study file, for editors")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """0 done; 2 the name or the file is wrong."""
+    if arguments.study_verb == "new":
+        return _new(arguments.name, arguments.out or STUDIES / f"{arguments.name}.yaml")
+    return _check(arguments.file) if arguments.study_verb == "check" else _schema()
+
+
+def _new(name: str, path: Path) -> int:
+    if not re.fullmatch(r"[a-z][a-z0-9_-]{0,39}", name):
+        return _refuse(f"{name!r} cannot name a study. Use small letters, digits, - and _, a letter first.")
+    if path.exists():
+        return _refuse(f"{path} is there already. Choose another name, or --out FILE.")
+    text = re.sub(
+        r"\A(#.*\n)+", f"# The study {name}. What can be set: `kitchenmind study schema`.\n", PATTERN.read_text("utf-8")
+    )
+    text = re.sub(r"(?m)^name: .*$", f"name: {name}", text)
+    text = re.sub(r"(?m)^seed: .*$", f"seed: {secrets.randbelow(10**9)}", text)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    print(f"{path}\nNext: edit it, `kitchenmind study check {path}`, `kitchenmind serve --study {path}`.")
+    return 0
+
+
+def _check(path: Path) -> int:
+    from server.study.loader import StudyError, load_study
+    from server.study_check import stage_problems
+
+    try:
+        file = load_study(path)
+    except StudyError as error:
+        return _refuse(*error.lines)
+    except OSError as error:
+        return _refuse(f"{path}: {error.strerror}. Give the path of a study file.")
+    found = list(stage_problems(file))
+    for line in (*file.warnings, *(file.describe(problem) for problem in found if problem.warning)):
+        print(f"warning: {line}")
+    errors = [file.describe(problem) for problem in found if not problem.warning]
+    if errors:
+        return _refuse(*errors)
+    print(_summary(file))
+    return 0
+
+
+def _summary(file: "StudyFile") -> str:
+    from server.study.checks import balance
+    from server.study.steps import episodes_of, steps
+
+    study = file.study
+    conditions = ", ".join(f"{one.name} x{one.weight}" for one in study.conditions)
+    pages = len(steps(study, study.conditions[0].name, study.seed))
+    lines = [
+        f"{file.source} is a study: {study.name}, version {file.sha256[:12]}",
+        f"  conditions   {conditions}",
+        f"  way          {pages} steps, {episodes_of(study)} episodes, languages {', '.join(study.languages)}",
+        f"  order        {study.order.rule}; first episodes of 60 simulated participants:",
+    ]
+    for word, counts in balance(study).items():
+        first = ", ".join(f"{name} {count}" for (name, place), count in sorted(counts.items()) if place == 0)
+        lines.append(f"    {word:<10} {first}")
+    return "\n".join(lines)
+
+
+def _schema() -> int:
+    from server.study.plan import Study
+
+    print(json.dumps(Study.model_json_schema() | {"title": "A study of kitchenmind"}, indent=2, ensure_ascii=False))
+    return 0
+
+
+def _refuse(*lines: str) -> int:
+    print("\n".join(lines), file=sys.stderr)
+    return 2
