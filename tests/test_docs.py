@@ -1,0 +1,93 @@
+"""The documents are true to the tree: links lead somewhere, commands exist, words are in use."""
+
+import re
+import subprocess
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import kitchenmind
+
+ROOT = Path(__file__).parent.parent
+
+
+@cache
+def documents() -> dict[str, str]:
+    listed = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True)
+    return {name: (ROOT / name).read_text(encoding="utf-8") for name in listed.stdout.split()}
+
+
+@cache
+def sources() -> str:
+    """All code, pages and studies as one text."""
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
+    kinds = {".py", ".js", ".html", ".yaml", ".j2"}
+    names = [name for name in listed.stdout.split("\n") if Path(name).suffix in kinds and (ROOT / name).is_file()]
+    return "\n".join((ROOT / name).read_text(encoding="utf-8") for name in names).lower()
+
+
+def test_links_lead_somewhere() -> None:
+    broken = [
+        f"{name}: {target}"
+        for name, text in documents().items()
+        for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text)
+        if "://" not in target and not (ROOT / name).parent.joinpath(target).exists()
+    ]
+    assert broken == []
+
+
+def test_make_targets_in_documents_exist() -> None:
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    for name, text in documents().items():
+        named = set(re.findall(r"(?:^|`)make ([a-z-]+)", text, re.MULTILINE))
+        assert named <= targets, name
+
+
+def test_verbs_in_documents_exist() -> None:
+    for name, text in documents().items():
+        named = set(re.findall(r"(?:\.venv/bin/|`)kitchenmind ([a-z]+)", text))
+        assert named <= set(kitchenmind.VERBS), name
+
+
+def test_paths_in_documents_exist() -> None:
+    folders = "overcooked|models|training|analysis|server|tests|benchmarks|docs|studies|static|templates|migrations"
+    missing = [
+        f"{name}: {path}"
+        for name, text in documents().items()
+        for path in re.findall(rf"`((?:{folders})/[\w./-]+)`", text)
+        if "*" not in path and "..." not in path and not (ROOT / path).exists()
+    ]
+    assert missing == []
+
+
+def test_figures_for_documents_have_a_script() -> None:
+    for name, text in documents().items():
+        for script in re.findall(r"benchmarks/\w+\.py", text):
+            assert (ROOT / script).is_file(), f"{name}: {script}"
+
+
+def test_decisions_are_numbered_without_gaps_and_say_what_was_decided() -> None:
+    pages = sorted((ROOT / "docs/decisions").glob("*.md"))
+    assert [int(page.name[:4]) for page in pages] == list(range(1, len(pages) + 1))
+    for page in pages:
+        text = page.read_text(encoding="utf-8")
+        assert text.startswith(f"# {int(page.name[:4])}. ")
+        assert "**Situation.**" in text
+        assert "**Decision.**" in text
+
+
+def glossary() -> list[str]:
+    rows = re.findall(r"^\| ([^|]+?) \|", (ROOT / "docs/glossary.md").read_text(encoding="utf-8"), re.MULTILINE)
+    return rows[1:]
+
+
+def test_glossary_is_in_alphabetical_order() -> None:
+    words = [word.lower() for word in glossary()]
+    assert words == sorted(words)
+
+
+@pytest.mark.parametrize("word", glossary())
+def test_word_of_the_glossary_is_in_use(word: str) -> None:
+    plain = re.sub(r" \(.*\)", "", word).lower()
+    assert any(plain.replace(" ", joint) in sources() for joint in (" ", "_", "-", ""))
