@@ -178,7 +178,7 @@ def leave(connection: Connection, participant_id: str, status: str) -> bool:
 
 
 def time_out(connection: Connection, study_id: int, before: datetime) -> int:
-    """Ends the participation of all active who were not seen since `before`: their places are free. Returns how many."""
+    """Ends the participation of all active who were not seen since `before`: their places are free. How many."""
     query = update(participants).where(
         participants.c.study_id == study_id, participants.c.status == "active", participants.c.last_seen_at < before
     )

@@ -1,0 +1,279 @@
+import csv
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+from sqlalchemy import Connection, select
+from study_data import fill, played
+
+import kitchenmind
+from server.store import answers, codebook, dictionary, export_files, participants, ticks
+from server.store.database import Database
+from server.store.tables import answers as answer_table
+from server.store.tables import episodes as episode_table
+from server.store.tables import metadata
+from server.store.tables import participants as participant_table
+
+ROOT = Path(__file__).resolve().parents[3]
+TABLES = [table.name for table in codebook.TABLES]
+Exported = Callable[..., Path]
+
+
+@pytest.fixture
+def exported(url: str, tmp_path: Path) -> Exported:
+    """Exports the database of this test into a folder."""
+
+    def run(*words: str, name: str = "out") -> Path:
+        folder = tmp_path / name
+        assert kitchenmind.main(["export", "--database", url, "--out", str(folder), *words]) == 0
+        return folder
+
+    return run
+
+
+@pytest.fixture
+def filled(database: Database) -> Database:
+    database.write_now(fill)
+    return database
+
+
+def parquet(folder: Path, table: str) -> pl.DataFrame:
+    return pl.read_parquet(folder / "parquet" / f"{table}.parquet")
+
+
+def csv_rows(folder: Path, table: str) -> list[dict[str, str]]:
+    with (folder / "data" / f"description-{table}_data.csv").open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_every_table_is_written_in_both_formats_with_the_same_columns_and_rows(
+    filled: Database, exported: Exported
+) -> None:
+    folder = exported()
+    counts = {}
+    for table in TABLES:
+        frame = parquet(folder, table)
+        rows = csv_rows(folder, table)
+        assert len(rows) == frame.height
+        assert not rows or list(rows[0]) == frame.columns
+        counts[table] = frame.height
+    assert counts["participants"] == 3
+    assert counts["episodes"] == 6
+    assert counts["ticks"] == 6 * 40
+    assert counts["answers"] == 3 * (3 + 2 * 2)
+    assert counts["pauses"] == 6
+
+
+def test_every_column_is_in_the_codebook_with_type_and_meaning(filled: Database, exported: Exported) -> None:
+    folder = exported()
+    book = json.loads((folder / "codebook.json").read_text())["tables"]
+    described = {
+        variable["name"]
+        for variable in json.loads((folder / "dataset_description.json").read_text())["variableMeasured"]
+    }
+    for table in TABLES:
+        columns = parquet(folder, table).columns
+        assert columns == list(book[table]["columns"])
+        assert set(columns) <= described
+        for column in book[table]["columns"].values():
+            assert column["type"] in codebook.TYPES
+            assert column["meaning"].endswith(".")
+
+
+def test_data_dictionary_has_every_table_and_column_of_export_and_database() -> None:
+    page = (ROOT / "docs" / "data_dictionary.md").read_text(encoding="utf-8")
+    assert page == dictionary.text(), "print it again: python -m server.store.dictionary > docs/data_dictionary.md"
+    for table in metadata.tables.values():
+        for column in table.columns:
+            assert f"| `{column.name}` |" in page
+            assert column.doc
+
+
+def test_row_of_a_timestep_has_the_state_before_and_what_was_done_in_it(filled: Database, exported: Exported) -> None:
+    frame = parquet(exported(), "ticks")
+    episode = frame["episode"][0]
+    stored = filled.read_now(ticks.of_episode, episode)
+    rows = frame.filter(pl.col("episode") == episode).to_dicts()
+    assert [row["timestep"] for row in rows] == list(range(40))
+    for row, before, after in zip(rows, stored[:-1], stored[1:], strict=True):
+        assert row["state_hash"] == before.state_hash
+        assert (row["action_0"], row["action_1"]) == after.actions
+        assert (row["reward_0"], row["shaped_1"], row["events_0"]) == (
+            after.rewards[0],
+            after.shaped[1],
+            after.events[0],
+        )
+        assert (row["decided_0"], row["decided_1"], row["late"]) == (*before.next_actions, before.late)
+        assert row["decided_1"] == row["action_1"]
+        flat = [row[f"p{step}_{name}"] for step in codebook.STEPS for name in codebook.ACTION_NAMES]
+        assert flat == ([p for step in before.prediction for p in step] or [None] * 18)
+        best = [max(range(6), key=step.__getitem__) for step in before.prediction] or [None] * 3
+        assert [row[f"predicted_{step}"] for step in codebook.STEPS] == best
+        drawn = tuple((row[f"displayed_{step}"], row[f"opacity_{step}"]) for step in codebook.STEPS)
+        assert drawn == before.displayed
+        assert (row["scheduled_ms"], row["late_ms"], row["models_ms"]) == (
+            before.scheduled_ms,
+            before.late_ms,
+            before.models_ms,
+        )
+        assert (row["key_seq_0"], row["key_client_ms_0"]) == (after.keys[0].seq, after.keys[0].client_ms)
+        assert row["key_seq_1"] is None
+
+
+def test_last_state_and_what_was_recorded_about_it_stand_in_episodes(filled: Database, exported: Exported) -> None:
+    row = parquet(exported(), "episodes").to_dicts()[0]
+    last = filled.read_now(ticks.of_episode, row["episode"])[-1]
+    kept = json.loads(row["last_tick"])
+    assert kept["state_hash"] == row["final_hash"] == last.state_hash
+    assert (kept["late_ms"], kept["displayed"]) == (last.late_ms, [list(step) for step in last.displayed])
+    assert row["timesteps"] == 40
+    assert json.loads(row["spec"])["grid"].count("\n") == 4
+
+
+def test_running_episode_exports_the_timesteps_that_are_over(database: Database, exported: Exported) -> None:
+    def begin(connection: Connection) -> None:
+        fill(connection, people=1, per_person=1, timesteps=0)
+
+    database.write_now(begin)
+    episode = database.read_now(lambda connection: connection.execute(select(episode_table.c.id)).scalar_one())
+    database.write_now(ticks.insert, played(episode, 3, seed=1))
+    folder = exported()
+    assert parquet(folder, "ticks").height == 3
+    assert parquet(folder, "episodes")["timesteps"][0] == 3
+
+
+def test_nothing_personal_is_in_any_file(filled: Database, exported: Exported) -> None:
+    person = filled.read_now(participants.of_study, 1)[0]
+    filled.write_now(participants.add_personal, person.id, 1, "contact", "somebody@example.org")
+    hashes = filled.read_now(
+        lambda connection: list(connection.execute(select(participant_table.c.token_hash)).scalars())
+    )
+    for path in exported("--format", "csv").rglob("*"):
+        if path.is_file():
+            content = path.read_text(encoding="utf-8")
+            for word in ("PROLIFICring", "somebody@example.org", "KM-1234", *hashes):
+                assert word not in content, path
+
+
+def test_texts_are_safe_for_spreadsheets_and_numbers_stay_exact(filled: Database, exported: Exported) -> None:
+    folder = exported()
+    said = {(row["question"], row["value"]) for row in csv_rows(folder, "answers")}
+    assert ("comment", "'=1+1") in said
+    assert ("predictor", "-1") in said
+    assert "=1+1" in parquet(folder, "answers")["value"].to_list()
+    assert "'=1+1" not in parquet(folder, "answers")["value"].to_list()
+    for table in TABLES:
+        frame = parquet(folder, table)
+        for row in csv_rows(folder, table):
+            for column, kind in frame.schema.items():
+                if kind == pl.String and not row[column].lstrip("-").isdigit():
+                    assert not row[column].startswith(("=", "+", "-", "@", "\t", "\r"))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "=1+1",
+        "+49 30",
+        "-x",
+        "@SUM(A1)",
+        "\ttab",
+        "\rline",
+        "'=1",
+        "''-a",
+        "plain",
+        "it's",
+        "",
+        "-1",
+        "1e5",
+        "'",
+        "\x00x",
+    ],
+)
+def test_escaped_text_comes_back_as_it_was(text: str) -> None:
+    import pyarrow as pa
+
+    escaped: str = export_files.escaped(pa.table({"value": [text]}))["value"][0].as_py()
+    assert export_files.unescaped(escaped) == text
+    assert escaped in ("-1",) or not escaped.startswith(("=", "+", "-", "@", "\t", "\r", "\x00"))
+
+
+def test_one_study_of_several_is_exported_alone(filled: Database, exported: Exported) -> None:
+    filled.write_now(fill, people=1, key="matrix")
+    folder = exported("--study", "matrix")
+    for table in ("participants", "episodes", "studies"):
+        assert set(parquet(folder, table)["study"]) == {"matrix"}
+    assert parquet(folder, "ticks").height == 2 * 40
+    assert parquet(folder, "events").height == 3
+    assert [path.name for path in (folder / "studies").iterdir()] == ["matrix_version-1.yaml"]
+    assert parquet(exported(name="all"), "participants").height == 4
+
+
+def test_empty_database_gives_all_files_with_headers(database: Database, exported: Exported) -> None:
+    folder = exported()
+    for table in TABLES:
+        assert parquet(folder, table).height == 0
+        assert (folder / "data" / f"description-{table}_data.csv").read_text().startswith('"')
+
+
+def test_participants_table_is_wide(filled: Database, exported: Exported) -> None:
+    row = parquet(exported(), "participants").to_dicts()[0]
+    assert (row["layout_1"], row["agent_2"]) == ("coordination_ring", "sp")
+    assert row["answer_questions-01_partner"] == "7"
+    assert json.loads(row["answer_end_ways"]) == ["a", "-b"]
+    assert row["answer_end_agree"] == "true"
+
+
+def test_answers_keep_what_they_were(filled: Database, exported: Exported) -> None:
+    person = filled.read_now(participants.of_study, 1)[1].id
+    values: dict[str, Any] = {"nothing": None, "text": "7", "number": 7.25, "none": False}
+    filled.write_now(answers.save, answers.Page(person, "more", values))
+    rows = parquet(exported(), "answers").filter(pl.col("step") == "more").to_dicts()
+    assert [(row["value"], row["value_type"]) for row in rows] == [
+        (None, "null"),
+        ("7", "text"),
+        ("7.25", "number"),
+        ("false", "boolean"),
+    ]
+    assert filled.read_now(lambda c: c.execute(select(answer_table)).all())
+
+
+def test_folder_that_is_not_empty_is_refused_and_left_alone(
+    filled: Database, url: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "thesis.txt").write_text("do not touch")
+    assert kitchenmind.main(["export", "--database", url, "--out", str(tmp_path / "out")]) == 2
+    assert "is not empty" in capsys.readouterr().err
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["thesis.txt"]
+
+
+def test_unknown_format_is_refused(
+    filled: Database, url: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert kitchenmind.main(["export", "--database", url, "--out", str(tmp_path / "out"), "--format", "csv,xlsx"]) == 2
+    assert "no format xlsx" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_failed_export_leaves_nothing_behind(
+    filled: Database, url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_space(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    folder = tmp_path / "results"
+    folder.mkdir()
+    monkeypatch.setattr(export_files.Writer, "write", no_space)
+    assert kitchenmind.main(["export", "--database", url, "--out", str(folder / "out")]) == 2
+    assert list(folder.iterdir()) == []
+
+
+def test_export_needs_neither_torch_nor_a_web_server() -> None:
+    code = "import server.store.export, sys; assert not {'torch', 'fastapi'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
