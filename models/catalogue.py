@@ -38,8 +38,8 @@ def agent_names(layout: str) -> list[str]:
 
 
 def load_agent(name: str, layout: Layout) -> Agent:
-    """The agent of that name, or in that folder, for `layout`; `name@greedy` and `name@sampled` act otherwise than their
-    card says. Raises UnknownAgent or CheckpointError."""
+    """The agent of that name, or in that folder, for `layout`; `name@greedy` and `name@sampled` act otherwise than
+    their card says. Raises UnknownAgent or CheckpointError."""
     base, _, wanted = name.partition("@")
     agent = _load(base, layout)
     if not wanted:
@@ -76,9 +76,10 @@ def agent_folder(name: str, layout: Layout) -> Path:
 
 def agent_sha256(name: str, layout: Layout) -> str:
     """What names exactly this agent in data: its checkpoint's sha256, for a scripted one the hash of name and mode."""
-    if name in SCRIPTED:
-        return sha256(f"{name} {asdict(SCRIPTED[name][1])}".encode()).hexdigest()
-    return sha256((agent_folder(name, layout) / SUMS).read_bytes()).hexdigest()
+    base = name.partition("@")[0]
+    if base in SCRIPTED:
+        return sha256(f"{base} {asdict(SCRIPTED[base][1])}".encode()).hexdigest()
+    return sha256((agent_folder(base, layout) / SUMS).read_bytes()).hexdigest()
 
 
 def _is_agent(config: Path) -> bool:
