@@ -83,7 +83,7 @@ class Layer(nn.Module):
 
     def __init__(self, config: PredictorConfig) -> None:
         super().__init__()
-        self.heads, self.dropout = config.heads, config.dropout
+        self.heads, self.dropout, self.look_back = config.heads, config.dropout, config.look_back
         self.before_attention = nn.LayerNorm(config.hidden)
         self.qkv = nn.Linear(config.hidden, 3 * config.hidden)
         self.out = nn.Linear(config.hidden, config.hidden)
@@ -92,12 +92,13 @@ class Layer(nn.Module):
         self.narrow = nn.Linear(config.feed_forward, config.hidden)
 
     def forward(self, x: Tensor, mask: Tensor | None, rotation: Tensor | None) -> Tensor:
-        """`x` (B, T, hidden); `mask` (T, T) or (B, 1, T, T), True where a token may look; `rotation` (T, dim / 2,
-        2)."""
+        """`x` (B, T, hidden). Stream: `rotation` (T, dim / 2, 2). Window: `mask` (B, 1, 1, T), True where to look."""
         q, k, v = self.split(self.qkv(self.before_attention(x)))  # (B, heads, T, dim)
         if rotation is not None:
-            q, k = rotated(q, rotation), rotated(k, rotation)
-        seen = functional.scaled_dot_product_attention(q, k, v, attn_mask=mask)
+            seen = banded_attention(rotated(q, rotation), rotated(k, rotation), v, self.look_back)
+        else:
+            with torch.autocast("cpu", enabled=False):  # its backward pass is slower in 16 bits
+                seen = functional.scaled_dot_product_attention(q.float(), k.float(), v.float(), attn_mask=mask)
         x = x + self._dropped(self.out(seen.transpose(1, 2).flatten(2)))
         return x + self._dropped(self.feed_forward(x))
 
@@ -143,20 +144,34 @@ class PredictorNetwork(nn.Module):
             mask = None if present is None else present[:, None, None, :]
             x, rotation = x + self.position, None
         else:
-            mask = band(x.shape[1], self.config.look_back)
+            mask = None
             rotation = rotations(torch.arange(x.shape[1]), self.config.hidden // self.config.heads)
         for layer in self.layers:
             x = layer(x, mask, rotation)
         return self.decode(x if self.position is None else x[:, -1])
 
     def decode(self, x: Tensor) -> Tensor:
-        return self.decoder(self.norm(x)).unflatten(-1, (STEPS, ACTIONS)) / self.temperature[:, None]  # type: ignore[no-any-return]
+        """Tokens (..., hidden) to logits (..., 3, 6)."""
+        logits: Tensor = self.decoder(self.norm(x))
+        return logits.view(*x.shape[:-1], STEPS, ACTIONS) / self.temperature[:, None]
 
 
-def band(timesteps: int, look_back: int) -> Tensor:
-    """(T, T): a token looks at itself and the `look_back` - 1 before it."""
-    ages = torch.arange(timesteps)[:, None] - torch.arange(timesteps)
-    return (ages >= 0) & (ages < look_back)
+def banded_attention(q: Tensor, k: Tensor, v: Tensor, look_back: int) -> Tensor:
+    """Attention of (B, heads, T, dim) where a token sees itself and the `look_back` - 1 before it.
+
+    In blocks of `look_back`: each sees its own block and the one before, which costs T * look_back instead of T * T.
+    """
+    timesteps = q.shape[2]
+    blocks = -(-timesteps // look_back)
+    spare = blocks * look_back - timesteps
+    q, k, v = (functional.pad(x, (0, 0, 0, spare)).reshape(*x.shape[:2], blocks, look_back, -1) for x in (q, k, v))
+    k, v = (torch.cat([functional.pad(x[:, :, :-1], (0, 0, 0, 0, 1, 0)), x], 3) for x in (k, v))
+    ages = torch.arange(look_back)[:, None] + look_back - torch.arange(2 * look_back)
+    may = ((ages >= 0) & (ages < look_back)).repeat(blocks, 1, 1)  # (blocks, look_back, 2 * look_back)
+    may[0, :, :look_back] = False  # before the beginning
+    scores = (q @ k.transpose(-1, -2)).float() * q.shape[-1] ** -0.5
+    weights = scores.masked_fill(~may, -torch.inf).softmax(-1).to(v.dtype)
+    return (weights @ v).flatten(2, 3)[:, :, :timesteps]
 
 
 def rotations(timesteps: Tensor, dim: int) -> Tensor:

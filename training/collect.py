@@ -1,0 +1,211 @@
+"""Collects what a predictor learns from: the target with every partner, in both seats, each partner decided and
+sampling.
+
+Algorithm 1 of the paper: partners x 4 settings x 5 trajectories x 800 timesteps, one shard a partner, a manifest beside
+them. The split is by partner agent (all its skill levels together), never by window. It must not know who learns from
+it.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors.numpy import load_file, save_file
+
+from models.acting import GREEDY, SAMPLED, Stuck, distribution, draw
+from models.protocols import Mode, Policy, Probabilities
+from overcooked.constants import ACTIONS, HORIZON, PLAYERS
+from overcooked.layout import Layout
+from overcooked.state import Kitchens
+
+TRAIN, VALIDATION, TEST = "train", "validation", "test"
+MANIFEST = "manifest.json"
+
+
+@dataclass(frozen=True)
+class Target:
+    """The agent that will be predicted, as people meet it. `sha256` names its weights."""
+
+    name: str
+    policy: Policy
+    mode: Mode
+    sha256: str = ""
+
+
+@dataclass(frozen=True)
+class Partner:
+    """Somebody to play with. `agent` groups what must not be torn apart by the split; `mode` None: decided and
+    sampling."""
+
+    name: str
+    agent: str
+    kind: str  # sp, fcp, self, or extra (only ever trained on)
+    policy: Policy
+    mode: Mode | None = None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much is collected with each partner."""
+
+    trajectories: int = 5
+    timesteps: int = 800  # of a trajectory: episodes of 400 one after the other
+    seed: int = 0
+
+
+Shard = dict[str, NDArray[Any]]
+Report = Callable[[float], None]
+
+
+def split_by_agent(partners: Iterable[Partner]) -> dict[str, str]:
+    """Agent -> train, validation or test, about 3:1:1 within each kind; the target itself and extras are trained on.
+
+    Raises ValueError where there are too few agents to keep any apart.
+    """
+    kinds: dict[str, list[str]] = {}
+    for partner in partners:
+        agents = kinds.setdefault("train" if partner.kind in ("self", "extra") else partner.kind, [])
+        if partner.agent not in agents:
+            agents.append(partner.agent)
+    split = dict.fromkeys(kinds.pop("train", []), TRAIN)
+    if any(len(agents) < 3 for agents in kinds.values()):
+        kinds = {"any": [agent for agents in kinds.values() for agent in agents]}
+    for agents in kinds.values():
+        if len(agents) < 3:
+            raise ValueError(f"{len(agents)} partner agents cannot be split into three parts. Train at least 3.")
+        apart = max(1, len(agents) // 5)
+        for k, agent in enumerate(sorted(agents)):
+            last = len(agents) - 1 - k
+            split[agent] = TEST if last < apart else VALIDATION if last < 2 * apart else TRAIN
+    return split
+
+
+def collect(
+    folder: Path, layout: Layout, target: Target, partners: Sequence[Partner], plan: Plan, report: Report | None = None
+) -> Path:
+    """Writes a shard a partner and the manifest to `folder`; what is there already from the same settings stays.
+    Returns the manifest's path. Raises ValueError where `folder` holds other games."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / MANIFEST
+    head = {
+        "format": "kitchenmind games 1",
+        "layout": layout.name,
+        "grid": layout.text,
+        "target": {"name": target.name, "sha256": target.sha256, "mode": asdict(target.mode)},
+        "plan": asdict(plan),
+    }
+    done = _known_shards(path, head)
+    split = split_by_agent(partners)
+    for number, partner in enumerate(partners):
+        file = folder / f"{partner.name}.safetensors"
+        if done.get(partner.name, {}).get("sha256") != _digest(file):
+            save_file(games_with(layout, target, partner, plan), file)
+        done[partner.name] = {
+            "agent": partner.agent, "kind": partner.kind, "split": split[partner.agent], "sha256": _digest(file)
+        }  # fmt: skip
+        _write(path, {**head, "shards": done})
+        if report:
+            report((number + 1) / len(partners))
+    _write(path, {**head, "shards": {partner.name: done[partner.name] for partner in partners}})
+    return path
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest of collected games. Raises FileNotFoundError with the remedy."""
+    path = folder / MANIFEST
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: no games were collected here. Run kitchenmind collect first.")
+    manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return manifest
+
+
+def read_shard(folder: Path, name: str, sha256: str) -> Shard:
+    """One partner's games. Raises ValueError where its bytes are not those of the manifest."""
+    file = folder / f"{name}.safetensors"
+    if _digest(file) != sha256:
+        raise ValueError(f"{file}: is missing or was changed. Remove it and collect again.")
+    return load_file(file)
+
+
+def games_with(layout: Layout, target: Target, partner: Partner, plan: Plan) -> Shard:
+    """The target's games with one partner: 4 settings x `trajectories` games G of T timesteps. Arrays, target first:
+
+    `players` (G, T, 2, 4) as in the state (by seat), `contents` (G, T, width, height), `timestep` (G, T), `actions`
+    (G, T, 2) own first, `law` (G, T, 6) of the target's action, `stuck` (G, T, 2) own first, `seat` (G,) the target's.
+    """
+    games, timesteps = 2 * PLAYERS * plan.trajectories, plan.timesteps
+    number = np.arange(games)
+    seat = (number // (games // 2)).astype(np.int8)
+    decided = number // plan.trajectories % 2 == 0
+    seats = np.stack([seat, 1 - seat], 1)  # (G, 2): of the target, of the partner
+    random = np.random.default_rng([plan.seed, *partner.name.encode()])
+    shape = (games, timesteps)
+    shard: Shard = {
+        "players": np.zeros((*shape, PLAYERS, 4), np.int8),
+        "contents": np.zeros((*shape, layout.width, layout.height), np.int8),
+        "timestep": np.zeros(shape, np.int16),
+        "actions": np.zeros((*shape, PLAYERS), np.int8),
+        "law": np.zeros((*shape, ACTIONS), np.float16),
+        "stuck": np.zeros((*shape, PLAYERS), np.int16),
+        "seat": seat,
+    }
+    kitchens = Kitchens.start(layout, games)
+    stuck = [Stuck(kitchens.players[number, seats[:, k]]) for k in range(PLAYERS)]
+    events = np.zeros((games, PLAYERS), np.int32)
+    for t in range(timesteps):
+        if t % HORIZON == 0:
+            kitchens = Kitchens.start(layout, games)
+            for k in range(PLAYERS):
+                stuck[k].begin(number, kitchens.players[number, seats[:, k]])
+        seen = kitchens.encode()
+        law = distribution(target.policy.probabilities(seen[number, seats[:, 0]]), stuck[0].counts, target.mode)
+        other = partner.policy.probabilities(seen[number, seats[:, 1]])
+        actions = np.stack(
+            [
+                draw(law, random.random(games)),
+                draw(_partner_law(partner, other, stuck[1], decided), random.random(games)),
+            ],
+            1,
+        )
+        state = {"players": kitchens.players, "contents": kitchens.contents, "timestep": kitchens.timestep}
+        now = {**state, "actions": actions, "law": law, "stuck": np.stack([counter.counts for counter in stuck], 1)}
+        for name, values in now.items():
+            shard[name][:, t] = values
+        kitchens.step(np.take_along_axis(actions, seats.astype(np.intp), 1), events)  # back into the order of the seats
+        for k in range(PLAYERS):
+            stuck[k].update(kitchens.players[number, seats[:, k]])
+    return shard
+
+
+def _partner_law(
+    partner: Partner, probabilities: Probabilities, stuck: Stuck, decided: NDArray[np.bool_]
+) -> Probabilities:
+    if partner.mode is not None:
+        return distribution(probabilities, stuck.counts, partner.mode)
+    greedy = distribution(probabilities, stuck.counts, GREEDY)
+    return np.where(decided[:, None], greedy, distribution(probabilities, stuck.counts, SAMPLED))
+
+
+def _known_shards(path: Path, head: dict[str, Any]) -> dict[str, Any]:
+    if not path.is_file():
+        return {}
+    known = json.loads(path.read_text(encoding="utf-8"))
+    shards: dict[str, Any] = known.pop("shards")
+    if known != json.loads(json.dumps(head)):
+        raise ValueError(f"{path.parent}: holds games of another target or plan. Remove it or give another --out.")
+    return shards
+
+
+def _write(path: Path, content: dict[str, Any]) -> None:
+    new = path.with_suffix(".new")
+    new.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    new.replace(path)
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""

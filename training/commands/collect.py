@@ -1,0 +1,59 @@
+"""`kitchenmind collect`: the games of one agent with its partners, from which a predictor learns."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Which agent, with whom, how much."""
+    parser.add_argument("--layout", required=True, help="a shipped layout or a .layout file")
+    parser.add_argument(
+        "--agent", required=True, help="catalogue name, checkpoint folder, ONNX file, module:Class or URL"
+    )
+    parser.add_argument("--population", type=Path, help="folder of partner agents (default: the shipped ones)")
+    parser.add_argument("--out", type=Path, help="where shards go (default: runs/games/LAYOUT_AGENT)")
+    parser.add_argument("--runs", type=Path, default=Path("runs"), help=argparse.SUPPRESS)
+    parser.add_argument("--trajectories", type=int, default=5, help="for each partner and setting (default: 5)")
+    parser.add_argument("--timesteps", type=int, default=800, help="of a trajectory (default: 800)")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--no-extras", action="store_true", help="the paper's partners only, no noisy or scripted ones")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """0 done, 2 wrong input (said on standard error)."""
+    try:
+        return _collect(arguments)
+    except (ValueError, OSError) as error:
+        print(f"kitchenmind collect: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("\nInterrupted. The same command goes on with the next partner.", file=sys.stderr)
+        return 1
+
+
+def _collect(arguments: argparse.Namespace) -> int:
+    import torch
+
+    from overcooked.layout import load_layout
+    from training.collect import Plan, collect
+    from training.population import load_population, load_target, with_itself_and_extras
+    from training.ship_predictor import population_folder
+
+    if arguments.trajectories < 1 or arguments.timesteps < 10:
+        raise ValueError("--trajectories must be at least 1 and --timesteps at least 10")
+    torch.set_num_threads(1)
+    layout = load_layout(arguments.layout)
+    target = load_target(arguments.agent, layout)
+    population = load_population(arguments.population or population_folder(layout), layout)
+    partners = with_itself_and_extras(target, population, layout, extras=not arguments.no_extras)
+    plan = Plan(arguments.trajectories, arguments.timesteps, arguments.seed)
+    out = arguments.out or arguments.runs / "games" / f"{layout.name}_{target.name}"
+    with Progress(TextColumn(f"{target.name} on {layout.name}"), BarColumn(), TimeRemainingColumn()) as bar:
+        task = bar.add_task("games", total=1.0)
+        collect(out, layout, target, partners, plan, lambda share: bar.update(task, completed=share))
+    timesteps = len(partners) * 4 * plan.trajectories * plan.timesteps
+    print(f"{out}: {len(partners)} partners, {timesteps:,} timesteps")
+    return 0

@@ -1,0 +1,96 @@
+"""`kitchenmind evaluate predictor | agents`: measures what is shipped, as a table or as JSON."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What is measured."""
+    kinds = parser.add_subparsers(dest="what", metavar="agents|predictor", required=True)
+    agents = kinds.add_parser("agents", help="points with themselves and with partners they never met")
+    agents.add_argument("--layouts", nargs="*", metavar="LAYOUT", help="only these kitchens")
+    agents.add_argument("--episodes", type=int, default=40)
+    predictor = kinds.add_parser("predictor", help="accuracy on partners never seen, beside ceiling and baselines")
+    predictor.add_argument("--all", action="store_true", help="every shipped predictor")
+    predictor.add_argument("--layout", help="a shipped layout")
+    predictor.add_argument("--agent", help="its agent, e.g. sp (default: all of the layout)")
+    predictor.add_argument("--form", choices=("stream", "window"), help="default: both")
+    predictor.add_argument("--population", type=Path, help="folder of partner agents (default: the shipped ones)")
+    predictor.add_argument("--trajectories", type=int, default=5, help="for each partner and setting (default: 5)")
+    for kind in (agents, predictor):
+        kind.add_argument("--json", action="store_true", help="a list of figures")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """0 done, 1 nothing shipped, 2 wrong input (said on standard error)."""
+    try:
+        entries = _agents(arguments) if arguments.what == "agents" else _predictors(arguments)
+    except (ValueError, OSError) as error:
+        print(f"kitchenmind evaluate {arguments.what}: {error}", file=sys.stderr)
+        return 2
+    if arguments.json:
+        print(json.dumps(entries))
+    elif not entries:
+        print("nothing is shipped that could be measured", file=sys.stderr)
+    else:
+        (_agent_table if arguments.what == "agents" else _predictor_table)(entries)
+    return 0 if entries else 1
+
+
+def _agents(arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    from overcooked.layout import layout_names, load_layout
+    from training.choose import evaluate_shipped
+
+    layouts = [load_layout(name) for name in arguments.layouts or layout_names()]
+    return [entry for layout in layouts for entry in evaluate_shipped(layout, episodes=arguments.episodes)]
+
+
+def _predictors(arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    import torch
+
+    from models.catalogue import WEIGHTS
+    from models.checkpoint import load_checkpoint
+    from models.predictor import predictor_network
+    from overcooked.layout import layout_names, load_layout
+    from training.collect import Plan
+    from training.evaluate_predictor import evaluate
+    from training.ship_predictor import population_folder, unseen_games
+
+    torch.set_num_threads(1)
+    if not (arguments.all or arguments.layout):
+        raise ValueError("say which: --layout NAME [--agent NAME], or --all")
+    entries = []
+    for name in layout_names() if arguments.all else [arguments.layout]:
+        layout = load_layout(name)
+        for config in sorted((WEIGHTS / layout.name).glob("*_predictor_*/config.json")):
+            agent, _, form = config.parent.name.partition("_predictor_")
+            if arguments.agent not in (None, agent) or arguments.form not in (None, form):
+                continue
+            network, _ = predictor_network(load_checkpoint(config.parent))
+            population = arguments.population or population_folder(layout)
+            games = unseen_games(layout, agent, network, population, Plan(arguments.trajectories))
+            result = evaluate(network, games)
+            entries.append(result.entry(layout.name, agent, form))
+    return entries
+
+
+def _predictor_table(entries: list[dict[str, Any]]) -> None:
+    print(f"{'layout':18} {'agent':8} {'form':7}  step1  step2  step3   mean  ceiling1  repeat  frequent  free   ece")
+    for entry in entries:
+        accuracy = "  ".join(f"{entry['accuracy'][key]:5.1f}" for key in ("step1", "step2", "step3", "mean"))
+        base = entry["baselines"]
+        print(
+            f"{entry['layout']:18} {entry['agent']:8} {entry['form']:7}  {accuracy}  {entry['ceiling_step1']:8.1f}  "
+            f"{base['repeat']:6.1f}  {base['frequent']:8.1f} {entry['not_stuck']['mean']:5.1f}  {entry['ece']:.3f}"
+        )
+
+
+def _agent_table(entries: list[dict[str, Any]]) -> None:
+    print(f"{'layout':18} {'agent':10} with itself     with partners never met (points per 400 timesteps +- s.e.)")
+    for entry in entries:
+        own, others = entry["self_play"], entry.get("held_out")
+        met = f"{others['mean']:5.1f} +- {others['se']:.1f}" if others else "    -"
+        print(f"{entry['layout']:18} {entry['agent']:10} {own['mean']:5.1f} +- {own['se']:<5.1f}  {met}")

@@ -1,0 +1,89 @@
+"""Who a target plays with while games are collected: the population of other agents, itself, and extras for variety.
+
+It must not know what is learned from the games.
+"""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from models.acting import GREEDY, SAMPLED, distribution
+from models.catalogue import agent_sha256, load_agent
+from models.checkpoint import CheckpointError, load_checkpoint
+from models.policy import NetworkPolicy, network_of
+from models.protocols import Observations, Policy, Probabilities
+from overcooked.constants import ACTIONS
+from overcooked.layout import Layout
+from training.collect import Partner, Target
+
+_MEMBER = re.compile(r"^(?:population_)?(?P<kind>sp|fcp)_(?P<seed>\d+)_(?P<skill>\d+)$")
+_NOISES = (0.15, 0.3, 0.6)  # shares of random actions among the extras
+
+
+class NoisyPolicy:
+    """An agent at its most decided, which does anything at all in a share of its timesteps."""
+
+    def __init__(self, policy: Policy, share: float) -> None:
+        self._policy, self._share = policy, share
+
+    def probabilities(self, observations: Observations) -> Probabilities:
+        none = np.zeros(len(observations), np.int64)
+        decided = distribution(self._policy.probabilities(observations), none, GREEDY)
+        return (1 - self._share) * decided + np.float32(self._share / ACTIONS)
+
+
+def load_target(name: str, layout: Layout) -> Target:
+    """The agent to be predicted, by its catalogue name or folder. Raises UnknownAgent or CheckpointError."""
+    agent = load_agent(name, layout)
+    return Target(Path(name).name, agent.policy, agent.mode, agent_sha256(name, layout))
+
+
+def load_population(folder: Path, layout: Layout) -> list[Partner]:
+    """The partner agents found in and below `folder`, at each of their skill levels. Raises CheckpointError where there
+    are none, or one is for another kitchen."""
+    partners = []
+    for config in sorted(folder.glob("**/config.json")):
+        checkpoint = load_checkpoint(config.parent)
+        member = _MEMBER.match(str(checkpoint.config.get("agent", "")))
+        if member is None or "population" not in str(config):
+            continue
+        network, trained_on, _ = network_of(checkpoint)
+        if trained_on.text != layout.text:
+            raise CheckpointError(f"{config.parent}: is for {trained_on.name}, not {layout.name}. Give another folder.")
+        agent = f"{member['kind']}_{member['seed']}"
+        partners.append(Partner(f"{agent}_{member['skill']}", agent, member["kind"], NetworkPolicy(network)))
+    if not partners:
+        raise CheckpointError(
+            f"{folder}: holds no population. Train one: kitchenmind train study --layouts {layout.name}"
+        )
+    return sorted(partners, key=lambda partner: partner.name)
+
+
+def with_itself_and_extras(
+    target: Target, population: Sequence[Partner], layout: Layout, extras: bool = True
+) -> list[Partner]:
+    """The paper's 31 partners: the target itself and the population; and, if wanted, extras that are only trained on:
+    noisy selves, noisy agents of the training split, the scripted planner, and one who does anything."""
+    from training.collect import TRAIN, split_by_agent
+
+    itself = Partner("itself", "itself", "self", target.policy)
+    everybody = [itself, *population]
+    if not extras:
+        return everybody
+    split = split_by_agent(population)
+    best = {partner.agent: partner for partner in population}  # sorted by name: the last skill of an agent is 100
+    best.update({partner.agent: partner for partner in population if partner.name.endswith("_100")})
+    noisy = [
+        Partner(f"{name}_noise_{share:.0%}".rstrip("%"), "extra", "extra", NoisyPolicy(policy, share), SAMPLED)
+        for name, policy, shares in [
+            ("itself", target.policy, _NOISES),
+            *((agent, partner.policy, _NOISES[:2]) for agent, partner in best.items() if split[agent] == TRAIN),
+        ]
+        for share in shares
+    ]
+    scripted = [
+        Partner(f"scripted_{name}", "extra", "extra", *load_agent(name, layout)) for name in ("planner", "random")
+    ]
+    return [*everybody, *noisy, *scripted]

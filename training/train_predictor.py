@@ -1,0 +1,214 @@
+"""The predictor's training loop: cross-entropy summed over the steps, AdamW, averaged weights, early stopping on
+validation.
+
+Resumable to the step. It must not know how the games were collected.
+"""
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from models.policy import CnnPolicy, load_network
+from models.predictor import PredictorConfig, PredictorNetwork
+from models.protocols import STEPS
+from overcooked.constants import ACTIONS
+from overcooked.layout import Layout
+from training.collect import TRAIN, VALIDATION
+from training.dataset import NONE, Episodes, load_episodes, stream_batch, window_batch
+from training.evaluate_predictor import Evaluation, evaluate, fitted_temperature, logits
+from training.runlog import RunFolder
+
+Progress = Callable[[float, Mapping[str, float]], None]
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """How a predictor learns."""
+
+    updates: int = 6000  # at most
+    learning_rate: float = 1e-3  # the paper's; warms up, then falls along a cosine to a hundredth
+    warm_up: int = 100  # updates
+    stretches: int = 24  # stream: stretches of games in an update
+    stretch: int = 100  # timesteps of one
+    windows: int = 512  # window: windows in an update
+    weight_decay: float = 0.02
+    gradient_norm: float = 1.0
+    averaging: float = 0.998  # of the weights that are kept and shipped (exponential moving average)
+    check_every: int = 250  # updates between two looks at validation
+    patience: int = 8  # looks without a better one before it stops
+    minutes: float = 15.0  # of this process, at most; the same command goes on later
+    bfloat16: bool = True  # matrix products in 16 bits
+    seed: int = 0
+
+
+class Trainer:
+    """One predictor while it learns: network, its average, optimiser, the best weights so far."""
+
+    def __init__(
+        self, network: PredictorNetwork, config: TrainingConfig, train: Episodes, validation: Episodes
+    ) -> None:
+        self.network, self.config = network, config
+        self.train, self.validation = train, validation
+        self._labels = train.labels()
+        self._optimiser = torch.optim.AdamW(
+            [parameter for parameter in network.parameters() if parameter.requires_grad],
+            config.learning_rate, (0.9, 0.98), weight_decay=config.weight_decay,
+        )  # fmt: skip
+        self.average = {name: value.clone() for name, value in self._learned().items()}
+        self.best = {name: value.clone() for name, value in self.average.items()}
+        self.best_accuracy, self.looks_since_best, self.update = 0.0, 0, 0
+
+    def step(self) -> float:
+        """One update; returns its loss."""
+        config = self.config
+        share = max(0.0, (self.update - config.warm_up) / max(1, config.updates - config.warm_up))
+        warm = min(1.0, (self.update + 1) / config.warm_up)
+        rate = config.learning_rate * warm * (0.01 + 0.99 * (1 + math.cos(math.pi * min(1.0, share))) / 2)
+        for group in self._optimiser.param_groups:
+            group["lr"] = rate
+        self.network.train()
+        with torch.autocast("cpu", torch.bfloat16, enabled=config.bfloat16):
+            loss = self._loss(np.random.default_rng([config.seed, self.update]))
+        self._optimiser.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), config.gradient_norm)
+        self._optimiser.step()
+        self.update += 1
+        keep = min(config.averaging, self.update / (self.update + 10))
+        with torch.no_grad():
+            for name, value in self._learned().items():
+                self.average[name].lerp_(value, 1 - keep)
+        return float(loss.detach())
+
+    def _loss(self, draws: np.random.Generator) -> Tensor:
+        config, timesteps = self.config, self.train.own.shape[1]
+        if self.network.config.form == "stream":
+            length = min(config.stretch, timesteps)
+            chosen = draws.integers(len(self.train), size=config.stretches)
+            first = draws.integers(timesteps - length + 1, size=config.stretches)
+            features, actions, labels = stream_batch(self.train, self._labels, chosen, first, length)
+            said = self.network(features, actions)
+        else:
+            chosen = draws.integers(len(self.train), size=config.windows)
+            last = draws.integers(timesteps, size=config.windows)
+            features, actions, present, labels = window_batch(self.train, self._labels, chosen, last)
+            said = self.network(features, actions, present)
+        return functional.cross_entropy(said.float().view(-1, ACTIONS), labels.flatten(), ignore_index=NONE) * STEPS
+
+    def look(self) -> Evaluation:
+        """Validates the averaged weights and remembers them if they are the best."""
+        current = {name: value.clone() for name, value in self._learned().items()}
+        self._load(self.average)
+        result = evaluate(self.network, self.validation)
+        self._load(current)
+        if result.accuracy.mean > self.best_accuracy:
+            self.best = {name: value.clone() for name, value in self.average.items()}
+            self.best_accuracy, self.looks_since_best = result.accuracy.mean, 0
+        else:
+            self.looks_since_best += 1
+        return result
+
+    def finished(self) -> bool:
+        return self.update >= self.config.updates or self.looks_since_best >= self.config.patience
+
+    def use_best(self) -> None:
+        """Leaves the best weights in the network, calibrated on validation."""
+        self._load(self.best)
+        said = logits(self.network, self.validation) * self.network.temperature[:, None]
+        self.network.temperature.copy_(fitted_temperature(said, torch.from_numpy(self.validation.labels())))
+
+    def state(self) -> tuple[dict[str, Tensor], dict[str, Any]]:
+        """Everything that decides how it goes on, for a run folder."""
+        kept = {"now": self._learned(), "average": self.average, "best": self.best}
+        tensors = {f"{group}.{name}": value for group, values in kept.items() for name, value in values.items()}
+        tensors["random."] = torch.get_rng_state()
+        for index, moments in self._optimiser.state_dict()["state"].items():
+            tensors.update({f"adam.{index}.{name}": value for name, value in moments.items()})
+        numbers = {
+            "timesteps": self.update, "best_accuracy": self.best_accuracy, "looks_since_best": self.looks_since_best
+        }  # fmt: skip
+        return tensors, numbers
+
+    def restore(self, tensors: dict[str, Tensor], numbers: dict[str, Any]) -> None:
+        """Goes on from what `state` gave."""
+        groups: dict[str, dict[str, Tensor]] = {"now": {}, "average": {}, "best": {}, "adam": {}, "random": {}}
+        for full, value in tensors.items():
+            group, _, name = full.partition(".")
+            groups[group][name] = value
+        torch.set_rng_state(groups["random"][""])
+        self._load(groups["now"])
+        self.average, self.best = groups["average"], groups["best"]
+        settings = self._optimiser.state_dict()
+        moments: dict[int, dict[str, Tensor]] = {}
+        for full, value in groups["adam"].items():
+            index, _, name = full.partition(".")
+            moments.setdefault(int(index), {})[name] = value
+        self._optimiser.load_state_dict({**settings, "state": moments})
+        self.update = int(numbers["timesteps"])
+        self.best_accuracy, self.looks_since_best = numbers["best_accuracy"], numbers["looks_since_best"]
+
+    def _learned(self) -> dict[str, Tensor]:
+        return {name: value.detach() for name, value in self.network.named_parameters() if value.requires_grad}
+
+    @torch.no_grad()
+    def _load(self, values: Mapping[str, Tensor]) -> None:
+        for name, value in self.network.named_parameters():
+            if name in values:
+                value.copy_(values[name])
+
+
+def prepared(
+    layout: Layout, network: PredictorConfig, config: TrainingConfig, games: Path, lender: Path | None = None
+) -> Trainer:
+    """A trainer with its games loaded. `lender`: the agent that lends its convolutions, if the eyes are a CNN. Raises
+    ValueError or OSError where the games or the lender cannot be used."""
+    torch.manual_seed(config.seed)
+    learner = PredictorNetwork(layout, network)
+    if learner.eyes.convolutions is not None:
+        if lender is None:
+            raise ValueError("eyes = cnn: name the agent that lends its convolutions, --lender FOLDER.")
+        lent = load_network(lender)
+        if not isinstance(lent, CnnPolicy):
+            raise ValueError(f"{lender}: has no convolutions to lend. Give an agent trained with network = cnn.")
+        learner.eyes.convolutions.load_state_dict(lent.features.state_dict())
+    episodes = [load_episodes(games, split, layout, learner.eyes) for split in (TRAIN, VALIDATION)]
+    return Trainer(learner, config, episodes[0], episodes[1])
+
+
+def train_predictor(trainer: Trainer, folder: RunFolder, progress: Progress | None = None) -> PredictorNetwork:
+    """Trains until validation gets no better (or goes on with an interrupted run); returns the calibrated best.
+
+    Raises TimeoutError when the config's `minutes` are over before that; the next call goes on.
+    """
+    torch.set_num_threads(1)
+    state = folder.load()
+    if state is not None:
+        trainer.restore(*state)
+    finish = time.monotonic() + 60 * trainer.config.minutes
+    losses: list[float] = []
+    while not trainer.finished():
+        losses.append(trainer.step())
+        if trainer.update % trainer.config.check_every and trainer.update < trainer.config.updates:
+            continue
+        result = trainer.look()
+        line = {
+            "timesteps": trainer.update, "loss": float(np.mean(losses)), "validation_loss": result.loss,
+            "accuracy": result.accuracy.mean, **{f"step{k + 1}": v for k, v in enumerate(result.accuracy.steps)},
+        }  # fmt: skip
+        losses.clear()
+        folder.log(line)
+        folder.save(*trainer.state())
+        if progress:
+            progress(trainer.update / trainer.config.updates, line)
+        if time.monotonic() > finish and not trainer.finished():
+            raise TimeoutError(f"{folder.path}: {trainer.config.minutes:g} minutes are over; the same command goes on.")
+    trainer.use_best()
+    return trainer.network
