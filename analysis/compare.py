@@ -78,7 +78,7 @@ def means(
 
 
 def kruskal_wallis(
-    episodes: pl.DataFrame, measure: str, conditions: Sequence[str], agents: Sequence[str]
+    episodes: pl.DataFrame, measure: str, conditions: Sequence[str], agents: Sequence[str], draws: int = DRAWS
 ) -> list[Result]:
     """One rank test per agent over the conditions, as published, with epsilon squared; and its p value when the
     conditions are permuted over whole people (`kruskal_wallis_people`), as a person's episodes are not independent."""
@@ -91,7 +91,7 @@ def kruskal_wallis(
             rows.append(replace(base, note=trouble))
             continue
         h, p = stats.kruskal(*groups)
-        low, high = _epsilon_interval(chosen, measure)
+        low, high = _epsilon_interval(chosen, measure, draws // 2)
         base = replace(base, statistic_name="H", statistic=float(h), df=float(len(groups) - 1))
         rows.append(
             replace(
@@ -105,8 +105,8 @@ def kruskal_wallis(
                 note="interval: people drawn again",
             )
         )
-        permuted = _permuted_people(chosen, measure)
-        note = f"conditions permuted over people, {DRAWS} draws"
+        permuted = _permuted_people(chosen, measure, draws)
+        note = f"conditions permuted over people, {draws} draws"
         rows.append(replace(base, test="kruskal_wallis_people", p=permuted, note=note))
     return rows
 
@@ -126,25 +126,25 @@ def _rank_spread(rank_sums: Values, counts: Values) -> Values:
     return np.asarray((rank_sums**2 / counts).sum(axis=-1))
 
 
-def _permuted_people(episodes: pl.DataFrame, measure: str) -> float:
+def _permuted_people(episodes: pl.DataFrame, measure: str, draws: int) -> float:
     """p of H when conditions are dealt anew over people, who keep their episodes together."""
     values, person, condition = _by_person(episodes, measure)
     generator = np.random.default_rng(SEED)
     sums = np.bincount(person, stats.rankdata(values))  # (people,)
     counts = np.bincount(person).astype(np.float64)
-    dealt = np.array([condition] + [generator.permutation(condition) for _ in range(DRAWS)])  # (draws + 1, people)
+    dealt = np.array([condition] + [generator.permutation(condition) for _ in range(draws)])  # (draws + 1, people)
     member = dealt[:, :, None] == np.arange(condition.max() + 1)  # (draws + 1, people, conditions)
     spread = _rank_spread(np.einsum("dpc,p->dc", member, sums), np.einsum("dpc,p->dc", member, counts))
-    return float((spread[1:] >= spread[0] - 1e-9).sum() + 1) / (DRAWS + 1)
+    return float((spread[1:] >= spread[0] - 1e-9).sum() + 1) / (draws + 1)
 
 
-def _epsilon_interval(episodes: pl.DataFrame, measure: str) -> tuple[float, float]:
+def _epsilon_interval(episodes: pl.DataFrame, measure: str, draws: int) -> tuple[float, float]:
     """95 % percentile interval of epsilon squared, people drawn with replacement within their condition."""
     values, person, condition = _by_person(episodes, measure)
     of_person = [values[person == index] for index in range(condition.size)]
     generator = np.random.default_rng(SEED)
     drawn = []
-    for _ in range(DRAWS // 2):
+    for _ in range(draws):
         groups = []
         for arm in range(condition.max() + 1):
             members = np.flatnonzero(condition == arm)
@@ -215,7 +215,7 @@ def t_test(base: Result, first: Values, second: Values) -> Result:
     base = replace(base, n=first.size + second.size)
     if trouble := effects.can_compare([first, second]):
         return replace(base, note=trouble)
-    t, p = stats.ttest_ind(first, second)
+    t, p = stats.ttest_ind_from_stats(*_moments(first), *_moments(second))
     difference = effects.difference_interval(first, second)
     g = effects.hedges_g(first, second)
     return replace(
@@ -241,21 +241,32 @@ def welch_t_test(base: Result, first: Values, second: Values) -> Result:
     base = replace(base, n=first.size + second.size)
     if trouble := effects.can_compare([first, second]):
         return replace(base, note=trouble)
-    test = stats.ttest_ind(first, second, equal_var=False)
+    t, p = stats.ttest_ind_from_stats(*_moments(first), *_moments(second), equal_var=False)
     delta = effects.cliffs_delta(first, second)
     return replace(
         base,
         estimate=float(first.mean() - second.mean()),
         statistic_name="t",
-        statistic=float(test.statistic),
-        df=float(test.df),
-        p=float(test.pvalue),
+        statistic=float(t),
+        df=_welch_df(first, second),
+        p=float(p),
         effect_name="Cliff delta",
         effect=delta.value,
         ci_low=delta.low,
         ci_high=delta.high,
         ci_level=delta.level,
     )
+
+
+def _moments(values: Values) -> tuple[float, float, int]:
+    """What a t-test needs; scipy's other door warns where one condition's values are all the same."""
+    return float(values.mean()), float(values.std(ddof=1)), values.size
+
+
+def _welch_df(first: Values, second: Values) -> float:
+    """Degrees of freedom of Welch and Satterthwaite."""
+    a, b = (group.var(ddof=1) / group.size for group in (first, second))
+    return float((a + b) ** 2 / (a**2 / (first.size - 1) + b**2 / (second.size - 1)))
 
 
 def pairwise(

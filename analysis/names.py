@@ -55,16 +55,18 @@ def degrees(value: float) -> str:
 
 
 def p_value(p: float) -> str:
-    """For tables: .004, < .001."""
+    """For tables: .004, < .001, > .999."""
     if math.isnan(p):
         return "–"
-    return "< .001" if p < 0.001 else f"{p:.3f}".removeprefix("0")
+    if p < 0.001:
+        return "< .001"
+    return "> .999" if p > 0.999 else f"{p:.3f}".removeprefix("0")
 
 
 def p_equals(p: float) -> str:
     """For sentences: = .004, < .001."""
     text = p_value(p)
-    return text if text.startswith("<") else f"= {text}"
+    return text if text[0] in "<>" else f"= {text}"
 
 
 def stars(p: float) -> str:

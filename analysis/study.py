@@ -7,7 +7,7 @@ import polars as pl
 
 from analysis import accuracy, assumptions, compare, exclusions, measures, mixed, power, quality, questionnaires
 from analysis.results import Result
-from analysis.tables import Export
+from analysis.tables import Export, ExportError
 
 MEASURE = "reward"
 POWER_EFFECTS = (5.0, 8.0, 12.0)
@@ -20,6 +20,7 @@ class Options:
 
     questionnaire_layouts: tuple[str, ...] = ()
     effects: tuple[float, ...] = POWER_EFFECTS  # true differences for the power curve, points
+    power_studies: int = power.STUDIES  # simulated for every point of it
     seed: int = 1
 
 
@@ -48,13 +49,15 @@ def main_contrast(conditions: Sequence[str]) -> tuple[str, str] | None:
 
 
 def analyse(export: Export, options: Options) -> Analysis:
-    """Computes all. Sections without data get rows that say why, or no rows."""
+    """Computes all. Where data are missing a row says why, or there is none. Raises ExportError for an unknown layout."""
     every = measures.episode_measures(export)
     episodes = measures.analysed(every, export.participants)
     conditions = tuple(name for name in export.conditions if name in set(episodes["condition"]))
     layouts, agents = export.layouts, export.agents
     places = compare.cells(layouts, agents)
     chosen = options.questionnaire_layouts or layouts[:QUESTIONNAIRE_LAYOUTS]
+    if unknown := [name for name in chosen if name not in layouts]:
+        raise ExportError(f"The export has no layout {unknown[0]}. It has: {', '.join(layouts)}.")
     answers = questionnaires.answers_on(export.answers, episodes, chosen)
     model = mixed.fit(episodes, MEASURE, conditions)
     both = [(layout, "all") for layout in layouts] if len(agents) > 1 else []
@@ -104,7 +107,7 @@ def _powers(
     each = round(episodes.height / episodes["participant"].n_unique())
     design = power.Design(model.variance.person_sd, model.variance.residual_sd, each)
     sizes = sorted({*power.SIZES, size})
-    return power.curve(design, options.effects, sizes, seed=options.seed)
+    return power.curve(design, options.effects, sizes, options.power_studies, options.seed)
 
 
 def _power_rows(powers: Sequence[power.Power]) -> list[Result]:

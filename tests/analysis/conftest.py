@@ -1,0 +1,23 @@
+"""Simulated exports for the analysis: small, seeded, written once."""
+
+from pathlib import Path
+
+import pytest
+
+from analysis.synthetic import Truth, write_export
+from analysis.tables import Export, read_export
+
+PLANTED = Truth(participants=16, reward_effect={"tom": 22.0}, answer_effect={"tom": 1.2}, timesteps=60, seed=7)
+
+
+@pytest.fixture(scope="session")
+def planted_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An export in which ToM predictions help: 22 points and 1.2 points of the scale."""
+    folder = tmp_path_factory.mktemp("planted")
+    write_export(PLANTED, folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def planted(planted_folder: Path) -> Export:
+    return read_export(planted_folder)

@@ -1,0 +1,130 @@
+"""Measures of an episode, counted by hand on a few timesteps."""
+
+from dataclasses import replace
+
+import polars as pl
+import pytest
+
+from analysis import accuracy, measures
+from analysis.results import select
+from analysis.tables import Export
+
+N, S, E, W, STAY, INTERACT = range(6)
+
+
+def ticks(
+    person: list[int], partner: list[int], predictions: list[tuple[int | None, ...]] | None = None
+) -> pl.DataFrame:
+    steps = list(zip(*(predictions or [(None, None, None)] * len(person)), strict=True))
+    return pl.DataFrame(
+        {
+            "episode": "e",
+            "timestep": range(len(person)),
+            "person": person,
+            "partner": partner,
+            **{f"predicted_{step}": steps[step - 1] for step in (1, 2, 3)},
+            "late": False,
+        },
+        schema_overrides={f"predicted_{step}": pl.Int8 for step in (1, 2, 3)},
+    )
+
+
+def test_a_prediction_is_right_if_the_partner_does_it_in_the_timestep_it_was_about() -> None:
+    partner = [N, E, S, W]
+    predictions = [(N, E, S), (E, W, W), (None, None, None), (W, N, N)]
+    found = measures.prediction_hits(ticks([STAY] * 4, partner, predictions)).sort("step", "timestep")
+    assert found.select("timestep", "step", "hit").rows() == [
+        (0, 1, True),
+        (1, 1, True),
+        (3, 1, True),
+        (0, 2, True),
+        (1, 2, False),
+        (0, 3, True),
+        (1, 3, True),
+    ]
+    shares = measures.accuracy_of_episodes(ticks([STAY] * 4, partner, predictions)).row(0, named=True)
+    assert (shares["accuracy_1"], shares["accuracy_2"], shares["accuracy_3"]) == (1, 0.5, 1)
+    assert shares["accuracy"] == pytest.approx(2.5 / 3)
+
+
+def test_predictions_never_reach_into_the_next_episode() -> None:
+    both = pl.concat(
+        [ticks([STAY], [N], [(N, E, E)]), ticks([STAY], [E], [(N, N, N)]).with_columns(episode=pl.lit("f"))]
+    )
+    assert measures.prediction_hits(both).sort("episode").select("episode", "step", "hit").rows() == [
+        ("e", 1, True),
+        ("f", 1, False),
+    ]
+
+
+def test_the_longest_wait_is_a_run_of_one_episode() -> None:
+    waits = [STAY, STAY, N, STAY, STAY, STAY]
+    both = pl.concat([ticks(waits, waits), ticks([STAY, N], [N, N]).with_columns(episode=pl.lit("f"))])
+    assert dict(measures.longest_idle(both).rows()) == {"e": 3, "f": 1}
+
+
+def test_pushing_counts_timesteps_after_the_eighth_same_move() -> None:
+    moves = [E] * 10 + [STAY] * 10 + [INTERACT] * 20
+    assert measures.pushing(ticks(moves, moves))["pushing_share"].item() == pytest.approx(2 / 40)
+
+
+def test_lag_is_what_slow_keys_cost_more_than_the_fastest() -> None:
+    keys = ticks([N] * 21, [N] * 21).with_columns(
+        key_client_ms=pl.col("timestep") * 200.0, key_received_ms=pl.col("timestep") * 201.0 + 5000
+    )
+    assert measures.lag(keys)["lag_ms"].item() == pytest.approx(19)
+    assert measures.lag(keys.drop("key_client_ms"))["lag_ms"].item() is None
+
+
+def test_reward_is_score_and_credit_and_every_episode_keeps_its_row(planted: Export) -> None:
+    episodes = measures.episode_measures(planted)
+    assert episodes["episode"].to_list() == planted.episodes["episode"].to_list()
+    assert episodes["reward"].to_list() == (planted.episodes["score"] + planted.episodes["progress"]).to_list()
+    one = planted.ticks.filter(pl.col("episode") == episodes["episode"][0])
+    first = episodes.row(0, named=True)
+    assert first["idle_share"] == pytest.approx(sum(action == STAY for action in one["person"]) / 60)
+    assert first["interactions"] == sum(action == INTERACT for action in one["person"])
+
+
+def test_hidden_time_is_a_share_of_the_time_that_the_episode_took(planted: Export) -> None:
+    episode = planted.episodes["episode"][0]
+    reasons = ["hidden", "blur", "lost"]
+    pauses = pl.DataFrame({"episode": [episode] * 3, "reason": reasons, "duration_ms": [3000.0, 1000.0, 9000.0]})
+    found = measures.episode_measures(replace(planted, pauses=pauses))
+    assert found["hidden_share"][0] == pytest.approx(4000 / (60 * 200 + 4000))
+    assert found["hidden_share"][1] == 0
+
+
+def test_only_finished_episodes_of_people_who_finished_count(planted: Export) -> None:
+    episodes = measures.episode_measures(planted)
+    removed = planted.episodes.filter(pl.col("excluded") != "").height
+    assert removed > 0
+    assert measures.analysed(episodes, planted.participants).height == episodes.height - removed
+    first = pl.col("participant") == planted.participants["participant"][0]
+    kept = episodes.filter(~first & (pl.col("excluded") == "")).height
+    for column, value in (("status", "timed_out"), ("excluded", "asked a friend to play")):
+        people = planted.participants.with_columns(
+            pl.when(first).then(pl.lit(value)).otherwise(pl.col(column)).alias(column)
+        )
+        assert measures.analysed(episodes, people).height == kept
+
+
+def test_live_accuracy_is_the_planted_one_and_its_interval_is_over_people(planted: Export) -> None:
+    episodes = measures.analysed(measures.episode_measures(planted), planted.participants)
+    rows = accuracy.live(episodes, planted.layouts, planted.agents)
+    for step, truth in enumerate((0.88, 0.80, 0.74), start=1):
+        row = select(rows, agent="fcp", layout="all", condition="all", step=step)[0]
+        assert row.estimate == pytest.approx(truth, abs=0.02)
+    by_hand = episodes.filter((pl.col("agent") == "sp") & (pl.col("layout") == "matrix"))["accuracy"]
+    row = select(rows, agent="sp", layout="matrix", condition="all", step=0)[0]
+    assert (row.n, row.estimate) == (by_hand.len(), pytest.approx(by_hand.mean()))
+    assert row.se == pytest.approx(by_hand.std() / by_hand.len() ** 0.5)
+
+
+def test_offline_accuracy_is_the_mean_of_the_steps_and_of_all_layouts() -> None:
+    about = {"offline_accuracy": {"sp": {"matrix": [0.9, 0.6, 0.3], "double_rings": [1.0, 1.0, 1.0]}}}
+    rows = accuracy.offline(about, ("double_rings", "matrix"), ("sp", "fcp"))
+    assert select(rows, layout="matrix", step=0)[0].estimate == pytest.approx(0.6)
+    assert select(rows, layout="all", step=0)[0].estimate == pytest.approx(0.8)
+    assert select(rows, agent="fcp") == []
+    assert accuracy.offline({}, ("matrix",), ("sp",)) == []

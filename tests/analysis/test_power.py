@@ -1,0 +1,127 @@
+"""Power by simulation against the exact formula, and the verb that prints it."""
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+import kitchenmind
+from analysis.power import (
+    Design,
+    Power,
+    curve,
+    found_after_correction,
+    participants_needed,
+    power,
+    sentence,
+    simulate,
+    t_test_p,
+)
+
+DESIGN = Design(person_sd=8, residual_sd=14)
+
+
+def exact(effect: float, size: int) -> float:
+    """Of the t-test over person means, which have variance person_sd^2 + residual_sd^2 / episodes."""
+    spread = math.sqrt(8**2 + 14**2 / 10)
+    shift = effect / (spread * math.sqrt(2 / size))
+    df = 2 * size - 2
+    bound = stats.t.ppf(0.975, df)
+    return float(stats.nct.sf(bound, df, shift) + stats.nct.cdf(-bound, df, shift))
+
+
+@pytest.mark.parametrize(("effect", "size"), [(5, 20), (8, 20), (8, 29), (0.001, 29)])
+def test_simulated_power_is_the_exact_power_of_the_nested_design(effect: float, size: int) -> None:
+    found = power(DESIGN, effect, size, studies=3000)
+    truth = exact(effect, size)
+    assert found.people == pytest.approx(truth, abs=4 * math.sqrt(truth * (1 - truth) / 3000))
+
+
+def test_without_a_difference_power_is_alpha() -> None:
+    nothing = power(DESIGN, 0.0, 15, studies=3000)
+    assert nothing.people == pytest.approx(0.05, abs=0.017)
+    assert nothing.some <= 0.075  # correction holds the chance of any false discovery
+    assert nothing.comparison <= nothing.some
+
+
+def test_rewards_vary_between_and_within_people_as_told() -> None:
+    rewards = simulate(DESIGN, 5.0, 200, 20, np.random.default_rng(1))
+    assert rewards.shape == (20, 2, 200, 10)
+    within = rewards.var(axis=-1, ddof=1).mean()
+    assert within == pytest.approx(14**2, rel=0.03)
+    assert rewards.mean(axis=-1).var(axis=-1, ddof=1).mean() == pytest.approx(8**2 + 14**2 / 10, rel=0.05)
+    assert (rewards[:, 1] - rewards[:, 0]).mean() == pytest.approx(5, abs=0.6)
+
+
+def test_the_fast_t_test_is_scipys() -> None:
+    first, second = np.random.default_rng(2).normal(0, 1, (2, 3, 12, 4))
+    assert t_test_p(first, second) == pytest.approx(stats.ttest_ind(first, second, axis=1).pvalue)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.floats(1e-6, 1), min_size=1, max_size=10))
+def test_the_fast_correction_rejects_what_the_textbook_rejects(p_values: list[float]) -> None:
+    ordered = sorted(p_values)
+    k = max(
+        (rank for rank in range(1, len(p_values) + 1) if ordered[rank - 1] <= 0.05 * rank / len(p_values)), default=0
+    )
+    by_hand = [k > 0 and p <= ordered[k - 1] for p in p_values]
+    assert found_after_correction(np.array(p_values), 0.05).tolist() == by_hand
+
+
+def test_the_same_seed_gives_the_same_curve_and_more_people_more_power() -> None:
+    first = curve(DESIGN, [8.0], [5, 20, 60], studies=400, seed=3)
+    assert first == curve(DESIGN, [8.0], [5, 20, 60], studies=400, seed=3)
+    assert first[0].people < first[1].people < first[2].people
+
+
+def test_participants_needed_are_read_off_the_curve() -> None:
+    points = [Power(5, 10, 0.4, 0, 0, 100), Power(5, 20, 0.7, 0, 0, 100), Power(5, 30, 0.9, 0, 0, 100)]
+    assert participants_needed(points, 5) == 25
+    assert participants_needed(points[:2], 5) is None
+    assert "25 participants in each condition" in sentence(DESIGN, points, 5, 20)
+    assert "80 % are not reached with 20" in sentence(DESIGN, points[:2], 5, 20)
+
+
+def test_the_verb_reads_a_study_and_a_pilot(
+    planted_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study = tmp_path / "study.yaml"
+    study.write_text("layouts: [{name: matrix}, {name: double_rings}]\nagents: [{name: sp}]\norder: {repeat: 2}\n")
+    words = ["power", str(study), "--pilot", str(planted_folder), "--effect", "10", "--studies", "50"]
+    assert kitchenmind.main([*words, "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert "4 episodes a participant" in said
+    assert "a true difference of 10 points is found with a probability of" in said
+    assert (tmp_path / "out" / "power.svg").read_text().startswith("<?xml")
+    with (tmp_path / "out" / "power.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert {row["effect"] for row in rows} == {"10.0"}
+    assert all(0 <= float(row["people"]) <= 1 for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "reason"),
+    [
+        ("layouts: [a]\nagents: [b]\n", [], "Give --pilot"),
+        ("layouts: [a]\n", [], "needs `layouts` and `agents`"),
+        ("- [", [], "is no study file"),
+        ("layouts: [a]\nagents: [b]\n", ["--person-sd", "1", "--residual-sd", "0"], "out of range"),
+    ],
+)
+def test_bad_input_ends_with_status_two_and_a_remedy(
+    text: str, words: list[str], reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "study.yaml").write_text(text)
+    assert kitchenmind.main(["power", str(tmp_path / "study.yaml"), "--effect", "5", *words]) == 2
+    assert reason in capsys.readouterr().err
+
+
+def test_a_missing_study_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert kitchenmind.main(["power", str(tmp_path / "none.yaml"), "--effect", "5"]) == 2
+    assert "none.yaml" in capsys.readouterr().err
