@@ -63,7 +63,7 @@ function bar(context, x1, y1, x2, y2, paint) {
 }
 
 function station(context, put, tile, x, y) {
-  contactShadow(context, x * CELL + 32, y * CELL + (tile === 'S' ? 58 : 55), 27);
+  if (tile !== 'S') contactShadow(context, x * CELL + 32, y * CELL + 54, 25);
   put(STATIONS[tile], x * CELL + 3, y * CELL, CELL - 6);
 }
 

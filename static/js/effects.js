@@ -21,23 +21,25 @@ export class Effects {
   }
 
   /** Draws all of them above the board. */
-  draw(context, now, timestep, reduced) {
+  draw(context, now, timestep, reduced, columns) {
     for (const each of this.shown) {
       const age = now - each.bornMs;
-      if (each.kind === 'delivery') delivery(context, each, age, reduced, timestep - each.bornT);
+      if (each.kind === 'delivery') delivery(context, each, age, reduced ? timestep - each.bornT : null, columns);
       else if (!reduced && age < SPARK_MS) sparks(context, each, age / SPARK_MS, each.kind === 'ready' ? 8 : 5);
     }
   }
 }
 
-function delivery(context, { x, y }, age, reduced, ticks) {
+/** `ticks`: its age in timesteps where motion is reduced (it only stands there), else null. */
+function delivery(context, { x, y }, age, ticks, columns) {
+  const reduced = ticks !== null;
   if (reduced ? ticks >= REDUCED_POP_TICKS : age >= POP_MS) return;
   const part = reduced ? 0.35 : age / POP_MS;
   if (!reduced && age < SPARK_MS) sparks(context, { x, y }, age / SPARK_MS, 12);
   const grow = reduced ? 1 : Math.min(1, part * 6) * (1 + 0.25 * Math.max(0, 1 - part * 5));
   context.save();
   context.globalAlpha *= part < 0.7 ? 1 : (1 - part) / 0.3;
-  context.translate(x * CELL + CELL / 2, Math.max(24, y * CELL + 14 - (reduced ? 0 : 30 * (1 - (1 - part) ** 2))));
+  context.translate(Math.min(columns * CELL - 42, Math.max(42, x * CELL + CELL / 2)), Math.max(24, y * CELL + 14 - (reduced ? 0 : 30 * (1 - (1 - part) ** 2))));
   context.scale(grow, grow);
   context.font = `800 30px ${colour('--font')}`;
   context.textAlign = 'center';

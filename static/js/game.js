@@ -39,7 +39,7 @@ const renderer = new Renderer(page.querySelector('canvas.board'), new Sprites(co
 const hud = new Hud(page, text);
 const sound = new Sound(page.querySelector('#sound'), text);
 const announcer = new Announcer(page.querySelector('#polite'), page.querySelector('#urgent'), text);
-const coach = new Coach(stage, page.querySelector('#coach'), page.querySelector('#todo'), config.lessons ?? [], text, keyCaps);
+const coach = new Coach(stage, page.querySelector('#coach'), page.querySelector('#lessons'), config.lessons ?? [], text, keyCaps);
 const overlay = new Overlay(page, text, { ready: start, takeOver: () => connection.open(), reload: () => location.reload() });
 const connection = new Connection(new URL(config.socket, location.href.replace(/^http/, 'ws')), tabName(sessionStorage), {
   message: receive,
@@ -182,8 +182,10 @@ async function begin() {
   watchPresence(left, back);
   stage.addEventListener('blur', () => { const change = keys.clear(); if (change) press(change); });
   keysDialog(document.querySelector('#keys-dialog'), page.querySelector('#change-keys'), text, (next) => { bindings = next; keys.bind(next); showCaps(); });
-  for (const button of page.querySelectorAll('#sound, #change-keys')) button.addEventListener('click', () => inPlay() && stage.focus({ preventScroll: true }));
-  page.querySelector('#notice button').addEventListener('click', () => { page.querySelector('#notice').hidden = true; stage.focus({ preventScroll: true }); });
+  const backToGame = () => { if (inPlay()) stage.focus({ preventScroll: true }); };
+  page.querySelector('#sound').addEventListener('click', backToGame);
+  document.querySelector('#keys-dialog').addEventListener('close', backToGame);
+  page.querySelector('#notice button').addEventListener('click', () => { page.querySelector('#notice').hidden = true; backToGame(); });
   showCaps();
   await renderer.sprites.load();
   new ResizeObserver(fit).observe(stage);

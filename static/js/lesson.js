@@ -69,8 +69,8 @@ function hidden({ left, top }, size, state, board) {
 
 export class Coach {
   /** `keyCaps()` gives the elements for {walk} and {use} in the texts. */
-  constructor(stage, bubble, list, keys, text, keyCaps) {
-    Object.assign(this, { stage, bubble, list, keys, text, keyCaps, shown: '', placed: '' });
+  constructor(stage, bubble, panel, keys, text, keyCaps) {
+    Object.assign(this, { stage, bubble, list: panel.querySelector('ol'), how: panel.querySelector('.how'), keys, text, keyCaps, shown: '', placed: '' });
   }
 
   /** Shows the lesson; returns the cell to point at. `board`: {left, top, cell} in the stage's pixels. */
@@ -100,11 +100,12 @@ export class Coach {
     this.placed = '';
     const key = lesson.done ? 'done' : lesson.key;
     this.bubble.querySelector('.t').textContent = this.text(`lesson.${key}.title`);
-    this.bubble.querySelector('.how').replaceChildren(...this.text.nodes(`lesson.${key}.text`, this.keyCaps()));
-    const keys = this.keys.length ? this.keys : state.lessons;
+    for (const how of [this.bubble.querySelector('.how'), this.how]) how.replaceChildren(...this.text.nodes(`lesson.${key}.text`, this.keyCaps()));
+    const keys = (this.keys.length ? this.keys : state.lessons).slice(0, lesson.steps);
     this.list.replaceChildren(...keys.map((each, index) => {
       const item = document.createElement('li');
       item.textContent = this.text(`lesson.${each}.todo`);
+      item.dataset.number = index + 1;
       item.className = lesson.done || index < lesson.index ? 'done' : index === lesson.index ? 'now' : '';
       if (item.className === 'now') item.setAttribute('aria-current', 'step');
       return item;

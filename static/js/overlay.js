@@ -50,6 +50,7 @@ export class Overlay {
     this.find('#pause-text').textContent = this.text(`pause.${view.reason}.text`);
     const button = this.find('#pause-button');
     button.hidden = !view.action;
+    if (view.action) button.textContent = this.text(`pause.${view.reason}.button`);
     if (view.action) button.focus({ preventScroll: true });
   }
 

@@ -14,7 +14,7 @@ const PUT_MS = 160; // an item just put down lands
 const RING = { x: 51, y: 15, radius: 8.4, disc: 13.4, width: 5.6 };
 
 export class Renderer {
-  /** `canvas` fills its frame; `texts(key)` gives the tag over the own chef. */
+  /** `youText`: the tag over the own chef. */
   constructor(canvas, sprites, youText) {
     Object.assign(this, { canvas, sprites, youText, cellPixels: 0, still: null, grid: null, tagScale: 1, spot: null });
     this.context = canvas.getContext('2d');
@@ -34,6 +34,7 @@ export class Renderer {
       this.still = paintBoard(grid, this.sprites, cell);
       this.canvas.width = columns * cell;
       this.canvas.height = rows * cell;
+      this.canvas.dataset.columns = columns;
       this.canvas.style.width = `${columns * cell / ratio}px`;
       this.canvas.style.height = `${rows * cell / ratio}px`;
       this.tagScale = Math.min(1.5, Math.max(1, 52 / (cell / ratio)));
@@ -63,7 +64,7 @@ export class Renderer {
     this.#marks(state, now, reduced, scale);
     if (this.spot) this.#spot(now, reduced);
     this.#chefs(state, now, reduced);
-    this.effects.draw(context, now, state.current.t, reduced);
+    this.effects.draw(context, now, state.current.t, reduced, this.grid[0].length);
   }
 
   #put(name, x, y, side) {

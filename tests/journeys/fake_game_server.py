@@ -21,7 +21,9 @@ from server.play.messages import Countdown, Hello, Input, Kitchen, Outgoing, Tic
 from server.study.locale import locale
 
 ROOT = Path(__file__).resolve().parents[2]
-CSP = "default-src 'self'; connect-src 'self'; img-src 'self'; object-src 'none'; base-uri 'none'; frame-ancestors 'none'"
+CSP = (
+    "default-src 'self'; connect-src 'self'; img-src 'self'; object-src 'none'; base-uri 'none'; frame-ancestors 'none'"
+)
 RING = ("XXXPX", "X 1 P", "D2X X", "O   X", "XOSXX")
 RINGS = ("XXOXPXPXX", "X   1   X", "D XX XX S", "X   2   X", "XXOXXXDXX")
 PRACTICE = ("XXPXXXX", "X     D", "O 1   X", "X    2S", "XXXXXXX")
@@ -36,10 +38,24 @@ def kitchen(t: int = 0, players: Any = ((2, 1, 0, 0), (1, 2, 0, 0)), **more: Any
 
 def welcome(**changes: Any) -> Welcome:
     fields: dict[str, Any] = {
-        "protocol": messages.PROTOCOL, "episode": "e1", "kind": "episode", "number": 4, "episodes": 10, "layout": "coordination_ring",
-        "title": "Coordination Ring", "grid": RING, "seat": 0, "watched_seat": 1, "horizon": 400, "tick_ms": 200, "steps": 3,
-        "shows_predictions": True, "state": kitchen(), "resumed": False, "endless": False,
-    }  # fmt: skip
+        "protocol": messages.PROTOCOL,
+        "episode": "e1",
+        "kind": "episode",
+        "number": 4,
+        "episodes": 10,
+        "layout": "coordination_ring",
+        "title": "Coordination Ring",
+        "grid": RING,
+        "seat": 0,
+        "watched_seat": 1,
+        "horizon": 400,
+        "tick_ms": 200,
+        "steps": 3,
+        "shows_predictions": True,
+        "state": kitchen(),
+        "resumed": False,
+        "endless": False,
+    }
     return Welcome(**{**fields, **changes})
 
 
@@ -134,7 +150,9 @@ class FakeGameServer:
                 self.received.append(message)
                 if isinstance(message, Hello):
                     self.hellos += 1
-                    await self._send(self.on_hello(message) if self.on_hello else [self.welcome] if self.welcome else [])
+                    await self._send(
+                        self.on_hello(message) if self.on_hello else [self.welcome] if self.welcome else []
+                    )
         except ConnectionClosed:
             pass
 
@@ -162,7 +180,9 @@ class FakeGameServer:
         environment = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
         environment.policies["json.dumps_function"] = lambda value, **options: json.dumps(value, **options)
         words = locale(self.page["language"])
-        return environment.get_template("participant/game.html").render(t=words, game={"socket": "/socket", **self.page})
+        return environment.get_template("participant/game.html").render(
+            t=words, game={"socket": "/socket", **self.page}
+        )
 
 
 def _port(server: Server) -> int:
@@ -170,5 +190,7 @@ def _port(server: Server) -> int:
 
 
 def _response(status: HTTPStatus, body: bytes, kind: str) -> Response:
-    headers = Headers({"Content-Type": kind, "Content-Length": str(len(body)), "Content-Security-Policy": CSP, "Connection": "close"})
+    headers = Headers(
+        {"Content-Type": kind, "Content-Length": str(len(body)), "Content-Security-Policy": CSP, "Connection": "close"}
+    )
     return Response(status.value, status.phrase, headers, body)

@@ -1,0 +1,184 @@
+"""Keys, fingers and absences on the game's page, against a server that writes down what it is sent."""
+
+from collections.abc import Iterator
+
+import pytest
+from fake_game_server import FakeGameServer, kitchen, tick, welcome
+from game_page import PHONE, opened, start
+from playwright.sync_api import Browser, Page
+
+from server.play.messages import Away, Countdown, Ended, Input, Paused, Ready
+
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
+
+
+@pytest.fixture
+def server() -> Iterator[FakeGameServer]:
+    server = FakeGameServer()
+    yield server
+    server.close()
+
+
+@pytest.fixture
+def page(chromium: Browser, server: FakeGameServer) -> Iterator[Page]:
+    with opened(chromium, server) as page:
+        start(page, server)
+        yield page
+
+
+def moves(server: FakeGameServer) -> list[tuple[int | None, int | None]]:
+    return [(each.held, each.tap) for each in server.inputs()]
+
+
+def test_a_held_key_sends_one_message_and_its_release_another(page: Page, server: FakeGameServer) -> None:
+    page.keyboard.down("ArrowRight")
+    for _ in range(5):  # what a keyboard does when a key is held: down again, marked as repeated
+        page.keyboard.down("ArrowRight")
+    page.keyboard.up("ArrowRight")
+    server.wait_for(lambda server: len(server.inputs()) == 2)
+    assert moves(server) == [(2, 2), (None, None)]
+
+
+def test_a_tap_between_two_ticks_is_sent_as_exactly_one_tap(page: Page, server: FakeGameServer) -> None:
+    for count in range(1, 11):
+        page.keyboard.press("ArrowUp", delay=30 if count == 1 else 0)
+    server.wait_for(lambda server: len(server.inputs()) == 20)
+    assert moves(server) == [(0, 0), (None, None)] * 10
+
+
+def test_every_change_has_a_new_number_and_the_time_of_the_browser(page: Page, server: FakeGameServer) -> None:
+    page.keyboard.press("KeyW")
+    page.keyboard.press("Space")
+    server.wait_for(lambda server: len(server.inputs()) == 3)
+    found = server.inputs()
+    assert [each.seq for each in found] == [1, 2, 3]
+    assert [each.client_ms for each in found] == sorted(each.client_ms for each in found)
+
+
+def test_letters_and_enter_do_what_arrows_and_space_do(page: Page, server: FakeGameServer) -> None:
+    for key in ("KeyW", "KeyS", "KeyD", "KeyA"):
+        page.keyboard.press(key)
+    for key in ("KeyE", "Enter"):
+        page.keyboard.press(key)
+    server.wait_for(lambda server: len(server.inputs()) == 10)
+    assert [each.tap for each in server.inputs() if each.tap is not None] == [0, 1, 2, 3, 5, 5]
+
+
+def test_leaving_the_window_lets_all_keys_go_and_pauses(page: Page, server: FakeGameServer) -> None:
+    page.keyboard.down("ArrowLeft")
+    page.evaluate("window.dispatchEvent(new Event('blur'))")
+    server.wait_for(lambda server: bool(server.of(Away)))
+    page.keyboard.up("ArrowLeft")
+    assert moves(server) == [(3, 3), (None, None)]
+    assert server.of(Away) == [Away("blur")]
+    server.send(Paused("blur", 30.0))
+    page.wait_for_selector("[data-view=pause]")
+    page.keyboard.press("ArrowLeft")
+    page.evaluate("window.dispatchEvent(new Event('focus'))")
+    server.wait_for(lambda server: len(server.of(Ready)) == 2)
+    assert len(server.inputs()) == 2, "no key counts while the game stands still, none comes back afterwards"
+
+
+def test_a_hidden_page_says_so_and_comes_back_by_itself(page: Page, server: FakeGameServer) -> None:
+    hide = """Object.defineProperty(document, 'hidden', {configurable: true, value: %s});
+      document.dispatchEvent(new Event('visibilitychange'))"""
+    page.evaluate(hide % "true")
+    server.wait_for(lambda server: server.of(Away) == [Away("hidden")])
+    server.send(Paused("hidden", 25.0))
+    page.evaluate(hide % "false")
+    server.wait_for(lambda server: len(server.of(Ready)) == 2)
+
+
+def test_keys_reach_the_game_but_never_scroll_the_page(page: Page, server: FakeGameServer) -> None:
+    page.evaluate("window.stopped = []; addEventListener('keydown', (event) => stopped.push(event.defaultPrevented))")
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("Space")
+    page.keyboard.press("Control+ArrowDown")
+    page.focus("#sound")
+    page.keyboard.press("ArrowDown")
+    server.wait_for(lambda server: len(server.inputs()) == 3)
+    assert page.evaluate("stopped") == [True, True, False, False, False], (
+        "space, arrows; then Control, its arrow, another element"
+    )
+    assert len(server.inputs()) == 3
+
+
+def test_no_key_counts_before_the_start_or_after_the_end(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        page.wait_for_selector("[data-phase=ready]")
+        page.keyboard.press("ArrowDown")
+        start(page, server)
+        page.keyboard.press("ArrowUp")
+        server.wait_for(lambda server: len(server.inputs()) == 2)
+        server.send(Ended(0, 0, 0.0, True, "/blank"))
+        page.wait_for_selector("[data-phase=ended]")
+        page.keyboard.press("ArrowUp")
+        page.wait_for_timeout(50)
+        assert [each.tap for each in server.inputs()] == [0, None]
+
+
+def test_the_own_chef_turns_before_the_server_answers(page: Page, server: FakeGameServer) -> None:
+    server.send(tick(kitchen(t=2)))
+    page.wait_for_selector("[data-timestep='2']")
+    before = page.evaluate("document.querySelector('canvas.board').toDataURL()")
+    page.keyboard.down("ArrowLeft")
+    page.wait_for_function("(before) => document.querySelector('canvas.board').toDataURL() !== before", arg=before)
+    assert page.get_attribute(".game", "data-timestep") == "2"
+
+
+def test_own_keys_are_kept_in_this_browser(page: Page, server: FakeGameServer) -> None:
+    page.click("#change-keys")
+    page.click("[data-rebind='0']")
+    page.keyboard.press("KeyI")
+    page.click("#keys-dialog .btn:not(.quiet)")
+    assert page.inner_text(".panel.kb kbd[data-action='0']") == "I"
+    page.keyboard.press("KeyI")
+    page.keyboard.press("ArrowUp")
+    server.wait_for(lambda server: len(server.inputs()) == 2)
+    assert moves(server) == [(0, 0), (None, None)]
+    page.reload()
+    page.wait_for_selector("[data-phase=ready]")
+    assert page.inner_text(".panel.kb kbd[data-action='0']") == "I"
+
+
+def test_two_fingers_walk_and_use_at_once(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server, viewport=PHONE, has_touch=True, is_mobile=True) as page:
+        start(page, server)
+        middle = {}
+        for action in (0, 2, 5):
+            box = page.locator(f".touch [data-action='{action}']").bounding_box()
+            assert box is not None
+            assert min(box["width"], box["height"]) >= 48
+            middle[action] = {"x": box["x"] + box["width"] / 2, "y": box["y"] + box["height"] / 2}
+        fingers = page.context.new_cdp_session(page)
+
+        def touch(kind: str, *points: dict[str, float]) -> None:
+            numbered = [{**point, "id": number} for number, point in enumerate(points)]
+            fingers.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": numbered})
+
+        touch("touchStart", middle[0])
+        touch("touchStart", middle[0], middle[5])
+        touch("touchEnd", middle[0])
+        touch("touchMove", middle[2])
+        touch("touchEnd")
+        server.wait_for(lambda server: len(server.inputs()) >= 5)
+        assert moves(server) == [(0, 0), (0, 5), (None, None), (2, 2), (None, None)], "slid from up to right"
+
+
+def test_the_pad_works_without_a_pointer(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server, viewport=PHONE, has_touch=True, is_mobile=True) as page:
+        start(page, server)
+        page.evaluate("document.querySelector('.touch [data-action=\"5\"]').click()")
+        server.wait_for(lambda server: moves(server) == [(None, 5)])
+
+
+def test_keys_pressed_during_the_countdown_reach_the_server(chromium: Browser, server: FakeGameServer) -> None:
+    server.welcome = welcome()
+    with opened(chromium, server) as page:
+        page.click("#start-button")
+        server.wait_for(lambda server: bool(server.of(Ready)))
+        server.send(Countdown(3))
+        page.wait_for_selector("[data-view=count]")
+        page.keyboard.down("ArrowUp")
+        server.wait_for(lambda server: bool(server.of(Input)))
+        assert moves(server) == [(0, 0)], "a key held into the start counts from the first timestep on"
