@@ -1,0 +1,126 @@
+"""What waits for one browser: little, newest state first, and not for ever."""
+
+import asyncio
+
+import msgspec
+from hypothesis import given
+from hypothesis import strategies as st
+
+from server.play.messages import Countdown, Kitchen, Notice, Tick
+from server.play.outlet import DEAD_AFTER_S, PING_EVERY_S, SLOW_AFTER_S, Close, Outlet
+
+
+def state(timestep: int) -> Tick:
+    return Tick(Kitchen(timestep, (), (), (), 0, 0), (), (4, 4), -1, late=False)
+
+
+async def waiting(outlet: Outlet) -> list[object]:
+    """Everything that can be sent now, as type or timestep."""
+    out: list[object] = []
+    while True:
+        try:
+            frame = await asyncio.wait_for(outlet.next(), 0.01)
+        except TimeoutError:
+            return out
+        if isinstance(frame, Close):
+            return [*out, frame.code]
+        message = msgspec.json.decode(frame)
+        out.append(message["state"]["t"] if message["type"] == "tick" else message["type"])
+
+
+async def test_newer_state_replaces_the_one_that_waits() -> None:
+    outlet = Outlet()
+    for timestep in range(100):
+        outlet.send(state(timestep))
+    assert await waiting(outlet) == [99]
+    assert outlet.dropped == 99
+
+
+async def test_other_messages_keep_their_place() -> None:
+    outlet = Outlet()
+    outlet.send(state(1))
+    outlet.send(Countdown(3))
+    outlet.send(state(2))
+    outlet.send(Notice("hello"))
+    assert await waiting(outlet) == ["countdown", 2, "notice"]
+
+
+async def test_line_that_grows_without_states_is_closed() -> None:
+    outlet = Outlet()
+    for _ in range(100):
+        outlet.send(Notice("again"))
+    told = await waiting(outlet)
+    assert told[-1] == 1008
+    assert len(told) < 20
+
+
+async def test_slow_reader_gets_only_the_newest_state_once_it_answers() -> None:
+    outlet = Outlet()
+    outlet.beat(0.0)
+    assert await waiting(outlet) == ["ping"]
+    assert not outlet.beat(SLOW_AFTER_S + 0.1)
+    for timestep in range(5):
+        outlet.send(state(timestep))
+    assert await waiting(outlet) == []
+    assert outlet.pong(1, 1.0)
+    assert await waiting(outlet) == [4]
+    assert outlet.rtt_ms == 1000.0
+
+
+async def test_silent_peer_is_given_up() -> None:
+    outlet = Outlet()
+    assert not outlet.beat(0.0)
+    assert not outlet.beat(DEAD_AFTER_S - 0.1)
+    assert outlet.beat(DEAD_AFTER_S + 0.1)
+
+
+async def test_pings_come_regularly_while_they_are_answered() -> None:
+    outlet = Outlet()
+    now = 0.0
+    for number in range(1, 4):
+        outlet.beat(now)
+        assert await waiting(outlet) == ["ping"]
+        assert outlet.pong(number, now + 0.05)
+        now += PING_EVERY_S
+
+
+async def test_answer_to_nothing_is_no_life_sign() -> None:
+    outlet = Outlet()
+    outlet.beat(0.0)
+    assert not outlet.pong(77, 0.1)
+    assert outlet.beat(DEAD_AFTER_S + 0.1)
+
+
+async def test_last_words_are_sent_before_the_close_even_to_a_slow_reader() -> None:
+    outlet = Outlet()
+    outlet.beat(0.0)
+    outlet.beat(SLOW_AFTER_S + 0.1)
+    outlet.send(state(7))
+    outlet.close(1000, "done")
+    outlet.send(Notice("too late"))
+    assert await waiting(outlet) == ["ping", 7, 1000]
+
+
+@given(st.lists(st.sampled_from(["state", "notice", "take"]), max_size=200))
+def test_line_never_holds_more_than_one_state_and_states_never_go_back(events: list[str]) -> None:
+    async def run() -> None:
+        outlet = Outlet()
+        timestep = 0
+        seen: list[int] = []
+        for event in events:
+            if event == "state":
+                timestep += 1
+                outlet.send(state(timestep))
+            elif event == "notice":
+                outlet.send(Notice("x"))
+            elif outlet._line:
+                frame = await outlet.next()
+                assert isinstance(frame, bytes)
+                message = msgspec.json.decode(frame)
+                if message["type"] == "tick":
+                    seen.append(message["state"]["t"])
+            assert sum(is_state for is_state, _ in outlet._line) <= 1
+            assert len(outlet._line) <= 17
+        assert seen == sorted(set(seen))
+
+    asyncio.run(run())

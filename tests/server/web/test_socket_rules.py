@@ -1,0 +1,298 @@
+"""The game's websocket over a real connection: who gets in, what is refused, what closes it, and with which code."""
+
+import asyncio
+import json
+import socket as sockets
+from collections.abc import AsyncIterator
+from typing import Any
+
+import pytest
+import uvicorn
+from fastapi import FastAPI
+from live_fakes import MemoryRecorder, RuleModels, make_spec
+from starlette.requests import HTTPConnection
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.typing import Origin
+
+from server.play.clock import Clock
+from server.play.games import Games
+from server.play.messages import MAX_FRAME_BYTES
+from server.play.recorder import EpisodeRecord
+from server.web import socket as game_socket
+from server.web.auth import Guard
+from server.web.socket import Player, Sockets
+
+HELLO = {"type": "hello", "protocol": 1, "tab": "tab-0001"}
+
+
+class Served:
+    """A server on a free port with real sockets; who plays what is told by the cookie `participant=<id>`."""
+
+    def __init__(self) -> None:
+        self.recorder = MemoryRecorder()
+        self.spec = make_spec(horizon=0)
+        self.games = Games(Clock(10.0), RuleModels(), self.recorder, self.load)
+        self.troubles: list[str] = []
+        self.app = FastAPI()
+        self.app.include_router(game_socket.router)
+        self.sockets = Sockets(self.games, self.find, Guard(b"secret").is_own_origin, self.report)
+        self.app.state.sockets = self.sockets
+        self.url = ""
+
+    async def load(self, episode: str) -> EpisodeRecord | None:
+        return self.recorder.load(self.spec, episode)
+
+    async def find(self, connection: HTTPConnection, study: str) -> Player | None:
+        who = connection.cookies.get("participant")
+        if who is None or study != "demo":
+            return None
+        return Player(who, None if who == "reader" else f"episode-of-{who}", 0, "/s/demo/now")
+
+    async def report(self, participant: str, text: str) -> None:
+        self.troubles.append(f"{participant}: {text}")
+
+    def connect(self, who: str | None = "ann", **more: Any) -> connect:
+        headers = {"Cookie": f"participant={who}"} if who else {}
+        return connect(self.url, additional_headers=headers, compression=None, **more)
+
+
+@pytest.fixture
+async def served() -> AsyncIterator[Served]:
+    made = Served()
+    config = uvicorn.Config(
+        made.app,
+        ws="websockets-sansio",
+        ws_max_size=MAX_FRAME_BYTES,
+        ws_per_message_deflate=False,
+        ws_ping_interval=None,
+        log_level="error",
+        lifespan="off",
+    )
+    listening = sockets.create_server(("127.0.0.1", 0))
+    made.url = f"ws://127.0.0.1:{listening.getsockname()[1]}/s/demo/socket"
+    server = uvicorn.Server(config)
+    server.install_signal_handlers = lambda: None  # type: ignore[attr-defined]
+    task = asyncio.create_task(server.serve(sockets=[listening]))
+    while not server.started:
+        await asyncio.sleep(0.01)
+    yield made
+    await made.games.stop()
+    server.should_exit = True
+    await task
+    listening.close()
+
+
+async def hear(socket: ClientConnection, kind: str, most: int = 200) -> dict[str, Any]:
+    """The next message of a kind; Pings on the way are answered."""
+    for _ in range(most):
+        message = json.loads(await asyncio.wait_for(socket.recv(), 10))
+        if message["type"] == kind:
+            return dict(message)
+        if message["type"] == "ping":
+            await say(socket, type="pong", id=message["id"])
+    raise AssertionError(f"no {kind}")
+
+
+async def say(socket: ClientConnection, **message: Any) -> None:
+    await socket.send(json.dumps(message))
+
+
+async def close_code(socket: ClientConnection) -> int | None:
+    """Reads until the server closes."""
+    try:
+        async with asyncio.timeout(10):
+            while True:
+                await socket.recv()
+    except ConnectionClosed:
+        return socket.close_code
+
+
+async def play(socket: ClientConnection) -> None:
+    await say(socket, **HELLO)
+    await hear(socket, "welcome")
+    await say(socket, type="ready")
+    while (await hear(socket, "tick"))["state"]["t"] == 0:
+        pass
+
+
+@pytest.mark.parametrize(("who", "path"), [(None, "demo"), ("ann", "other")])
+async def test_strangers_get_403_before_anything_is_accepted(served: Served, who: str | None, path: str) -> None:
+    served.url = served.url.replace("demo", path)
+    with pytest.raises(InvalidStatus) as refused:
+        async with served.connect(who):
+            pass
+    assert refused.value.response.status_code == 403
+
+
+async def test_page_of_another_site_gets_403(served: Served) -> None:
+    with pytest.raises(InvalidStatus) as refused:
+        async with served.connect(origin=Origin("https://evil.example")):
+            pass
+    assert refused.value.response.status_code == 403
+
+
+async def test_own_page_gets_in_and_plays(served: Served) -> None:
+    origin = Origin("http" + served.url.removeprefix("ws").removesuffix("/s/demo/socket"))
+    async with served.connect(origin=origin) as socket:
+        await play(socket)
+        assert (await hear(socket, "tick"))["state"]["t"] >= 1
+
+
+async def test_compression_is_never_agreed_on(served: Served) -> None:
+    async with connect(served.url, additional_headers={"Cookie": "participant=ann"}) as socket:
+        assert socket.response is not None
+        assert "Sec-WebSocket-Extensions" not in socket.response.headers
+
+
+async def test_whoever_has_no_game_to_play_is_sent_back_to_the_page(served: Served) -> None:
+    async with served.connect("reader") as socket:
+        await say(socket, **HELLO)
+        assert (await hear(socket, "refused"))["code"] == "no_game"
+        assert await close_code(socket) == 4004
+
+
+async def test_first_message_is_hello(served: Served) -> None:
+    async with served.connect() as socket:
+        await say(socket, type="ready")
+        assert (await hear(socket, "refused"))["code"] == "hello_first"
+        await play(socket)
+
+
+async def test_other_protocol_version_is_refused(served: Served) -> None:
+    async with served.connect() as socket:
+        await say(socket, **(HELLO | {"protocol": 99}))
+        assert (await hear(socket, "refused"))["code"] == "protocol"
+        assert await close_code(socket) == 1008
+
+
+BAD = [
+    "",
+    "no json",
+    "[]",
+    '{"type": "dance"}',
+    '{"type": "input"}',
+    '{"type": "input", "seq": 1, "held": 7, "tap": null, "client_ms": 1}',
+    '{"type": "input", "seq": -1, "held": null, "tap": null, "client_ms": 1}',
+    '{"type": "input", "seq": 1, "held": null, "tap": 6, "client_ms": 1}',
+    '{"type": "input", "seq": 1, "held": null, "tap": null, "client_ms": NaN}',
+    '{"type": "input", "seq": 1, "held": null, "tap": null, "client_ms": 1, "more": 1}',
+    '{"type": "input", "seq": "1", "held": null, "tap": null, "client_ms": 1}',
+    '{"type": "away", "reason": "bored"}',
+    "[" * 500,
+]
+
+
+async def test_bad_messages_are_refused_and_the_game_goes_on(served: Served) -> None:
+    async with served.connect() as socket:
+        await play(socket)
+        for bad in BAD:
+            await socket.send(bad)
+            assert (await hear(socket, "refused"))["code"] == "bad_message"
+        assert await hear(socket, "tick")
+
+
+async def test_too_many_bad_messages_close_the_socket(served: Served) -> None:
+    async with served.connect() as socket:
+        for _ in range(30):
+            await socket.send("nonsense")
+        assert await close_code(socket) == 1008
+
+
+async def test_binary_frames_close_with_1003(served: Served) -> None:
+    async with served.connect() as socket:
+        await socket.send(b"\x00\x01")
+        assert await close_code(socket) == 1003
+
+
+async def test_oversized_frames_close_with_1009(served: Served) -> None:
+    async with served.connect() as socket:
+        await socket.send(json.dumps(HELLO | {"tab": "x" * 2000}))
+        assert await close_code(socket) == 1009
+
+
+async def test_flood_closes_with_1008_for_this_participant_only(served: Served) -> None:
+    async with served.connect("ann") as flooding, served.connect("bob") as calm:
+        await play(calm)
+        await say(flooding, **HELLO)
+        for seq in range(1000):
+            await say(flooding, type="input", seq=seq, held=None, tap=None, client_ms=seq)
+        assert await close_code(flooding) == 1008
+        assert await hear(calm, "tick")
+
+
+async def test_replayed_and_reordered_inputs_move_once(served: Served) -> None:
+    async with served.connect() as socket:
+        await play(socket)
+        for seq in (5, 5, 3, 5):
+            await say(socket, type="input", seq=seq, held=None, tap=2, client_ms=1.0)
+        for _ in range(6):
+            tick = await hear(socket, "tick")
+        assert tick["applied"] == 5
+    keys = [key.seq for record in served.recorder.ticks_of["episode-of-ann"].values() for key in record.keys]
+    assert keys == [5]
+
+
+async def test_second_tab_takes_over_and_the_first_is_closed_with_4001(served: Served) -> None:
+    async with served.connect() as first, served.connect() as second:
+        await play(first)
+        await say(second, **(HELLO | {"tab": "tab-0002"}))
+        assert await close_code(first) == 4001
+        welcome = await hear(second, "welcome")
+        assert welcome["resumed"]
+        assert (await hear(second, "paused"))["reason"] == "other_tab"
+        await say(second, type="ready")
+        assert (await hear(second, "tick"))["state"]["t"] >= welcome["state"]["t"]
+
+
+async def test_lost_socket_pauses_and_hello_brings_the_same_timestep_back(served: Served) -> None:
+    async with served.connect() as socket:
+        await play(socket)
+        await hear(socket, "tick")
+    game = served.games.get("episode-of-ann")
+    assert game is not None
+    async with asyncio.timeout(5):
+        while game.session.moving or game.busy:
+            await asyncio.sleep(0.01)
+    stood = game.session.trace.timestep
+    async with served.connect() as socket:
+        await say(socket, **HELLO)
+        assert (await hear(socket, "welcome"))["state"]["t"] == stood
+        assert (await hear(socket, "paused"))["reason"] == "lost"
+
+
+async def test_trouble_in_the_browser_reaches_the_researcher(served: Served) -> None:
+    async with served.connect() as socket:
+        await say(socket, type="trouble", text="TypeError: x is undefined")
+        async with asyncio.timeout(5):
+            while not served.troubles:
+                await asyncio.sleep(0.01)
+    assert served.troubles == ["ann: TypeError: x is undefined"]
+
+
+async def test_round_trip_is_measured(served: Served) -> None:
+    async with served.connect() as socket:
+        ping = await hear(socket, "ping")
+        await say(socket, type="pong", id=ping["id"])
+        async with asyncio.timeout(5):
+            while "ann" not in served.sockets.rtts_ms():
+                await asyncio.sleep(0.01)
+    assert served.sockets.rtts_ms().get("ann", 1.0) > 0
+
+
+async def test_a_hundred_reconnects_leave_no_ghost(served: Served) -> None:
+    for _ in range(100):
+        async with served.connect() as socket:
+            await say(socket, **HELLO)
+            await hear(socket, "welcome")
+    async with asyncio.timeout(5):
+        while len(served.sockets):
+            await asyncio.sleep(0.01)
+    assert len(served.games) == 1
+
+
+async def test_connection_check_echoes_and_needs_no_cookie(served: Served) -> None:
+    async with connect(served.url.replace("socket", "check"), compression=None) as socket:
+        for word in ("1", "2"):
+            await socket.send(word)
+            assert await socket.recv() == word
