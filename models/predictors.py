@@ -13,7 +13,7 @@ from overcooked.constants import ACTIONS
 from overcooked.layout import Layout
 
 WEIGHTS = Path(__file__).parent / "weights"
-RANDOM = "random"
+RANDOM, GUIDE = "random", "guide"
 GUIDE = "guide"  # of the tutorial's agent of the same name
 
 
@@ -22,24 +22,29 @@ class UnknownPredictor(ValueError):
 
 
 def load_predictor(name: str, layout: Layout) -> Predictor:
-    """The predictor called `name`: `random`, `guide`, a shipped one such as `sp_predictor_stream`, one degraded to an
-    accuracy such as `sp_predictor_stream@60`, or a foreign one (`module:Class`, an ONNX file). Raises ValueError (its
-    kinds) or OSError."""
-    if name == RANDOM:
-        return UniformPredictor()
-    if name == GUIDE:
-        return GuidePredictor()
+    """The predictor called `name`: `random`, `guide` (of the scripted guide), a shipped one such as
+    `sp_predictor_stream`, a foreign one (`module:Class`, an ONNX file); `sp_predictor_stream@60` is made worse until
+    60 % of its steps are right. Raises ValueError (its kinds) or OSError."""
     if is_foreign(name):
         return load_foreign_predictor(name, layout)
     base, _, wanted = name.partition("@")
-    folder = WEIGHTS / layout.name / base
-    if not (folder / "config.json").is_file():
-        known = ", ".join(predictor_names(layout)) or "none"
-        raise UnknownPredictor(f"{layout.name} has no predictor {base!r}. Known there: {known}, {RANDOM}.")
-    from models.predictor import load_trained_predictor
+    predictor, accuracy = _load(base, layout)
+    return DegradedPredictor(predictor, accuracy, _share(name, wanted)) if wanted else predictor
 
-    trained, accuracy = load_trained_predictor(folder, layout)
-    return DegradedPredictor(trained, accuracy, _percent(name, wanted)) if wanted else trained
+
+def _load(name: str, layout: Layout) -> tuple[Predictor, float]:
+    """A predictor and how often its steps are right."""
+    if name == RANDOM:
+        return UniformPredictor(), 1 / ACTIONS
+    if name == GUIDE:
+        return GuidePredictor(), 1.0
+    folder = WEIGHTS / layout.name / name
+    if not (folder / "config.json").is_file():
+        known = ", ".join([*predictor_names(layout), RANDOM, GUIDE])
+        raise UnknownPredictor(f"{layout.name} has no predictor {name!r}. Known there: {known}.")
+    from models.predictor import load_trained_predictor  # the others need no torch
+
+    return load_trained_predictor(folder, layout)
 
 
 def predictor_names(layout: Layout) -> list[str]:
@@ -47,7 +52,7 @@ def predictor_names(layout: Layout) -> list[str]:
     return sorted(path.parent.name for path in (WEIGHTS / layout.name).glob("*_predictor_*/config.json"))
 
 
-def _percent(name: str, text: str) -> float:
+def _share(name: str, text: str) -> float:
     try:
         value = float(text) / 100
     except ValueError:
