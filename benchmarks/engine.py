@@ -1,6 +1,6 @@
 """How fast the kitchen is on one core, and how soon a process plays its first step.
 
-    python benchmarks/engine.py [--layout NAME] [--json]
+    python benchmarks/engine.py [--layout NAME] [--quick] [--json]
 
 Run it on a quiet machine; it pins itself to one core. "step": rules only. "play": rules, scores, episode sums,
 auto-reset and both encodings. "first_step_s": from process start to the end of the first step and encoding, warm cache.
@@ -21,7 +21,7 @@ from overcooked.state import Kitchens
 from overcooked.vector_env import VectorEnv
 
 GAMES = (1, 64, 1024, 4096)
-STEPS_A_MEASUREMENT = 400_000
+STEPS_A_MEASUREMENT, QUICK_STEPS = 400_000, 20_000
 REPEATS = 5
 GOALS = {"step": 6e6, "play": 2e6, "first_step_s": 1.0}
 
@@ -35,10 +35,10 @@ kitchen.encode()
 """
 
 
-def steps_a_second(step: Callable[[int], None], games: int) -> float:
+def steps_a_second(step: Callable[[int], None], games: int, steps: int) -> float:
     """The best of several measurements: other work on the machine only ever slows it down."""
     step(0)
-    rounds = max(2, STEPS_A_MEASUREMENT // games)
+    rounds = max(2, steps // games)
     best = float("inf")
     for _ in range(REPEATS):
         started = time.perf_counter()
@@ -48,7 +48,7 @@ def steps_a_second(step: Callable[[int], None], games: int) -> float:
     return rounds * games / best
 
 
-def measure(layout: Layout, games: int) -> dict[str, float]:
+def measure(layout: Layout, games: int, steps: int) -> dict[str, float]:
     actions = np.random.default_rng(0).integers(0, 6, (64, games, 2), dtype=np.int8)
     kitchens, events = Kitchens.start(layout, games), np.zeros((games, 2), np.int32)
     env = VectorEnv(layout, games)
@@ -56,15 +56,15 @@ def measure(layout: Layout, games: int) -> dict[str, float]:
     observations = np.zeros((games, *env.observation_shape), np.int8)
     return {
         "games": games,
-        "step": steps_a_second(lambda k: kitchens.step(actions[k % 64], events), games),
-        "play": steps_a_second(lambda k: env.step(actions[k % 64], sparse, shaped, dones, observations), games),
+        "step": steps_a_second(lambda k: kitchens.step(actions[k % 64], events), games, steps),
+        "play": steps_a_second(lambda k: env.step(actions[k % 64], sparse, shaped, dones, observations), games, steps),
     }
 
 
-def first_step_s(layout: str) -> float:
+def first_step_s(layout: str, runs: int) -> float:
     """Wall time of a fresh process; the first of the runs fills the cache, the best of the others counts."""
     times = []
-    for _ in range(4):
+    for _ in range(1 + runs):
         started = time.perf_counter()
         subprocess.run([sys.executable, "-c", FIRST_STEP, layout], check=True)
         times.append(time.perf_counter() - started)
@@ -74,12 +74,14 @@ def first_step_s(layout: str) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--layout", default="coordination_ring")
+    parser.add_argument("--quick", action="store_true", help="fewer steps: a rough look")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     arguments = parser.parse_args()
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-    rows = [measure(load_layout(arguments.layout), games) for games in GAMES]
-    first = first_step_s(arguments.layout)
+    steps = QUICK_STEPS if arguments.quick else STEPS_A_MEASUREMENT
+    rows = [measure(load_layout(arguments.layout), games, steps) for games in GAMES]
+    first = first_step_s(arguments.layout, runs=1 if arguments.quick else 3)
     if arguments.json:
         print(json.dumps({"layout": arguments.layout, "steps_per_s": rows, "first_step_s": first, "goals": GOALS}))
         return

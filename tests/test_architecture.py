@@ -23,8 +23,13 @@ LONG_FILES = {
 }
 LONG_FUNCTIONS = {
     "overcooked.rules._interact": "one branch a tile, in the order of the rules",
+    "training.collect.games_with": "one loop over timesteps, in the order in which things happen",
 }
-MANY_ARGUMENTS: dict[str, str] = {}
+MANY_ARGUMENTS = {
+    "analysis.figures._bracket": "a drawing: where its parts are",
+    "models.predictor._attention": "part of a graph that is exported: tensors one by one",
+    "training.ppo.ppo_loss": "what the formula has, by name",
+}
 
 Tree = ast.Module
 Function = ast.FunctionDef | ast.AsyncFunctionDef
