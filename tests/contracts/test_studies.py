@@ -1,0 +1,172 @@
+"""Every shipped study, and the command that makes and checks study files."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import kitchenmind
+from server.study.loader import load_study
+from server.study.plan import Study
+from server.study.steps import steps
+from server.study_check import stage_problems
+from server.web.episodes import episode_spec
+
+STUDIES = Path(__file__).parents[2] / "studies"
+SHIPPED = sorted(STUDIES.glob("*.yaml"))
+
+
+@pytest.fixture(params=SHIPPED, ids=lambda path: path.stem)
+def path(request: pytest.FixtureRequest) -> Path:
+    found: Path = request.param
+    return found
+
+
+def test_study_loads_without_a_warning_and_is_named_like_its_file(path: Path) -> None:
+    file = load_study(path)
+    assert file.warnings == ()
+    assert file.study.name == path.stem
+
+
+def test_study_needs_nothing_but_weights(path: Path) -> None:
+    assert [problem for problem in stage_problems(load_study(path)) if not problem.warning] == []
+
+
+def test_every_game_of_every_condition_can_be_drawn_up(path: Path) -> None:
+    study = load_study(path).study
+    for condition in study.conditions:
+        for step in steps(study, condition.name, 5):
+            if step.is_game:
+                spec = episode_spec(study, step, condition.name, "zh")
+                assert spec.human_seats == (0,)
+                assert spec.watched_seat == 1
+                assert spec.predictor is not None
+
+
+def test_conditions_differ_in_what_is_shown_and_in_nothing_else() -> None:
+    study = load_study(STUDIES / "external_predictor.yaml").study
+    specs = {}
+    for condition in study.conditions:
+        step = next(step for step in steps(study, condition.name, 5) if step.kind == "episode")
+        specs[condition.name] = episode_spec(study, step, condition.name, "en")
+    assert {name: spec.shown for name, spec in specs.items()} == {
+        "none": "nothing",
+        "random": "random",
+        "tom": "predictor",
+    }
+    assert len({replace(spec, shown="nothing") for spec in specs.values()}) == 1
+
+
+def test_published_study_is_as_published() -> None:
+    study = load_study(STUDIES / "external_predictor.yaml").study
+    assert [condition.predictor for condition in study.conditions] == ["none", "random", "tom"]
+    assert {condition.weight for condition in study.conditions} == {1}
+    assert (study.game.tick_ms, study.game.horizon, study.game.human_seat) == (200, 400, 0)
+    assert (study.predictor.form, study.predictor.steps_shown, study.order.rule) == ("window", 3, "paper")
+    questions = study.questions("teamwork")
+    assert [question.text.of("en") for question in questions] == [
+        "How satisfied are you with your AI teammate?",
+        "How satisfied are you with the predictor (the green marks)?",
+        "To what extent can you predict the intention of your AI teammate?",
+        "How would you rate the efficiency of cooperation?",
+    ]
+    assert all(question.type == "scale" and question.points == 7 and question.required for question in questions)
+    assert [question.conditions for question in questions] == ["all", "with_predictor", "all", "all"]
+
+
+def test_nobody_is_told_that_a_prediction_is_random(path: Path) -> None:
+    """Before the end: names of conditions stand in no text that a participant reads."""
+    study = load_study(path).study
+    texts = [
+        study.consent,
+        study.title,
+        study.summary,
+        study.quiz,
+        *study.questionnaires.values(),
+        *study.pages.values(),
+    ]
+    words = " ".join(part.model_dump_json() for part in texts if part is not None).lower()
+    assert "under a random number" in words
+    assert "random" not in words.replace("under a random number", "")
+
+
+def run(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
+    code = kitchenmind.main(["study", *words])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def test_check_says_what_a_good_study_is(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = run("check", str(path), capsys=capsys)
+    assert (code, err) == (0, "")
+    assert f"{path} is a study: {path.stem}" in out
+
+
+def test_check_names_missing_weights_and_the_study_still_passes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "quick_look.yaml"
+    text = (STUDIES / "quick_look.yaml").read_text("utf-8").replace("- {name: sp}", "- {name: nobody}")
+    file.write_text(text, encoding="utf-8")
+    code, out, _ = run("check", str(file), capsys=capsys)
+    assert code == 0
+    assert "no weights for coordination_ring of: nobody, nobody_predictor_window" in out
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("seed: 7", "sed: 7", "unknown key 'sed'. Did you mean 'seed'?"),
+        ("{name: coordination_ring, title", "{name: coordination_rng, title", "there is no layout 'coordination_rng'"),
+        (
+            "{name: coordination_ring, title: {en: Coordination Ring, zh: 协作环}}",
+            '{name: own, title: Own, grid: "XXPXX\\nO1 2 \\nXDXSX"}',
+            "row 2, column 5: the border is open here",
+        ),
+        (
+            "{name: coordination_ring, title: {en: Coordination Ring, zh: 协作环}}",
+            '{name: coordination_ring, title: Own, grid: "XXPXX\\nO1 2O\\nXDXSX"}',
+            "'sp' was trained on another grid",
+        ),
+    ],
+)
+def test_check_refuses_with_line_reason_and_exit_code_2(
+    old: str, new: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "wrong.yaml"
+    text = (STUDIES / "quick_look.yaml").read_text("utf-8")
+    file.write_text(text.replace(old, new, 1), encoding="utf-8")
+    code, _, err = run("check", str(file), capsys=capsys)
+    line = text[: text.index(old)].count("\n") + 1
+    assert code == 2
+    assert f"{file}:{line}: " in err
+    assert message in err
+
+
+def test_check_of_a_file_that_is_not_there_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = run("check", str(tmp_path / "none.yaml"), capsys=capsys)
+    assert (code, "none.yaml: No such file" in err) == (2, True)
+
+
+def test_new_study_passes_its_check_and_is_never_overwritten(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "pilot.yaml"
+    assert run("new", "pilot", "--out", str(file), capsys=capsys)[0] == 0
+    assert load_study(file).study.name == "pilot"
+    assert run("check", str(file), capsys=capsys)[0] == 0
+    before = file.read_bytes()
+    code, _, err = run("new", "pilot", "--out", str(file), capsys=capsys)
+    assert (code, "is there already" in err) == (2, True)
+    assert file.read_bytes() == before
+    assert run("new", "Not A Name", capsys=capsys)[0] == 2
+
+
+def test_schema_describes_every_key_of_a_study(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run("schema", capsys=capsys)
+    schema = json.loads(out)
+    assert code == 0
+    assert set(schema["properties"]) == set(Study.model_fields)
+    assert schema["additionalProperties"] is False
+    assert "null" not in schema["$defs"]["Text"]

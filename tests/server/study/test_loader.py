@@ -1,0 +1,112 @@
+"""Study files with one thing wrong: the message names line, reason and remedy."""
+
+from pathlib import Path
+
+import pytest
+from study_text import SMALL_STUDY
+
+from server.study.loader import StudyError, load_study, parse_study
+from server.study.text import Text
+
+
+def line_of(words: str, text: str = SMALL_STUDY) -> int:
+    return text[: text.index(words)].count("\n") + 1
+
+
+def errors(text: str) -> tuple[str, ...]:
+    with pytest.raises(StudyError) as raised:
+        parse_study(text, "small.yaml")
+    return raised.value.lines
+
+
+WRONG = [
+    # (what stands in the file, what stands there instead, where the message points, what it says)
+    ("duration_min: 4", "duration_mn: 4", "duration_mn", "unknown key 'duration_mn'. Did you mean 'duration_min'?"),
+    ("duration_min: 4", "duration_min: soon", "duration_min", "write a whole number"),
+    ("duration_min: 4", "duration_min: 0", "duration_min", "greater than or equal to 1"),
+    ("{rule: paper}", "{rule: papr}", "order:", "'papr' is not possible here. Use 'fixed', 'shuffled', 'latin_sq"),
+    ("flow: [everything,", "flow: [evrything, everything,", "flow:", "there is no page 'evrything'"),
+    ("goodbye, thanks]", "goodbye]", "flow:", "does not end with thanks"),
+    ("goodbye, thanks]", "thanks]", "  goodbye:", "nobody reaches 'goodbye'"),
+    ("introduction, quiz, tutorial", "introduction, tutorial", "quiz:", "nobody reaches the quiz"),
+    ("after_episode: after", "after_episode: later", "after_episode", "there is no questionnaire 'later'"),
+    ("title: {en: Small, zh: 小}", "title: {en: Small}", "title:", "no words in 'zh'. Add `zh: ...`"),
+    ("{name: with, predictor", "{name: without, predictor", "  - {name: without, predictor: tom", "is there twice"),
+    ("name: with, predictor: tom}", "name: with, predictor: degraded}", "  - {name: with, ", "belong together"),
+    ("conditions: with_predictor", "conditions: [everybody]", "{key: marks", "there is no condition 'everybody'"),
+    ("correct: three", "correct: four", "    - key: onions", "'four' is none of the options. Use one of two, three"),
+    ("attention: 2", "attention: 9", "{key: check", "9 is not on the scale"),
+    ("type: ranking", "type: rankng", "      - key: rank", "Use 'scale', 'choice', 'multiple',"),
+    ("        type: multiple\n", "", "      - key: many", "Add `type:`"),
+    ("breaks: {after: [2]}", "breaks: {after: [4]}", "breaks:", "there is no break after episode 4. Use 1 to 3"),
+    ("  - {name: stay, predictor: random}\n", "", "order:", "alternates two agents"),
+    ("horizon: 20", "horizon: 20, deadline_ms: 300", "game:", "beyond the tick"),
+    ("seed: 11\n", "seed: 11\nseed: 12\n", "seed: 12", "the key 'seed' is there twice"),
+    ("seed: 11\n", "", "name: small", "'seed' is missing here. Add `seed: ...`"),
+    ("name: small", "name: Small One", "name: ", "should match pattern"),
+    ("seed: 11\n", "seed: 11\n  wrong: [\n", "  wrong", "this is no YAML"),
+    ("seed: 11\n", "seed: !!python/object/apply:os.system [ls]\n", "seed: !!", "should be a valid integer"),
+    ("seed: 11\n", "seed: !!binary aGk=\n", "seed: !!", "is not allowed"),
+    ("seed: 11\n", "recruitment: {completed: {url: 'https://x.org/?c={cod}'}}\nseed: 1\n", "recr", "placeholder {cod}"),
+    ("seed: 11\n", "recruitment: {completed: {url: 'javascript:alert(1)'}}\nseed: 1\n", "recr", "should match pattern"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "where", "message"), WRONG)
+def test_wrong_file_is_refused_with_line_reason_and_remedy(old: str, new: str, where: str, message: str) -> None:
+    text = SMALL_STUDY.replace(old, new, 1)
+    assert text != SMALL_STUDY
+    found = errors(text)
+    expected = f"small.yaml:{line_of(where, text)}: "
+    assert any(line.startswith(expected) and message.lower() in line.lower() for line in found), found
+
+
+def test_all_problems_are_told_at_once() -> None:
+    text = SMALL_STUDY.replace("duration_min: 4", "duration_min: soon").replace("{rule: paper}", "{rule: none}")
+    assert len(errors(text)) == 2
+
+
+def test_file_that_is_no_mapping_is_refused() -> None:
+    assert "a study is a mapping" in errors("- one\n- two\n")[0]
+
+
+def test_bomb_of_aliases_is_refused() -> None:
+    rows = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+    rows += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, 9)]
+    assert "unfold to too much" in errors("\n".join(rows))[0]
+
+
+def test_file_that_is_not_utf8_or_too_large_is_refused(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.yaml"
+    bad.write_bytes(b"name: small\ntitle: \xff\n")
+    with pytest.raises(StudyError, match=r"bad.yaml:2: this is not UTF-8"):
+        load_study(bad)
+    bad.write_bytes(b"#" * 1_000_001)
+    with pytest.raises(StudyError, match="At most"):
+        load_study(bad)
+
+
+def test_yes_and_no_are_words_in_answers() -> None:
+    text = SMALL_STUDY.replace("{value: tea, text: {en: Tea, zh: 茶}}", "{value: yes, text: {en: No, zh: Off}}")
+    question = parse_study(text).study.questionnaires["everything"].questions[2]
+    assert question.type == "choice"
+    assert question.options[0].value == "yes"
+    assert question.options[0].text.of("en") == "No"
+
+
+def test_version_of_a_study_is_the_hash_of_its_file() -> None:
+    assert parse_study(SMALL_STUDY).sha256 == parse_study(SMALL_STUDY).sha256
+    assert parse_study(SMALL_STUDY).sha256 != parse_study(SMALL_STUDY + "# a comment\n").sha256
+
+
+def test_prolific_without_a_code_is_warned_about() -> None:
+    file = parse_study(SMALL_STUDY.replace("seed: 11\n", "seed: 11\nrecruitment: {source: prolific}\n"), "small.yaml")
+    assert [line for line in file.warnings if "Prolific needs a fixed code" in line]
+    assert file.study.recruitment.person_parameter == "PROLIFIC_PID"
+    assert file.study.recruitment.extra_parameters == ("STUDY_ID", "SESSION_ID")
+
+
+def test_text_falls_back_to_a_language_that_has_words() -> None:
+    assert Text({"en": "Hello", "zh": "你好"}).of("zh") == "你好"
+    assert Text({"en": "Hello"}).of("fr") == "Hello"
+    assert Text.model_validate(7).of("fr") == "7"
