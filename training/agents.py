@@ -1,7 +1,6 @@
 """From a run to agents on disk: trains one, keeps its skill levels. It must not know for which study they are made."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -13,7 +12,7 @@ from models.checkpoint import load_checkpoint
 from models.policy import Network, NetworkConfig, build_network, save_agent
 from models.protocols import Mode
 from overcooked.layout import Layout, parse_layout
-from training.config import AgentConfig, changed
+from training.config import AgentConfig, changed, differences
 from training.partners import PartnerPool, load_partners
 from training.ppo import Progress, Trainer, run_settings, train
 from training.runlog import RunFolder
@@ -92,11 +91,11 @@ def card(folder: RunFolder, name: str, skill: int, mode: Mode, facts: dict[str, 
     settings = folder.settings
     partners = settings["partners"]
     how = f"best response to {len(partners)} partners (fictitious co-play)" if partners else "self-play"
-    changes = {k: v for k, v in settings["config"].items() if v != asdict(AgentConfig()).get(k)}
+    config = changed(AgentConfig(), settings["config"], str(folder.path))
     lines = [
         f"# {name}: an agent for {settings['layout']}",
         "",
-        f"A {settings['config']['network']} trained by PPO, {how}; kept at {skill} % of its run's best reward.",
+        f"A {config.network} trained by PPO, {how}; kept at {skill} % of its run's best reward.",
         f"Acts with temperature {mode.temperature:g}; after {mode.stuck_after} timesteps without a change of its own",
         f"cell, facing or hand, {mode.stuck_mix:.0%} of the probability goes to the four moves, so that two chefs",
         "never jam for good.",
@@ -104,10 +103,10 @@ def card(folder: RunFolder, name: str, skill: int, mode: Mode, facts: dict[str, 
         "| fact | value |",
         "|---|---|",
         *(f"| {key.replace('_', ' ')} | {value} |" for key, value in facts.items()),
-        f"| environment timesteps of the run | {settings['config']['timesteps']:,} |",
+        f"| environment timesteps of the run | {config.timesteps:,} |",
         f"| training time, one core | {folder.seconds():.0f} s |",
         f"| code revision | {folder.revision} |",
-        f"| settings other than the defaults | {changes or 'none'} |",
+        f"| settings other than the defaults | {differences(config) or 'none'} |",
         "",
         "Points are per episode of 400 timesteps; self-play and held-out figures are in the mode above, weights as",
         "stored (16 bits).",

@@ -10,7 +10,7 @@ from typing import Any
 from overcooked.layout import load_layout
 from training.agents import PEOPLE, SKILLS, ship, train_agent
 from training.choose import choose_fcp, choose_sp, ship_cast
-from training.config import CONFIG_FOLDER, AgentConfig, ConfigError, changed
+from training.config import CONFIG_FOLDER, AgentConfig, ConfigError, changed, differences
 from training.study import Task, Work
 
 STUDY_LAYOUTS = ("coordination_ring", "double_rings", "double_counters", "matrix", "clear_division")
@@ -51,7 +51,7 @@ def agent_tasks(layout: str, preset: Preset) -> list[Task]:
     for role in ROLES:
         config = preset.config(layout, role)
         inputs = tuple(population) if role in ("population_fcp", "target_fcp", "features") else ()
-        settings = {"config": asdict(config), "grid": load_layout(layout).text}
+        settings = {"config": differences(config), "grid": load_layout(layout).text}
         for name in seeds(role, preset):
             minutes = config.timesteps / (50_000 if config.network == "mlp" else 7_000) / 60
             tasks.append(Task(layout, name, _train, settings, inputs, minutes))

@@ -37,10 +37,19 @@ class AgentConfig:
     final_entropy: float = 0.005  # the same from `entropy_timesteps` on
     entropy_timesteps: int = 2_000_000  # over which the bonus falls in a straight line
     shaping_timesteps: int = 2_000_000  # over which the own shaped reward fades to nothing
+    dish_shaping: float = 3.0  # of it for a useful dish; where less, chefs carry onions until the soup is nearly done
     random_starts: float = 0.0  # share of episodes that begin in a random state
     self_play_games: int = 24  # with partners: games that both chefs play with the learner itself
     games_per_partner: int = 4  # with partners: games with each of them, seats in turn
     snapshots: int = 60  # copies of the network kept over the run, from which the skill levels are taken
+
+
+def differences(config: AgentConfig) -> dict[str, Any]:
+    """The settings that are not the defaults: what names a run, so that a new setting does not make old runs strangers."""
+    pairs = ((field.name, getattr(config, field.name), field.default) for field in fields(AgentConfig))
+    return {
+        name: list(value) if isinstance(value, tuple) else value for name, value, default in pairs if value != default
+    }
 
 
 def agent_config(name_or_path: str | Path | None, changes: Sequence[str] = ()) -> AgentConfig:

@@ -7,7 +7,6 @@ Schulman et al. 2017; shaping as in Carroll et al. 2019: each chef's own shaped 
 import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -17,10 +16,11 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from models.policy import Network, NetworkConfig, build_network
-from overcooked.constants import PLAYERS
+from overcooked.constants import PLAYERS, USEFUL_DISH_PICKUP
 from overcooked.layout import Layout
+from overcooked.score import DISH_REWARD
 from overcooked.vector_env import Starts, VectorEnv
-from training.config import AgentConfig
+from training.config import AgentConfig, differences
 from training.fast_path import fast_path
 from training.partners import PartnerPool
 from training.runlog import RunFolder
@@ -114,6 +114,8 @@ class Trainer:
                 _gather(flat, seats.partner, partner_columns, partner_entries)
                 _draw_only(self.partners.logits(partner_entries), uniform[t], seats.partner, joint)
             self.env.step(joint.reshape(games, PLAYERS), sparse, shaped, self.dones[t], self.observations)
+            if config.dish_shaping != DISH_REWARD:
+                shaped -= (DISH_REWARD - config.dish_shaping) * (self.env.events & USEFUL_DISH_PICKUP > 0)
             points = sparse.sum(1, keepdims=True) + shaping * shaped  # (games, players): the team's points, own shaping
             self.rewards[t] = config.reward_scale * points.reshape(-1)[seats.learner]
         _gather(flat, seats.learner, self.fast.columns, self.entries[-1])
@@ -211,7 +213,7 @@ def run_settings(config: AgentConfig, layout: Layout, seed: int, partners: list[
         "grid": layout.text,
         "seed": seed,
         "partners": partners,
-        "config": asdict(config),
+        "config": differences(config),
     }
     return dict(json.loads(json.dumps(settings)))
 
