@@ -50,13 +50,14 @@ def _row(episodes: pl.DataFrame, layout: str, agent: str, condition: str, step: 
     )
 
 
-def offline(about: Mapping[str, object], layouts: Sequence[str], agents: Sequence[str]) -> list[Result]:
-    """Accuracy on partners never seen, as the predictors' cards say it: `offline_accuracy` of the export, a mapping
-    agent -> layout -> accuracies of the steps. No rows where the export has none."""
-    cards = about.get("offline_accuracy")
+def offline(cards: Mapping[str, object], layouts: Sequence[str], agents: Sequence[str]) -> list[Result]:
+    """Accuracy on partners never seen, as cards say it: agent -> layout -> a share for each step. No rows for what no
+    card tells."""
     rows = []
     for agent in agents:
-        known = cards.get(agent, {}) if isinstance(cards, Mapping) else {}
+        known = cards.get(agent)
+        if not isinstance(known, Mapping):
+            continue
         shares = {layout: [float(share) for share in known[layout]] for layout in layouts if layout in known}
         if len(shares) == len(layouts) and layouts:
             shares["all"] = [sum(column) / len(layouts) for column in zip(*shares.values(), strict=True)]

@@ -145,8 +145,9 @@ def rewards(rows: Sequence[Result], conditions: Sequence[str], contrast: tuple[s
         for index, layout in enumerate(layouts):
             bars = select(means, agent=agent, layout=layout)
             tops = [_bar(panel, index + places[row.condition], row, conditions, row.se, 0) for row in bars]
-            if contrast and tops:
-                _bracket(panel, rows, (layout, agent), contrast, index, places, max(tops), top)
+            mark = _mark(rows, layout, agent, contrast)
+            if mark and contrast:
+                _bracket(panel, mark, [index + places[name] for name in contrast], max(tops), top)
         if layouts[-1] == "all" and len(layouts) > 1:
             panel.axvline(len(layouts) - 1.5, color=SOFT, linewidth=0.8, linestyle=(0, (3, 3)))
         panel.set_title(f"{agent_title(agent)} agent")
@@ -159,28 +160,18 @@ def rewards(rows: Sequence[Result], conditions: Sequence[str], contrast: tuple[s
     return figure
 
 
-def _bracket(
-    panel: Axes,
-    rows: Sequence[Result],
-    place: tuple[str, str],
-    contrast: tuple[str, str],
-    index: int,
-    places: Mapping[str, float],
-    reach: float,
-    top: float,
-) -> None:
-    tests = select(
-        rows, section="reward", test="t_test", contrast=" - ".join(contrast), layout=place[0], agent=place[1]
-    )
-    mark = stars(tests[0].p_adjusted) if tests else ""
-    if not mark:
-        return
-    left, right = sorted(index + places[name] for name in contrast)
-    low, high = reach + top * 0.1, reach + top * 0.125
+def _mark(rows: Sequence[Result], layout: str, agent: str, contrast: tuple[str, str] | None) -> str:
+    tests = select(rows, section="reward", test="t_test", layout=layout, agent=agent)
+    return "".join(stars(row.p_adjusted) for row in tests if row.contrast == " - ".join(contrast or ()))
+
+
+def _bracket(panel: Axes, mark: str, ends: Sequence[float], height: float, top: float) -> None:
+    """A bracket with its stars over two bars; `top` is what the panel is high for."""
+    left, right = sorted(ends)
+    low, high = height + top * 0.1, height + top * 0.125
     panel.plot([left, left, right, right], [low, high, high, low], color=INK, linewidth=0.9)
-    panel.annotate(
-        mark, ((left + right) / 2, high), (0, -3), textcoords="offset points", ha="center", fontsize=9, va="bottom"
-    )
+    middle = ((left + right) / 2, high)
+    panel.annotate(mark, middle, (0, -3), textcoords="offset points", ha="center", fontsize=9, va="bottom")
 
 
 @_styled

@@ -1,11 +1,12 @@
 """All of a study's analysis in one call: an export in, result rows and what a report needs beside them out."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import polars as pl
 
-from analysis import accuracy, assumptions, compare, exclusions, measures, mixed, power, quality, questionnaires
+from analysis import accuracy, assumptions, cards, compare, exclusions, measures, mixed, power, quality, questionnaires
 from analysis.results import Result
 from analysis.tables import Export, ExportError
 
@@ -22,6 +23,7 @@ class Options:
     effects: tuple[float, ...] = POWER_EFFECTS  # true differences for the power curve, points
     power_studies: int = power.STUDIES  # simulated for every point of it
     seed: int = 1
+    weights: Path | None = None  # folder of checkpoints, whose cards tell the offline test
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ def main_contrast(conditions: Sequence[str]) -> tuple[str, str] | None:
 
 
 def analyse(export: Export, options: Options) -> Analysis:
-    """Computes all. Where data are missing a row says why, or there is none. Raises ExportError for an unknown layout."""
+    """Computes all. Where data are missing a row says why, or there is none. Raises ExportError: unknown layout."""
     every = measures.episode_measures(export)
     episodes = measures.analysed(every, export.participants)
     conditions = tuple(name for name in export.conditions if name in set(episodes["condition"]))
@@ -72,7 +74,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         *assumptions.check(episodes, MEASURE, conditions, places),
         *questionnaires.means(answers, conditions, agents),
         *questionnaires.tests(answers, conditions, agents),
-        *accuracy.offline(export.about, layouts, agents),
+        *accuracy.offline(_offline(export, options), layouts, agents),
         *accuracy.live(episodes, layouts, agents),
     ]
     powers = _powers(model, episodes, conditions, options)
@@ -89,6 +91,14 @@ def analyse(export: Export, options: Options) -> Analysis:
         tuple(powers),
         (*rows, *_power_rows(powers)),
     )
+
+
+def _offline(export: Export, options: Options) -> Mapping[str, object]:
+    """The offline test as the export says it, else as the cards do."""
+    said = export.about.get("offline_accuracy")
+    if isinstance(said, Mapping):
+        return said
+    return cards.offline_accuracy(export.episodes, options.weights) if options.weights else {}
 
 
 def smallest_condition(episodes: pl.DataFrame, conditions: Sequence[str]) -> int:

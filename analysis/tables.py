@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import polars as pl
+import yaml
 
 STEPS = 3  # predicted actions a timestep
 ACTIONS = 6
@@ -76,11 +77,11 @@ class Export:
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        return in_order(self.participants["condition"], CONDITIONS)
+        return in_order(self.participants["condition"], tuple(self.about.get("conditions") or CONDITIONS))
 
     @property
     def layouts(self) -> tuple[str, ...]:
-        return in_order(self.episodes["layout"], LAYOUTS)
+        return in_order(self.episodes["layout"], tuple(self.about.get("layouts") or LAYOUTS))
 
     @property
     def agents(self) -> tuple[str, ...]:
@@ -113,7 +114,7 @@ def read_export(folder: Path, study: str | None = None) -> Export:
         _answers(raw["answers"]).join(played, on="episode", how="semi"),
         _ticks(raw["ticks"].join(played, on="episode", how="semi"), episodes),
         raw["pauses"].join(played, on="episode", how="semi"),
-        _about(folder),
+        _about(folder, study),
     )
 
 
@@ -202,11 +203,17 @@ def _ticks(table: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
     ).sort("episode", "timestep")
 
 
-def _about(folder: Path) -> dict[str, Any]:
-    """What the export says about itself beside its tables."""
-    about: dict[str, Any] = {}
-    for path in (folder / "about.json", folder / "dataset_description.json"):
-        if path.is_file():
-            found = json.loads(path.read_text(encoding="utf-8"))
-            about = {**found, **about} if isinstance(found, dict) else about
+def _about(folder: Path, study: str) -> dict[str, Any]:
+    """What the export says beside its tables: about.json, and `title`, `conditions` and `layouts` (names in order) of
+    the newest version of the study file, where it lies in the export."""
+    path = folder / "about.json"
+    about: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    versions = sorted(folder.glob(f"studies/{study}_version-*.yaml"), key=lambda file: (len(file.name), file.name))
+    try:
+        said = yaml.safe_load(versions[-1].read_text(encoding="utf-8")) if versions else {}
+        title = said.get("title")
+        about["title"] = next(iter(title.values())) if isinstance(title, dict) else title or about.get("title")
+        about |= {key: [part["name"] for part in said.get(key, [])] for key in ("conditions", "layouts")}
+    except (yaml.YAMLError, AttributeError, KeyError, TypeError):
+        pass  # a title and an order are a help, not a need
     return about

@@ -17,6 +17,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="LAYOUT",
         help="layouts whose answers are compared (default: the first four)",
     )
+    parser.add_argument(
+        "--weights",
+        type=Path,
+        default=Path(__file__).parents[2] / "models" / "weights",
+        metavar="DIR",
+        help="checkpoints whose cards tell the offline accuracy (default: the shipped ones)",
+    )
     parser.add_argument("--seed", type=int, default=1, help="of the simulated power curve (default: 1)")
 
 
@@ -26,7 +33,8 @@ def run(arguments: argparse.Namespace) -> int:
     from analysis.study import Options
     from analysis.tables import ExportError
 
-    options = Options(questionnaire_layouts=tuple(arguments.questionnaire_layouts), seed=arguments.seed)
+    layouts = tuple(arguments.questionnaire_layouts)
+    options = Options(questionnaire_layouts=layouts, seed=arguments.seed, weights=arguments.weights)
     try:
         report = write_report(arguments.export, arguments.out, options, arguments.study)
     except ExportError as error:
