@@ -7,6 +7,7 @@ so that a timestep costs one token. It must not know how it is trained, nor anyt
 did.
 """
 
+import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -171,12 +172,13 @@ def banded_attention(q: Tensor, k: Tensor, v: Tensor, look_back: int) -> Tensor:
     may[0, :, :look_back] = False  # before the beginning
     scores = (q @ k.transpose(-1, -2)).float() * q.shape[-1] ** -0.5
     weights = scores.masked_fill(~may, -torch.inf).softmax(-1).to(v.dtype)
-    return (weights @ v).flatten(2, 3)[:, :, :timesteps]
+    seen: Tensor = (weights @ v).flatten(2, 3)[:, :, :timesteps]
+    return seen
 
 
 def rotations(timesteps: Tensor, dim: int) -> Tensor:
     """(T, dim / 2, 2): cosine and sine by which a query or key of each timestep is turned. [rotary positions]"""
-    speeds = _ROTARY_BASE ** -(torch.arange(dim // 2) / (dim // 2))
+    speeds = torch.exp(-math.log(_ROTARY_BASE) * torch.arange(dim // 2) / (dim // 2))
     angles = timesteps[:, None] * speeds
     return torch.stack([angles.cos(), angles.sin()], -1)
 

@@ -16,7 +16,7 @@ from models.policy import NetworkPolicy, network_of
 from models.protocols import Observations, Policy, Probabilities
 from overcooked.constants import ACTIONS
 from overcooked.layout import Layout
-from training.collect import Partner, Target
+from training.collect import TRAIN, Partner, Target, split_by_agent
 
 _MEMBER = re.compile(r"^(?:population_)?(?P<kind>sp|fcp)_(?P<seed>\d+)_(?P<skill>\d+)$")
 _NOISES = (0.15, 0.3, 0.6)  # shares of random actions among the extras
@@ -40,11 +40,12 @@ def load_target(name: str, layout: Layout) -> Target:
     return Target(Path(name).name, agent.policy, agent.mode, agent_sha256(name, layout))
 
 
-def load_population(folder: Path, layout: Layout) -> list[Partner]:
-    """The partner agents found in and below `folder`, at each of their skill levels. Raises CheckpointError where there
-    are none, or one is for another kitchen."""
+def load_population(folders: Path | Sequence[Path], layout: Layout) -> list[Partner]:
+    """The partner agents found in and below `folders`, at each of their skill levels. Raises CheckpointError where
+    there are none, or one is for another kitchen."""
     partners = []
-    for config in sorted(folder.glob("**/config.json")):
+    folders = [folders] if isinstance(folders, Path) else folders
+    for config in sorted(config for folder in folders for config in folder.glob("**/config.json")):
         checkpoint = load_checkpoint(config.parent)
         member = _MEMBER.match(str(checkpoint.config.get("agent", "")))
         if member is None or "population" not in str(config):
@@ -55,9 +56,8 @@ def load_population(folder: Path, layout: Layout) -> list[Partner]:
         agent = f"{member['kind']}_{member['seed']}"
         partners.append(Partner(f"{agent}_{member['skill']}", agent, member["kind"], NetworkPolicy(network)))
     if not partners:
-        raise CheckpointError(
-            f"{folder}: holds no population. Train one: kitchenmind train study --layouts {layout.name}"
-        )
+        remedy = f"Train one: kitchenmind train study --layouts {layout.name}"
+        raise CheckpointError(f"{', '.join(map(str, folders))}: no population is there. {remedy}")
     return sorted(partners, key=lambda partner: partner.name)
 
 
@@ -66,8 +66,6 @@ def with_itself_and_extras(
 ) -> list[Partner]:
     """The paper's 31 partners: the target itself and the population; and, if wanted, extras that are only trained on:
     noisy selves, noisy agents of the training split, the scripted planner, and one who does anything."""
-    from training.collect import TRAIN, split_by_agent
-
     itself = Partner("itself", "itself", "self", target.policy)
     everybody = [itself, *population]
     if not extras:

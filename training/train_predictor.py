@@ -7,7 +7,6 @@ Resumable to the step. It must not know how the games were collected.
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,29 +23,10 @@ from overcooked.layout import Layout
 from training.collect import TRAIN, VALIDATION
 from training.dataset import NONE, Episodes, load_episodes, stream_batch, window_batch
 from training.evaluate_predictor import Evaluation, evaluate, fitted_temperature, logits
+from training.predictor_config import TrainingConfig
 from training.runlog import RunFolder
 
 Progress = Callable[[float, Mapping[str, float]], None]
-
-
-@dataclass(frozen=True)
-class TrainingConfig:
-    """How a predictor learns."""
-
-    updates: int = 6000  # at most
-    learning_rate: float = 1e-3  # the paper's; warms up, then falls along a cosine to a hundredth
-    warm_up: int = 100  # updates
-    stretches: int = 24  # stream: stretches of games in an update
-    stretch: int = 100  # timesteps of one
-    windows: int = 512  # window: windows in an update
-    weight_decay: float = 0.02
-    gradient_norm: float = 1.0
-    averaging: float = 0.998  # of the weights that are kept and shipped (exponential moving average)
-    check_every: int = 250  # updates between two looks at validation
-    patience: int = 8  # looks without a better one before it stops
-    minutes: float = 15.0  # of this process, at most; the same command goes on later
-    bfloat16: bool = True  # matrix products in 16 bits
-    seed: int = 0
 
 
 class Trainer:

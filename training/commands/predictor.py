@@ -2,14 +2,10 @@
 training.train_predictor."""
 
 import argparse
-from collections.abc import Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-from training.config import ConfigError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,11 +28,13 @@ def run(arguments: argparse.Namespace) -> int:
     from training.collect import TEST, read_manifest
     from training.dataset import load_episodes
     from training.population import load_target
+    from training.predictor_config import TrainingConfig, changed, parsed_changes
     from training.runlog import RunFolder
     from training.ship_predictor import predictor_folder, write_predictor
-    from training.train_predictor import TrainingConfig, prepared, train_predictor
+    from training.train_predictor import prepared, train_predictor
 
-    network, training = changed(PredictorConfig(form=arguments.form), TrainingConfig(), arguments.set)
+    defaults = (PredictorConfig(form=arguments.form), TrainingConfig())
+    network, training = changed(defaults, parsed_changes(arguments.set), "--set")
     layout = load_layout(arguments.layout)
     target = load_target(arguments.agent, layout)
     games = arguments.games or arguments.runs / "games" / f"{layout.name}_{target.name}"
@@ -69,25 +67,3 @@ def run(arguments: argparse.Namespace) -> int:
     result = write_predictor(out, trained, layout, target, load_episodes(games, TEST, layout, trained.eyes), how)
     print(f"{out}: {result.accuracy.mean:.1%} on partners never seen (ceiling of step 1: {result.ceiling:.1%})")
     return 0
-
-
-def changed(network: Any, training: Any, changes: Sequence[str]) -> tuple[Any, Any]:
-    """Both configs with `key=value` changes. Raises ConfigError for an unknown key or a wrong value."""
-    configs = [network, training]
-    for change in changes:
-        key, _, text = change.partition("=")
-        owner = next((k for k, config in enumerate(configs) if key in {field.name for field in fields(config)}), None)
-        if owner is None:
-            known = ", ".join(field.name for config in configs for field in fields(config))
-            raise ConfigError(f"--set: unknown key {key!r}. Known: {known}.")
-        configs[owner] = _with(configs[owner], key, text)
-    return configs[0], configs[1]
-
-
-def _with(config: Any, key: str, text: str) -> Any:
-    kind = type(getattr(config, key))
-    try:
-        value = {"true": True, "false": False}[text.lower()] if kind is bool else kind(text.replace("_", ""))
-    except (ValueError, KeyError):
-        raise ConfigError(f"--set {key}={text}: write a value of type {kind.__name__}.") from None
-    return type(config)(**{**asdict(config), key: value})

@@ -1,0 +1,75 @@
+"""The tasks that make a kitchen's predictors: games of each target, a predictor in each form, the shipped folders.
+
+It must not know how tasks are scheduled.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from models.predictor import PredictorConfig
+from overcooked.layout import Layout
+from training.collect import TEST, Plan, Target, collect
+from training.dataset import load_episodes
+from training.population import load_population, load_target, with_itself_and_extras
+from training.predictor_config import Configs, TrainingConfig, changed
+from training.runlog import RunFolder
+from training.ship_predictor import predictor_folder, write_predictor
+from training.study import Task, Work
+from training.train_predictor import prepared, train_predictor
+
+AGENTS, FORMS = ("sp", "fcp"), ("stream", "window")
+LENDER = "features"
+
+
+def predictor_tasks(layout: Layout, population: Sequence[str], lender: str, settings: Mapping[str, Any]) -> list[Task]:
+    """Games, predictors and their shipping for both targets of a kitchen, inputs first. `population` and `lender` are
+    names of tasks that leave checkpoints; `settings` change the configs for all forms, or in a table for one."""
+    tasks = []
+    for agent in AGENTS:
+        chosen, games = f"choose_{agent}", f"games_{agent}"
+        inputs: tuple[str, ...] = (chosen, *population)
+        tasks.append(Task(layout.name, games, partial(_collect, layout, agent), asdict(Plan()), inputs))
+        for form in FORMS:
+            configs = _configs(form, settings)
+            facts = {"network": asdict(configs[0]), "training": asdict(configs[1])}
+            inputs = (games, chosen, lender) if configs[0].eyes == "cnn" else (games, chosen)
+            action = partial(_train, layout, agent, configs)
+            tasks.append(Task(layout.name, f"predictor_{agent}_{form}", action, facts, inputs, 10.0))
+    return tasks
+
+
+def _configs(form: str, settings: Mapping[str, Any]) -> Configs:
+    own = {key: value for key, value in settings.items() if not isinstance(value, Mapping)}
+    own.update(settings.get(form, {}))
+    return changed((PredictorConfig(form=form), TrainingConfig(minutes=1e9)), own, f"[predictor] {form}")
+
+
+def _target(work: Work, layout: Layout, agent: str) -> Target:
+    found = load_target(str(work.inputs[f"choose_{agent}"] / "agent"), layout)
+    return Target(agent, found.policy, found.mode, found.sha256)
+
+
+def _collect(layout: Layout, agent: str, work: Work) -> None:
+    target = _target(work, layout, agent)
+    folders = [folder for name, folder in work.inputs.items() if name.startswith("population")]
+    partners = with_itself_and_extras(target, load_population(folders, layout), layout)
+    collect(work.folder / "games", layout, target, partners, Plan(), work.report)
+
+
+def _train(layout: Layout, agent: str, configs: Configs, work: Work) -> None:
+    """Trains a predictor and leaves it in <folder>/predictor and among the shipped weights."""
+    games = work.inputs[f"games_{agent}"] / "games"
+    lender: Path | None = next(
+        (folder / "100" for name, folder in work.inputs.items() if name.startswith(LENDER)), None
+    )
+    network, training = configs
+    trainer = prepared(layout, network, training, games, lender)
+    run = RunFolder(work.folder / "run", work.task.settings)
+    trained = train_predictor(trainer, run, lambda share, _: work.report(share))
+    how = {"updates": trainer.update, "training games": len(trainer.train), **work.task.settings}
+    test = load_episodes(games, TEST, layout, trained.eyes)
+    for folder in (work.folder / "predictor", predictor_folder(layout, agent, network.form)):
+        write_predictor(folder, trained, layout, _target(work, layout, agent), test, how)
