@@ -1,0 +1,177 @@
+"""A predictor learns, is measured, goes on where it stopped, and is shipped with its card."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+import kitchenmind
+from models.catalogue import load_agent
+from models.checkpoint import load_checkpoint
+from models.policy import NetworkConfig, build_network, save_agent
+from models.predictor import PredictorConfig, PredictorNetwork, load_trained_predictor, predictor_network
+from models.protocols import Mode
+from overcooked.layout import load_layout
+from training.collect import TEST, Partner, Plan, Target, collect
+from training.config import ConfigError
+from training.dataset import load_episodes
+from training.evaluate_predictor import calibration_error, evaluate, fitted_temperature, logits
+from training.predictor_config import TrainingConfig, changed, parsed_changes
+from training.runlog import RunFolder
+from training.ship_predictor import write_predictor
+from training.train_predictor import prepared, train_predictor
+
+RING = load_layout("coordination_ring")
+TINY = {"hidden": 32, "layers": 2, "heads": 2, "feed_forward": 64, "state_width": 48, "action_width": 8, "dropout": 0.0}
+QUICK = TrainingConfig(updates=120, warm_up=10, stretches=8, stretch=40, windows=64, check_every=40, bfloat16=False)
+
+
+def target():
+    agent = load_agent("planner", RING)
+    return Target("planner", agent.policy, agent.mode, "0" * 64)
+
+
+@pytest.fixture(scope="module")
+def games(tmp_path_factory):
+    """The planner's games with five others, one of them for validation and one for the test."""
+    folder = tmp_path_factory.mktemp("games")
+    others = [Partner(f"sp_{k}_100", f"sp_{k}", "sp", *load_agent("planner", RING)) for k in range(4)]
+    others.append(Partner("sp_9_100", "sp_9", "sp", load_agent("random", RING).policy))
+    collect(folder, RING, target(), others, Plan(trajectories=1, timesteps=200))
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    torch.set_num_threads(1)
+
+
+def trained(form, games, folder, config=QUICK):
+    trainer = prepared(RING, PredictorConfig(form=form, **TINY), config, games)
+    return train_predictor(trainer, RunFolder(folder, {"form": form})), trainer
+
+
+@pytest.mark.parametrize("form", ["stream", "window"])
+def test_both_forms_learn_to_foretell_better_than_the_baselines(form, games, tmp_path):
+    network, trainer = trained(form, games, tmp_path)
+    result = evaluate(network, trainer.validation)
+    assert result.accuracy.mean > max(result.repeat.mean, result.frequent.mean)
+    assert result.loss < 3 * np.log(6)
+
+
+def test_an_interrupted_run_goes_on_to_the_same_weights(games, tmp_path):
+    whole, _ = trained("stream", games, tmp_path / "whole")
+    with pytest.raises(TimeoutError, match="the same command goes on"):
+        trained("stream", games, tmp_path / "parts", replace(QUICK, minutes=0.0))
+    for _ in range(5):
+        try:
+            parts, trainer = trained("stream", games, tmp_path / "parts", replace(QUICK, minutes=0.0))
+            break
+        except TimeoutError:
+            continue
+    assert trainer.update == QUICK.updates
+    for (name, one), (_, other) in zip(whole.named_parameters(), parts.named_parameters(), strict=True):
+        assert torch.equal(one, other), name
+
+
+def test_training_stops_when_validation_gets_no_better(games, tmp_path):
+    settings = replace(QUICK, learning_rate=0.0, patience=2, check_every=5)
+    _, trainer = trained("stream", games, tmp_path, settings)
+    assert trainer.update == 15
+
+
+def test_metrics_are_written_as_training_goes_on(games, tmp_path):
+    trained("stream", games, tmp_path)
+    lines = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
+    assert [line["timesteps"] for line in lines] == [40, 80, 120]
+    assert {"loss", "validation_loss", "accuracy", "step1", "step2", "step3"} <= set(lines[0])
+
+
+def test_accuracy_of_a_network_is_what_counting_gives(games):
+    torch.manual_seed(0)
+    network = PredictorNetwork(RING, PredictorConfig(form="stream", **TINY)).eval()
+    episodes = load_episodes(games, TEST, RING, network.eyes)
+    said = logits(network, episodes).argmax(-1).numpy()
+    right = counted = 0
+    for episode in range(len(episodes)):
+        for t in range(200 - 2):
+            right += int(said[episode, t, 2] == episodes.own[episode, t + 2])
+            counted += 1
+    result = evaluate(network, episodes)
+    assert result.accuracy.steps[2] == pytest.approx(right / counted)
+    assert result.windows == len(episodes) * 200
+
+
+def test_baselines_are_what_they_say(games):
+    network = PredictorNetwork(RING, PredictorConfig(form="stream", **TINY))
+    episodes = load_episodes(games, TEST, RING, network.eyes)
+    result = evaluate(network, episodes, frequent_action=4)
+    assert result.frequent.steps[0] == pytest.approx((episodes.own == 4).mean())
+    repeated = np.concatenate([episodes.own[:, :1] == 0, episodes.own[:, 1:] == episodes.own[:, :-1]], 1)
+    assert result.repeat.steps[0] == pytest.approx(repeated.mean())
+    assert result.ceiling == pytest.approx(episodes.certainty.mean())
+
+
+def test_calibration_error_of_an_overconfident_predictor():
+    confidence = np.full(1000, 0.9)
+    right = np.arange(1000) < 600
+    assert calibration_error(confidence, right) == pytest.approx(0.3)
+    assert calibration_error(np.full(1000, 0.6), right) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_temperature_makes_confidence_honest():
+    draws = torch.Generator().manual_seed(0)
+    honest = torch.randn(40, 50, 3, 6, generator=draws)
+    labels = torch.distributions.Categorical(logits=honest).sample()
+    fitted = fitted_temperature(honest * 3, labels)
+    assert torch.allclose(fitted, torch.full((3,), 3.0), atol=0.4)
+
+
+def test_a_shipped_predictor_says_on_its_card_what_it_does(games, tmp_path):
+    network, _ = trained("stream", games, tmp_path / "run")
+    test = load_episodes(games, TEST, RING, network.eyes)
+    result = write_predictor(tmp_path / "p", network, RING, target(), test, {"seed": 0})
+    card = (tmp_path / "p" / "card.md").read_text()
+    assert f"{100 * result.accuracy.mean:.1f}" in card
+    assert "after 3 timesteps without a change" in card
+    stored, _ = predictor_network(load_checkpoint(tmp_path / "p"))
+    assert evaluate(stored, test).accuracy.mean == pytest.approx(result.accuracy.mean, abs=0.01)
+    assert load_trained_predictor(tmp_path / "p", RING)[1] == round(result.accuracy.mean, 4)
+
+
+def test_an_unknown_setting_names_the_known_ones():
+    configs = (PredictorConfig(), TrainingConfig())
+    assert (
+        changed(configs, parsed_changes(["updates=1_000", "look_back=8", "bfloat16=false"]), "--set")[0].look_back == 8
+    )
+    with pytest.raises(ConfigError, match=r"unknown key 'colour'. Known: form, .*updates"):
+        changed(configs, {"colour": "red"}, "--set")
+    with pytest.raises(ConfigError, match="type int"):
+        changed(configs, {"updates": "many"}, "--set")
+    with pytest.raises(ConfigError, match="key=value"):
+        parsed_changes(["updates"])
+
+
+def test_collecting_training_and_predicting_by_the_command_line(tmp_path, capsys, monkeypatch):
+    config = NetworkConfig(hidden=(16,))
+    for seed in (1, 2, 3):
+        name = f"population_sp_{seed}_100"
+        save_agent(
+            tmp_path / "population" / name, build_network(config, RING), config, RING, Mode(), "A card.", agent=name
+        )
+    monkeypatch.chdir(tmp_path)
+    common = ["--layout", "coordination_ring", "--agent", "planner"]
+    collecting = ["collect", *common, "--population", "population", "--trajectories", "1", "--timesteps", "60"]
+    assert kitchenmind.main([*collecting, "--no-extras"]) == 0
+    small = [
+        word for key, value in {**TINY, "updates": 4, "check_every": 2}.items() for word in ("--set", f"{key}={value}")
+    ]
+    assert kitchenmind.main(["train", "predictor", *common, *small, "--out", "made"]) == 0
+    assert "on partners never seen" in capsys.readouterr().out
+    assert load_checkpoint(tmp_path / "made").config["agent"] == "planner"
+    assert kitchenmind.main(["collect", *common, "--population", "nowhere"]) == 2
+    assert "no population is there" in capsys.readouterr().err
+    assert kitchenmind.main(["train", "predictor", *common, "--set", "colour=red"]) == 2
+    assert "unknown key 'colour'" in capsys.readouterr().err
