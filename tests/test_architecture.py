@@ -26,7 +26,6 @@ LONG_FUNCTIONS = {
     "training.collect.games_with": "one loop over timesteps, in the order in which things happen",
 }
 MANY_ARGUMENTS = {
-    "analysis.figures._bracket": "a drawing: where its parts are",
     "models.predictor._attention": "part of a graph that is exported: tensors one by one",
     "training.ppo.ppo_loss": "what the formula has, by name",
 }

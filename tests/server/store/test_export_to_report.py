@@ -1,0 +1,103 @@
+"""What is exported can be analysed: the report is made of a database that the real rules filled."""
+
+import hashlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import polars as pl
+import pytest
+from sqlalchemy import select
+from study_data import fill
+
+import kitchenmind
+from analysis import cards, measures
+from analysis.report import write_report
+from analysis.study import Options
+from analysis.tables import COLUMNS, OPTIONAL, read_export
+from server.store import codebook, participants
+from server.store.database import Database
+from server.store.migrate import migrate
+from server.store.tables import episodes as episode_table
+from server.store.tables import participants as participant_table
+from server.store.tables import ticks as tick_table
+
+PEOPLE = 9
+
+
+@pytest.fixture(scope="module")
+def database(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
+    """Nine people of three conditions who finished, two episodes each."""
+    address = f"sqlite:///{tmp_path_factory.mktemp('store')}/study.db"
+    migrate(address)
+    with Database(address) as opened:
+        opened.write_now(fill, PEOPLE)
+        query = select(participant_table.c.id)
+        for person in opened.read_now(lambda connection: connection.execute(query).scalars().all()):
+            opened.write_now(participants.complete, person, "KM-1")
+        yield opened
+
+
+@pytest.fixture(scope="module", params=["csv", "parquet"])
+def folder(request: pytest.FixtureRequest, database: Database, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The database exported in one format alone."""
+    out = tmp_path_factory.mktemp("export") / "data"
+    url = database.url
+    assert kitchenmind.main(["export", "--database", url, "--out", str(out), "--format", request.param]) == 0
+    return out
+
+
+def test_the_analysis_reads_only_columns_of_the_codebook() -> None:
+    tables = {table.name: set(table.names) for table in codebook.TABLES}
+    assert set(OPTIONAL) <= set(COLUMNS) <= set(tables)
+    for table, columns in COLUMNS.items():
+        assert set(columns) <= tables[table]
+
+
+def test_accuracy_from_the_export_is_accuracy_counted_in_the_database(folder: Path, database: Database) -> None:
+    episodes = measures.episode_measures(read_export(folder))
+    assert episodes.height == 2 * PEOPLE
+    episode = episodes["episode"][0]
+    query = select(tick_table.c.timestep, tick_table.c.action_1, tick_table.c.prediction)
+    query = query.where(tick_table.c.episode_id == episode).order_by(tick_table.c.timestep)
+    rows = database.read_now(lambda connection: connection.execute(query).all())
+    hits = {1: [], 2: [], 3: []}  # type: dict[int, list[bool]]
+    done = {timestep: action for timestep, action, _ in rows}  # the action that led to state n stands in tick n
+    for timestep, _, prediction in rows:
+        for step in (1, 2, 3):
+            if prediction and timestep + step in done:
+                guesses = memoryview(prediction).cast("f")[6 * (step - 1) : 6 * step].tolist()
+                hits[step].append(guesses.index(max(guesses)) == done[timestep + step])
+    for step in (1, 2, 3):
+        assert episodes[f"accuracy_{step}"][0] == pytest.approx(sum(hits[step]) / len(hits[step]))
+
+
+def test_reward_and_pauses_come_through(folder: Path, database: Database) -> None:
+    episodes = measures.episode_measures(read_export(folder))
+    query = select(episode_table.c.id, episode_table.c.score, episode_table.c.progress)
+    stored = {row[0]: row[1] + row[2] for row in database.read_now(lambda connection: connection.execute(query).all())}
+    assert dict(episodes.select("episode", "reward").rows()) == stored
+    assert episodes["hidden_share"].to_list() == pytest.approx([1234.5 / (40 * 200 + 1234.5)] * 2 * PEOPLE)
+    assert episodes["lag_ms"].null_count() == 0
+
+
+def test_an_exported_study_becomes_a_report(folder: Path, tmp_path: Path) -> None:
+    report = write_report(folder, tmp_path, Options(power_studies=20))
+    assert report.analysis.conditions == ("none", "random", "tom")
+    assert report.analysis.episodes.height == 2 * PEOPLE
+    assert "Simulated" not in report.page.read_text(encoding="utf-8")
+
+
+def test_offline_accuracy_is_found_by_the_hash_of_the_predictor(tmp_path: Path) -> None:
+    for name, share in (("sp_predictor_window", 0.8), ("sp_predictor_stream", 0.9)):
+        card = tmp_path / "matrix" / name
+        card.mkdir(parents=True)
+        accuracy = {"step1": share, "step2": share - 0.1, "step3": share - 0.2, "mean": share - 0.1}
+        (card / "config.json").write_text(json.dumps({"accuracy": accuracy}))
+        (card / "sha256").write_text(f"{name}\n")
+    used = hashlib.sha256(b"sp_predictor_stream\n").hexdigest()
+    episodes = pl.DataFrame(
+        {"agent": ["sp", "fcp"], "layout": ["matrix", "matrix"], "predictor_sha256": [used, "0" * 64]}
+    )
+    assert cards.offline_accuracy(episodes, tmp_path) == {"sp": {"matrix": pytest.approx([0.9, 0.8, 0.7])}}
+    assert cards.offline_accuracy(episodes.drop("predictor_sha256"), tmp_path) == {}
