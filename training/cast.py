@@ -11,6 +11,7 @@ from overcooked.layout import load_layout
 from training.agents import PEOPLE, SKILLS, ship, train_agent
 from training.choose import choose_fcp, choose_sp, ship_cast
 from training.config import CONFIG_FOLDER, AgentConfig, ConfigError, changed, differences
+from training.predictor_tasks import predictor_tasks
 from training.study import Task, Work
 
 STUDY_LAYOUTS = ("coordination_ring", "double_rings", "double_counters", "matrix", "clear_division")
@@ -70,6 +71,13 @@ def study_tasks(layout: str, preset: Preset) -> list[Task]:
     ]
     everybody = tuple(task.name for task in (*agents, *choice) if not task.name.startswith("target_fcp"))
     return [*agents, *choice, Task(layout, "weights", lambda work: ship_cast(work, grid), {}, everybody, 0.1)]
+
+
+def foretelling_tasks(layout: str, preset: Preset) -> list[Task]:
+    """The predictors of both targets of a kitchen; their inputs are tasks of `study_tasks`."""
+    population = (*seeds("population_sp", preset), *seeds("population_fcp", preset))
+    (lender,) = seeds("features", preset)
+    return predictor_tasks(load_layout(layout), population, lender, preset.settings.get("predictor", {}))
 
 
 def seeds(role: str, preset: Preset) -> list[str]:

@@ -98,7 +98,7 @@ def _show(config: AgentConfig) -> None:
 
 def _train_study(arguments: argparse.Namespace) -> int:
     from overcooked.layout import load_layout
-    from training.cast import STUDY_LAYOUTS, load_preset, study_tasks
+    from training.cast import STUDY_LAYOUTS, foretelling_tasks, load_preset, study_tasks
     from training.schedule import run_here, run_on_ray, run_task, show_plan
     from training.study import Graph
 
@@ -106,7 +106,9 @@ def _train_study(arguments: argparse.Namespace) -> int:
     layouts = arguments.layouts or list(STUDY_LAYOUTS)
     for layout in layouts:
         load_layout(layout)
-    graph = Graph([task for layout in layouts for task in study_tasks(layout, preset)], arguments.runs / "study")
+    # All agents first: they can be played with while the predictors learn.
+    tasks = [task for made in (study_tasks, foretelling_tasks) for layout in layouts for task in made(layout, preset)]
+    graph = Graph(tasks, arguments.runs / "study")
     if arguments.only:
         graph = graph.limited(arguments.only)
     if arguments.task:
