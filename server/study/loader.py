@@ -136,7 +136,7 @@ class _Reader:
     def value(self, node: yaml.Node, path: Path) -> Any:
         self._nodes += 1
         line = node.start_mark.line + 1
-        self._places.put(path, line) if path else None
+        self._places.put(path, line)
         if self._nodes > LARGEST_NODES or len(path) > 20:
             self._refuse(line, "the file is nested too deep or its aliases unfold to too much", "Write the values out.")
         if isinstance(node, yaml.MappingNode):

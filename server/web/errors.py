@@ -1,8 +1,8 @@
 """Pages for what went wrong, in the same look and the reader's language. They tell nothing about the inside."""
 
+import logging
 from collections.abc import Mapping
 
-import structlog
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
@@ -10,9 +10,10 @@ from starlette.exceptions import HTTPException
 
 from server.store.database import DatabaseDown
 from server.web.deps import page, web_of
+from server.web.headers import security_headers
 
 _KNOWN = (400, 403, 404, 409, 413, 429, 500, 503)
-_log = structlog.get_logger(__name__)
+log = logging.getLogger(__name__)
 
 
 def install_error_pages(app: FastAPI) -> None:
@@ -32,8 +33,10 @@ def install_error_pages(app: FastAPI) -> None:
 
     @app.exception_handler(Exception)
     async def broken(request: Request, error: Exception) -> Response:
-        _log.error("a page broke", path=request.url.path, exc_info=error)
-        return error_page(request, 500, "something went wrong on our side")
+        log.error("the page %s broke", request.url.path, exc_info=error)
+        # The framework makes this answer outside of all middleware.
+        headers = security_headers(request.headers.get("host", ""), web_of(request).guard.secure)
+        return error_page(request, 500, "something went wrong on our side", headers)
 
 
 def error_page(request: Request, status: int, reason: str, headers: Mapping[str, str] | None = None) -> Response:

@@ -1,6 +1,6 @@
 """Security headers on every answer: nothing from elsewhere, no code inside a page, no frame around it."""
 
-from starlette.datastructures import MutableHeaders
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 _POLICY = (
@@ -31,19 +31,22 @@ class SecurityHeaders:
             await self._app(scope, receive, send)
             return
 
+        headers_of_request = Headers(scope=scope)
+
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
-                for name, value in self._headers(scope).items():
+                for name, value in security_headers(headers_of_request.get("host", ""), self._secure).items():
                     headers.setdefault(name, value)
             await send(message)
 
         await self._app(scope, receive, send_with_headers)
 
-    def _headers(self, scope: Scope) -> dict[str, str]:
-        host = next((value.decode("latin-1") for name, value in scope["headers"] if name == b"host"), "")
-        # Some browsers do not count a websocket of our own address as 'self'.
-        plain = all(letter.isalnum() or letter in ".-:[]" for letter in host)
-        sockets = f" {'wss' if self._secure else 'ws'}://{host}" if host and plain else ""
-        headers = _FIXED | {"Content-Security-Policy": _POLICY.format(sockets=sockets)}
-        return headers | ({"Strict-Transport-Security": f"max-age={_YEAR_S}"} if self._secure else {})
+
+def security_headers(host: str, secure: bool) -> dict[str, str]:
+    """The headers of an answer to a browser that asked for `host`."""
+    # Some browsers do not count a websocket of our own address as 'self'.
+    plain = all(letter.isalnum() or letter in ".-:[]" for letter in host)
+    sockets = f" {'wss' if secure else 'ws'}://{host}" if host and plain else ""
+    headers = _FIXED | {"Content-Security-Policy": _POLICY.format(sockets=sockets)}
+    return headers | ({"Strict-Transport-Security": f"max-age={_YEAR_S}"} if secure else {})

@@ -1,8 +1,8 @@
 """The studies that are served, and every version that somebody once consented to. Knows the store, no HTTP."""
 
+import logging
 from collections.abc import Iterable
 
-import structlog
 from sqlalchemy import Connection
 
 from server.store import studies as stored_studies
@@ -12,7 +12,7 @@ from server.study.loader import StudyError, StudyFile, parse_study
 from server.study.plan import Study
 from server.study.steps import Step, steps
 
-_log = structlog.get_logger(__name__)
+log = logging.getLogger(__name__)
 
 
 class Studies:
@@ -39,7 +39,7 @@ class Studies:
         try:
             self._versions[row.id] = parse_study(row.source, f"{row.key} version {row.version}").study
         except StudyError as error:
-            _log.warning("a stored study cannot be read any more", study=row.key, version=row.version, error=str(error))
+            log.warning("version %d of %s cannot be read any more: %s", row.version, row.key, error)
 
     def names(self) -> tuple[str, ...]:
         """The studies that take new participants, in the order given."""

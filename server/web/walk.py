@@ -60,6 +60,9 @@ def known(connection: Connection, all_studies: Studies, name: str, person: str |
 def enrol(connection: Connection, all_studies: Studies, arrival: Arrival) -> Participant:
     """The participant who consents now, in the condition whose turn it is; or the one that the person already is, who
     goes on with the new cookie. Raises StudyFullError, KeyError (the study is not open)."""
+    same_page = participants.by_token(connection, arrival.token)
+    if same_page is not None:
+        return same_page
     before = known(connection, all_studies, arrival.study, arrival.person)
     if before is not None:
         participants.replace_token(connection, before.id, arrival.token)

@@ -1,0 +1,170 @@
+"""What strangers, other sites and broken requests meet: refused, with a page, and nothing changed."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+from server.store.database import Database
+from server.web.auth import FORM_S, Guard
+from server.web.pages import MOST_ECHOES
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    with Site(tmp_path_factory.mktemp("safety"), SMALL_STUDY) as running:
+        yield running
+
+
+def test_every_answer_carries_the_security_headers(site: Site) -> None:
+    for path in ("/", "/s/small", "/nowhere", "/static/css/pages.css"):
+        headers = Visitor(site).get(path).headers
+        policy = headers["content-security-policy"]
+        assert "default-src 'none'" in policy
+        assert "script-src 'self';" in policy
+        assert "unsafe" not in policy
+        assert "frame-ancestors 'none'" in policy
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["referrer-policy"] == "same-origin"
+
+
+def test_pages_hold_no_inline_code_and_ask_nobody_else(site: Site) -> None:
+    visitor = Visitor(site)
+    visitor.consent("small")
+    for path in ("/", "/s/small/now", "/s/small/withdraw"):
+        page = visitor.get(path).text
+        assert " style=" not in page
+        assert " onclick" not in page
+        assert "<script>" not in page
+        assert "http://" not in page.replace('xmlns="http://', "")
+        assert "https://" not in page
+
+
+def test_pages_are_never_kept_by_a_cache(site: Site) -> None:
+    visitor = Visitor(site)
+    assert visitor.get("/s/small").headers["cache-control"] == "no-store"
+    assert visitor.consent("small").headers["cache-control"] == "no-store"
+
+
+@pytest.mark.parametrize("origin", ["https://evil.example", "http://127.0.0.1:1", "null"])
+def test_form_from_another_site_is_refused(site: Site, origin: str) -> None:
+    visitor = Visitor(site)
+    visitor.consent("small")
+    fields = visitor.fields() | {key: value for key, value in EVERYTHING.items() if isinstance(value, str)}
+    before = site.everybody("small")[-1].position
+    answer = visitor.client.post("/s/small/now", data=fields, headers={"origin": origin})
+    assert answer.status_code == 403
+    assert site.everybody("small")[-1].position == before
+
+
+def test_form_without_our_mark_or_with_anothers_is_refused(site: Site) -> None:
+    visitor, other = Visitor(site), Visitor(site)
+    visitor.consent("small")
+    other.consent("small")
+    theirs = other.fields()["form_token"]
+    mine = visitor.fields()
+    for token in ("", "1.2", theirs, mine["form_token"][:-1], "9" * 20):
+        assert visitor.send("/s/small/now", mine | {"form_token": token}).status_code == 403
+
+
+def test_form_token_is_for_one_session_and_half_a_day() -> None:
+    guard = Guard(b"secret")
+    token = guard.form_token("mine", 1000)
+    assert guard.is_own_form(token, "mine", 1000 + FORM_S)
+    assert not guard.is_own_form(token, "mine", 1001 + FORM_S)
+    assert not guard.is_own_form(token, "mine", 900)
+    assert not guard.is_own_form(token, "yours", 1000)
+    assert not Guard(b"another").is_own_form(token, "mine", 1000)
+
+
+def test_cookie_travels_over_tls_only_where_the_address_is_https() -> None:
+    assert Guard(b"s", "https://lab.example.org").secure
+    assert not Guard(b"s", "http://127.0.0.1:8000").secure
+
+
+@pytest.mark.parametrize(
+    ("body", "status"),
+    [
+        (b"x" * 200_000, 413),
+        (b"step=%ff%fe", 400),
+        (b"\xff\xfe", 400),
+        (b"&".join(b"a%d=1" % n for n in range(400)), 400),
+        (b"", 403),
+    ],
+)
+def test_broken_body_is_refused_and_nothing_breaks(site: Site, body: bytes, status: int) -> None:
+    visitor = Visitor(site)
+    visitor.consent("small")
+    kind = {"content-type": "application/x-www-form-urlencoded"}
+    answer = visitor.client.post("/s/small/now", content=body, headers=kind)
+    assert answer.status_code == status
+    assert visitor.get("/s/small/now").status_code == 200
+
+
+@pytest.mark.parametrize("cookie", ["", "x", "a" * 64, "' or 1=1 --" + "x" * 30, "ü" * 30])
+def test_stranger_with_a_made_up_cookie_is_led_to_consent(site: Site, cookie: str) -> None:
+    visitor = Visitor(site)
+    page = visitor.client.get("/s/small/now", headers={"cookie": f"participant={cookie}".encode()})
+    assert page.url.path == "/s/small"
+
+
+@pytest.mark.parametrize("path", ["/nowhere", "/s/none", "/s/none/now/", "/s/small/nothing", "/s/../etc"])
+def test_address_that_leads_nowhere_is_a_page_with_a_way_home(site: Site, path: str) -> None:
+    page = Visitor(site).get(path)
+    assert page.status_code == 404
+    assert "There is nothing at this address" in page.text
+    assert 'href="/"' in page.text
+
+
+def test_program_gets_its_error_as_json(site: Site) -> None:
+    answer = Visitor(site, {"accept": "application/json"}).get("/nowhere")
+    assert (answer.status_code, answer.json()) == (404, {"detail": "Not Found"})
+
+
+def test_database_that_is_away_is_said_so_on_a_page(tmp_path: Path) -> None:
+    with Site(tmp_path, SMALL_STUDY) as site:
+        visitor = Visitor(site)
+        visitor.consent("small")
+        away = Database("postgresql://nobody@127.0.0.1:1/none", read_only=True)
+        site.app.state.web = replace(site.app.state.web, database=away)
+        page = visitor.get("/s/small/now")
+        away.close()
+        assert page.status_code == 503
+        assert "A short interruption" in page.text
+
+
+def test_error_inside_tells_nothing_of_the_inside(tmp_path: Path) -> None:
+    with Site(tmp_path, SMALL_STUDY) as site:
+        visitor = Visitor(site)
+        site.app.add_api_route("/broken", lambda: 1 / 0)
+        page = visitor.get("/broken")
+        assert page.status_code == 500
+        assert "Something went wrong on our side" in page.text
+        assert "ZeroDivision" not in page.text
+        assert "default-src 'none'" in page.headers["content-security-policy"]
+
+
+def test_entry_check_echoes_over_a_websocket_a_few_times(site: Site) -> None:
+    url = site.url.replace("http", "ws") + "/s/small/check"
+    with connect(url) as socket:
+        for number in range(7):
+            socket.send(str(number))
+            assert socket.recv(timeout=5) == str(number)
+    with connect(url) as socket:
+        for _ in range(MOST_ECHOES):
+            socket.send("x" * 100)
+            assert socket.recv(timeout=5) == "x" * 16
+        with pytest.raises(ConnectionClosed):
+            socket.recv(timeout=5)
+
+
+def test_entry_check_refuses_other_sites_and_other_studies(site: Site) -> None:
+    url = site.url.replace("http", "ws")
+    with pytest.raises(InvalidStatus):
+        connect(f"{url}/s/small/check", origin="https://evil.example")  # type: ignore[arg-type]
+    with pytest.raises(InvalidStatus):
+        connect(f"{url}/s/none/check")
