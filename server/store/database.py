@@ -24,6 +24,7 @@ __all__ = ["Database", "DatabaseDown", "DatabaseInUse"]
 
 P = ParamSpec("P")
 T = TypeVar("T")
+_Outcome = tuple[Any, Exception | None]
 LARGEST_GROUP = 256
 
 
@@ -57,8 +58,9 @@ class Database:
     async def write(self, function: Callable[Concatenate[Connection, P], T], *args: P.args, **kwargs: P.kwargs) -> T:
         """What `function(connection, *args)` returns, once its transaction is durable.
 
-        Its own exceptions come through and undo only its own work. Raises DatabaseDown: nothing was committed, the same
-        call may be repeated. Cancelled while it waits, it is never begun.
+        Its own exceptions come through and undo only its own work. It may be run twice (when another function of its
+        group failed), so it should do nothing but read and write the database. Cancelled while it waits, it is never
+        begun. Raises DatabaseDown: nothing was committed, the same call may be repeated.
         """
         return await asyncio.wrap_future(self._submit(function, args, kwargs))
 
@@ -132,45 +134,39 @@ class Database:
         """Runs the group in one transaction, then tells everybody in it."""
         if not group:
             return
-        results: list[tuple[_Job, Any]] = []
-        refused: list[tuple[_Job, BaseException]] = []
         try:
-            with self._writer.transaction() as connection:
-                for job in group:
-                    _run(connection, job, len(group) > 1, results, refused)
+            try:
+                outcomes = self._run(group, apart=False)
+            except Exception as error:
+                if len(group) == 1 or engines.is_down(error):
+                    raise
+                outcomes = self._run(group, apart=True)
         except Exception as error:  # noqa: BLE001 - whatever it was, everybody in the group must hear of it
-            down = error if isinstance(error, DatabaseDown) else engines.translated(error)
-            told = {id(job) for job, _ in refused}
-            for job in group:
-                if id(job) not in told:
-                    job.future.set_exception(down)
-        else:
-            for job, result in results:
+            reason = engines.translated(error)
+            outcomes = [(None, reason)] * len(group)
+        for job, (result, refusal) in zip(group, outcomes, strict=True):
+            if refusal is None:
                 job.future.set_result(result)
-        for job, reason in refused:
-            job.future.set_exception(reason)
+            else:
+                job.future.set_exception(refusal)
+
+    def _run(self, group: list[_Job], apart: bool) -> list[_Outcome]:
+        """The group's outcomes, committed. `apart`: each function in a savepoint, as one of them is known to fail."""
+        with self._writer.transaction() as connection:
+            if apart:
+                return [_apart(connection, job) for job in group]
+            return [(job.function(connection, *job.arguments, **job.keywords), None) for job in group]
 
 
-def _run(
-    connection: Connection,
-    job: _Job,
-    shared: bool,
-    results: list[tuple[_Job, Any]],
-    refused: list[tuple[_Job, BaseException]],
-) -> None:
-    """One function of a group. Alone it needs no savepoint: its failure undoes the transaction."""
-    if not shared:
-        results.append((job, job.function(connection, *job.arguments, **job.keywords)))
-        return
+def _apart(connection: Connection, job: _Job) -> _Outcome:
+    """One function of a group: its own fault goes to its caller, the others go on."""
     try:
         with connection.begin_nested():
-            result = job.function(connection, *job.arguments, **job.keywords)
+            return job.function(connection, *job.arguments, **job.keywords), None
     except Exception as error:
         if engines.is_down(error):
             raise
-        refused.append((job, error))
-    else:
-        results.append((job, result))
+        return None, error
 
 
 def _beat(connection: Connection) -> None:

@@ -17,6 +17,8 @@ from sqlalchemy.pool import QueuePool
 
 BUSY_TIMEOUT_S = 30
 CONNECT_TIMEOUT_S = 5
+CHECKPOINT_PAGES = 16_000  # 64 MB: a checkpoint holds up commits, so it should come seldom
+CACHE_KIB = 64 * 1024
 _ADVISORY_LOCK = 0x6B69_7463_6865_6E01  # any constant will do, as long as it never changes
 _OVERWRITE = "overwrite deleted content"
 _ADDRESSES = "Use sqlite:///file.db or postgresql://user@host/name."
@@ -80,7 +82,7 @@ def is_down(error: BaseException) -> bool:
     return False
 
 
-def translated(error: BaseException) -> BaseException:
+def translated(error: Exception) -> Exception:
     """DatabaseDown where the database is to blame, the error itself otherwise. The text holds no stored data."""
     if isinstance(error, DBAPIError) and is_down(error):
         return DatabaseDown(f"{type(error.orig).__name__}: {error.orig}")
@@ -105,6 +107,8 @@ def writer_engine(url: URL) -> Engine:
         "PRAGMA journal_mode=WAL",
         "PRAGMA synchronous=FULL",  # NORMAL would lose the last commits with the power
         "PRAGMA foreign_keys=ON",
+        f"PRAGMA wal_autocheckpoint={CHECKPOINT_PAGES}",
+        f"PRAGMA cache_size=-{CACHE_KIB}",
         "PRAGMA secure_delete=ON",  # what is deleted when a participant withdraws is overwritten
     )
     return engine

@@ -9,8 +9,8 @@ from datetime import UTC, datetime
 from typing import Any
 
 import msgspec
-import structlog
 from sqlalchemy import Connection, func, or_, select, update
+from sqlalchemy.exc import IntegrityError
 
 from server.play.recorder import AWAY_REASONS, EpisodeRecord, EpisodeResult, PauseRecord, RecorderDown, TickRecord
 from server.play.spec import EpisodeSpec
@@ -19,7 +19,6 @@ from server.store.database import Database, DatabaseDown
 from server.store.tables import episodes, pauses, ticks
 
 PATIENCE_S = 1.0
-_log = structlog.get_logger(__name__)
 
 
 @dataclass(frozen=True)
@@ -218,11 +217,12 @@ class StoreRecorder:
 
     async def ticks(self, records: Sequence[TickRecord]) -> None:
         """Raises TickConflict; ticks of an episode that was deleted (its participant withdrew) are dropped."""
-        stored = await self._write(tick_rows.insert, records)
-        if stored.gone:
-            _log.info("ticks of deleted episodes dropped", episodes=len(stored.gone))
-        if stored.conflicts:
-            places = ", ".join(f"episode {episode} timestep {timestep}" for episode, timestep in stored.conflicts)
+        try:
+            conflicts = await self._write(tick_rows.insert, records)
+        except IntegrityError:
+            conflicts = await self._write(tick_rows.insert_of_known, records)
+        if conflicts:
+            places = ", ".join(f"episode {episode} timestep {timestep}" for episode, timestep in conflicts)
             raise TickConflict(f"another tick is stored already: {places}")
 
     async def pause(self, record: PauseRecord) -> None:

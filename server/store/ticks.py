@@ -5,8 +5,8 @@ Storing a tick twice is no fault (a commit may succeed although its answer got l
 
 import struct
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from typing import Any
 
 from sqlalchemy import Connection, Row, select, tuple_, update
@@ -22,28 +22,27 @@ _NO_KEY = (None, None, None)
 Values = tuple[Any, ...]
 
 
-@dataclass(frozen=True)
-class Stored:
-    """What became of a batch."""
+def insert(connection: Connection, records: Sequence[TickRecord]) -> tuple[tuple[str, int], ...]:
+    """Stores ticks of any episodes; tick 0 starts its episode. What is stored already and equal counts as stored.
 
-    conflicts: tuple[tuple[str, int], ...] = ()  # (episode, timestep) where something else is stored already
-    gone: frozenset[str] = frozenset()  # episodes that are not in the database (any more): nothing is kept of them
-
-
-def insert(connection: Connection, records: Sequence[TickRecord]) -> Stored:
-    """Stores ticks of any episodes; tick 0 starts its episode. What is stored already and equal counts as stored."""
-    wanted = {record.episode for record in records}
-    known = connection.execute(select(episodes.c.id, episodes.c.status).where(episodes.c.id.in_(wanted)))
-    statuses = {row.id: row.status for row in known}
-    rows = [row_of(record) for record in records if record.episode in statuses]
-    starting = [record.episode for record in records if record.timestep == 0 and statuses.get(record.episode) == "new"]
+    Returns (episode, timestep) where another tick is stored already: those are left as they are. Raises IntegrityError
+    if an episode is not in the database: nothing is stored then, see `insert_of_known`.
+    """
+    starting = [record.episode for record in records if record.timestep == 0]
     if starting:
-        start = update(episodes).where(episodes.c.id.in_(starting))
+        start = update(episodes).where(episodes.c.id.in_(starting), episodes.c.status == "new")
         connection.execute(start.values(status="running", started_at=datetime.now(UTC)))
-    conflicts: tuple[tuple[str, int], ...] = ()
-    if rows and connection.exec_driver_sql(_insert_text(connection), rows).rowcount != len(rows):
-        conflicts = _conflicts(connection, rows)
-    return Stored(conflicts, frozenset(wanted - statuses.keys()))
+    rows = list(map(row_of, records))
+    if not rows or connection.exec_driver_sql(_insert_text(connection.dialect.name), rows).rowcount == len(rows):
+        return ()
+    return _conflicts(connection, rows)
+
+
+def insert_of_known(connection: Connection, records: Sequence[TickRecord]) -> tuple[tuple[str, int], ...]:
+    """`insert` without the ticks of episodes that were deleted: of a participant who withdrew nothing is kept."""
+    wanted = {record.episode for record in records}
+    known = set(connection.execute(select(episodes.c.id).where(episodes.c.id.in_(wanted))).scalars())
+    return insert(connection, [record for record in records if record.episode in known])
 
 
 def of_episode(connection: Connection, episode_id: str) -> list[TickRecord]:
@@ -119,9 +118,10 @@ def _keys(row: "Row[Any]") -> Iterable[KeyRecord]:
         yield KeyRecord(1, row.key_seq_1, row.key_client_ms_1, row.key_received_ms_1)
 
 
-def _insert_text(connection: Connection) -> str:
+@cache
+def _insert_text(dialect: str) -> str:
     """Straight to the driver: building this statement anew would cost more than running it."""
-    place = "%s" if connection.dialect.name == "postgresql" else "?"
+    place = "%s" if dialect == "postgresql" else "?"
     places = ", ".join([place] * len(_NAMES))
     conflict = "ON CONFLICT (episode_id, timestep) DO NOTHING"
     return f"INSERT INTO ticks ({', '.join(_NAMES)}) VALUES ({places}) {conflict}"  # noqa: S608 - our own names only

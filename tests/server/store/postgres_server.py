@@ -11,7 +11,8 @@ from pathlib import Path
 
 import psycopg
 
-_QUICK = ("fsync=off", "full_page_writes=off", "shared_buffers=32MB", "max_connections=60")
+_SETTINGS = ("listen_addresses=", "shared_buffers=32MB", "max_connections=60")
+_QUICK = ("fsync=off", "full_page_writes=off")  # survives a killed process, not a power cut
 
 
 def programs() -> Path:
@@ -26,7 +27,8 @@ def programs() -> Path:
 class PostgresServer:
     """`url(name)` is the address of a database; `stop`, `freeze`, `thaw` and `start` make it fail and come back."""
 
-    def __init__(self) -> None:
+    def __init__(self, durable: bool = False) -> None:
+        self._settings = _SETTINGS if durable else _SETTINGS + _QUICK
         self.folder = Path(tempfile.mkdtemp(prefix="kitchenmind-postgres-"))
         self._programs = programs()
         self._as: dict[str, object] = {}
@@ -54,7 +56,7 @@ class PostgresServer:
             connection.execute(f"DROP DATABASE {name} WITH (FORCE)")
 
     def start(self) -> None:
-        settings = [word for setting in (*_QUICK, "listen_addresses=") for word in ("-c", setting)]
+        settings = [word for setting in self._settings for word in ("-c", setting)]
         command = [self._programs / "postgres", "-D", "data", "-k", self.folder, *settings]
         log = (self.folder / "log").open("ab")
         self._process = subprocess.Popen(command, cwd=self.folder, stdout=log, stderr=log, **self._as)  # type: ignore[call-overload]

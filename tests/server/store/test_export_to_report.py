@@ -101,3 +101,19 @@ def test_offline_accuracy_is_found_by_the_hash_of_the_predictor(tmp_path: Path) 
     )
     assert cards.offline_accuracy(episodes, tmp_path) == {"sp": {"matrix": pytest.approx([0.9, 0.8, 0.7])}}
     assert cards.offline_accuracy(episodes.drop("predictor_sha256"), tmp_path) == {}
+
+
+def test_the_example_of_the_guide_runs_and_finds_the_same_accuracy(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not (folder / "parquet").is_dir():
+        pytest.skip("the example reads Parquet; the other round of this test has it")
+    monkeypatch.chdir(folder.parent)
+    guide = Path(__file__).parents[3] / "docs/guides/read_the_data.md"
+    code = guide.read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
+    names: dict[str, object] = {}
+    exec(compile(code, guide.name, "exec"), names)
+    third = names["ticks"].select(pl.col("predicted_3") == pl.col("partner").shift(-2).over("episode")).to_series()
+    assert third.mean() == pytest.approx(
+        measures.prediction_hits(read_export(folder).ticks).filter(step=3)["hit"].mean()
+    )
