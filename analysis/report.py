@@ -134,20 +134,28 @@ def _provenance(analysis: Analysis, options: Options) -> dict[str, str]:
     people = analysis.episodes.unique("participant")["condition"]
     arms = [f"{int((people == name).sum())} {names.condition_title(name)}" for name in analysis.conditions]
     flow = {row.test: row.n for row in select(analysis.rows, section="exclusions", condition="all", unit="episodes")}
-    try:
-        software = f"kitchenmind {version('kitchenmind')}"
-    except PackageNotFoundError:
-        software = "kitchenmind"
     return {
         "Data set": f"sha256 {fingerprint(export.folder)[:32]}…",
         "Participants": f"{people.len()} analysed" + (f": {', '.join(arms)}" if arms else ""),
         "Study": str(export.about.get("title") or export.study),
         "Episodes": f"{flow.get('played', 0)} played, {flow.get('analysed', 0)} analysed",
-        "Software": software,
+        "Software": _software(export),
         "Seed": str(options.seed),
         "Make it again": f"kitchenmind report {export.folder.name}",
         "Made": f"{datetime.now(UTC):%d %B %Y, %H:%M} UTC",
     }
+
+
+def _software(export: Export) -> str:
+    """The version that made this page, and those that the games were played on."""
+    try:
+        here = f"kitchenmind {version('kitchenmind')}"
+    except PackageNotFoundError:
+        here = "kitchenmind"
+    if "code_version" not in export.episodes.columns:
+        return here
+    played = ", ".join(sorted(str(name) for name in export.episodes["code_version"].drop_nulls().unique()))
+    return f"{here}; played on {played}"
 
 
 def fingerprint(folder: Path) -> str:

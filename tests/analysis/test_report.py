@@ -175,6 +175,22 @@ def test_other_conditions_than_the_published_are_compared_last_with_first(tmp_pa
     assert "Strong against Weak" in made.page.read_text(encoding="utf-8")
 
 
+def test_the_study_file_of_the_export_gives_title_and_order(planted_folder: Path, tmp_path: Path) -> None:
+    folder = copied(planted_folder, tmp_path / "data", lambda name, table: table)
+    (folder / "studies").mkdir()
+    for version, title in ((9, "Old"), (10, "Cooking with arrows")):
+        text = (
+            f"title: {{en: {title}, zh: other}}\nconditions: [{{name: tom}}, {{name: none}}]\nlayouts: [name: matrix]\n"
+        )
+        (folder / "studies" / f"simulated_version-{version}.yaml").write_text(text)
+    export = read_export(folder)
+    assert export.about["title"] == "Cooking with arrows"
+    assert export.conditions == ("tom", "none", "random")
+    assert export.layouts[0] == "matrix"
+    (folder / "studies" / "simulated_version-11.yaml").write_text("- [")
+    assert read_export(folder).conditions == ("none", "random", "tom")
+
+
 def test_several_studies_in_one_export_are_not_mixed(planted_folder: Path, tmp_path: Path) -> None:
     def change(name: str, table: pl.DataFrame) -> pl.DataFrame:
         if name != "participants":

@@ -104,16 +104,14 @@ def test_offline_accuracy_is_found_by_the_hash_of_the_predictor(tmp_path: Path) 
 
 
 def test_the_example_of_the_guide_runs_and_finds_the_same_accuracy(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
+    database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if not (folder / "parquet").is_dir():
-        pytest.skip("the example reads Parquet; the other round of this test has it")
-    monkeypatch.chdir(folder.parent)
+    monkeypatch.chdir(tmp_path)
+    assert kitchenmind.main(["export", "--database", database.url, "--out", "data"]) == 0
     guide = Path(__file__).parents[3] / "docs/guides/read_the_data.md"
     code = guide.read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
-    names: dict[str, object] = {}
+    names: dict[str, pl.DataFrame] = {}
     exec(compile(code, guide.name, "exec"), names)
     third = names["ticks"].select(pl.col("predicted_3") == pl.col("partner").shift(-2).over("episode")).to_series()
-    assert third.mean() == pytest.approx(
-        measures.prediction_hits(read_export(folder).ticks).filter(step=3)["hit"].mean()
-    )
+    hits = measures.prediction_hits(read_export(tmp_path / "data").ticks)
+    assert third.mean() == pytest.approx(hits.filter(step=3)["hit"].mean())
