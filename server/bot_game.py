@@ -2,13 +2,14 @@
 
 import asyncio
 import random
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 import msgspec
 import numpy as np
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Origin
 
 from models.planner import PlannerPolicy
@@ -21,6 +22,7 @@ from server.play import messages
 _decoder = msgspec.json.Decoder(messages.Outgoing)
 _encoder = msgspec.json.Encoder()
 MOST_RECONNECTS: Final = 50
+_FINAL: Final = frozenset({1008, 4001, 4004})  # close codes after which there is nothing to come back for here
 
 
 @dataclass
@@ -83,24 +85,26 @@ class BotGame:
                 headers = {"Cookie": self._cookie}
                 origin = Origin(self._origin)
                 async with connect(self._url, additional_headers=headers, origin=origin, compression=None) as socket:
-                    ended = await self._talk(socket)
-                    if ended is not None or socket.close_code in (4001, 4004, 1008):
-                        return ended
-            except (ConnectionClosed, OSError, TimeoutError):
-                pass
+                    return await self._talk(socket)
+            except ConnectionClosed as closed:
+                if closed.rcvd is not None and closed.rcvd.code in _FINAL:
+                    return None
+            except (InvalidHandshake, OSError, TimeoutError):
+                pass  # the server is away: again
             self._journal.reconnects += 1
             await asyncio.sleep(min(1.0, 0.05 * 2**attempt) * self._chance.uniform(0.5, 1.0))
         raise ConnectionError(f"{self._url}: no game after {MOST_RECONNECTS} tries")
 
-    async def _talk(self, socket: ClientConnection) -> messages.Ended | None:
+    async def _talk(self, socket: ClientConnection) -> messages.Ended:
+        """Until the episode is over. Raises ConnectionClosed."""
         await self._send(socket, messages.Hello(messages.PROTOCOL, self._tab))
-        async for frame in socket:
-            message: messages.Outgoing = _decoder.decode(frame)
+        while True:
+            message: messages.Outgoing = _decoder.decode(await socket.recv())
             if isinstance(message, messages.Ended):
                 self._journal.ended[self._episode] = asdict_of(message)
                 return message
-            await self._answer(socket, message)
-        return None
+            with suppress(ConnectionClosed):  # what the server said before it closed is still to be read
+                await self._answer(socket, message)
 
     async def _answer(self, socket: ClientConnection, message: messages.Outgoing) -> None:
         match message:

@@ -7,15 +7,15 @@ BURST: Final = 40.0
 
 
 class Budget:
-    """A token bucket; `now` is in seconds of the caller's clock."""
+    """A token bucket; `now` is in seconds of the caller's clock, which runs `speed` times as fast as the network."""
 
-    def __init__(self, now: float) -> None:
-        self._tokens = BURST
+    def __init__(self, now: float, speed: float = 1.0) -> None:
+        self._burst = self._tokens = BURST * max(1.0, speed)
         self._at = now
 
     def spend(self, now: float) -> bool:
         """Takes one message's worth; False if there is none left."""
-        self._tokens = min(BURST, self._tokens + (now - self._at) * PER_S)
+        self._tokens = min(self._burst, self._tokens + (now - self._at) * PER_S)
         self._at = now
         if self._tokens < 1:
             return False

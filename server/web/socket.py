@@ -175,10 +175,11 @@ class Sockets:
 
     async def _read(self, socket: WebSocket, mine: PlayerSocket) -> None:
         game: Game | None = None
-        gate = Gate(self._budgets.setdefault(mine.player.participant, Budget(self._games.clock.now())))
+        clock = self._games.clock
+        gate = Gate(self._budgets.setdefault(mine.player.participant, Budget(clock.now(), clock.speed)))
         try:
             while (event := await socket.receive())["type"] != "websocket.disconnect":
-                message = gate.let_in(event.get("text"), mine, self._games.clock.now())
+                message = gate.let_in(event.get("text"), mine, clock.now())
                 if message is not None:
                     game = await self._handle(message, game, mine)
                 if mine.outlet.closing:

@@ -215,7 +215,7 @@ async def test_flood_closes_with_1008_for_this_participant_only(served: Served) 
     async with served.connect("ann") as flooding, served.connect("bob") as calm:
         await play(calm)
         await say(flooding, **HELLO)
-        for seq in range(1000):
+        for seq in range(2000):
             await say(flooding, type="input", seq=seq, held=None, tap=None, client_ms=seq)
         assert await close_code(flooding) == 1008
         assert await hear(calm, "tick")
