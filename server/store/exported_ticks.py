@@ -37,11 +37,13 @@ def chunks(connection: Connection, episodes: Iterator[str], types: pa.Schema) ->
     """The rows of these episodes, some episodes at a time, with the codebook's columns."""
     place = "%s" if connection.dialect.name == "postgresql" else "?"
     query = f"SELECT {', '.join(_NAMES)} FROM ticks WHERE episode_id = {place} ORDER BY timestep"  # noqa: S608
+    cursor = connection.connection.cursor()  # the driver's own: its rows are plain tuples
     before: list[Any] = []
     after: list[Any] = []
     gathered = 0
     for episode in episodes:
-        rows = connection.exec_driver_sql(query, (episode,)).fetchall()
+        cursor.execute(query, (episode,))
+        rows = cursor.fetchall()
         before += rows[:-1]
         after += rows[1:]
         gathered += 1
