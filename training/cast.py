@@ -4,6 +4,7 @@ It must not know how tasks are scheduled. Presets are TOML files in training/con
 """
 
 import tomllib
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -28,11 +29,14 @@ class Preset:
     targets: int
     settings: dict[str, Any]
 
-    def config(self, layout: str, role: str) -> AgentConfig:
-        """The training config of a role in a kitchen. Raises ConfigError."""
-        config = changed(AgentConfig(), self.settings.get(role, {}), f"{self.name}: [{role}]")
-        further = self.settings.get("layout", {}).get(layout, {}).get(role, {})
-        return changed(config, further, f"{self.name}: [layout.{layout}.{role}]")
+    def config(self, layout: str, role: str, run: str = "") -> AgentConfig:
+        """The training config of a role in a kitchen, and of one of its runs. Raises ConfigError."""
+        here = self.settings.get("layout", {}).get(layout, {})
+        config = AgentConfig()
+        for tables, prefix in ((self.settings, ""), (here, f"layout.{layout}.")):
+            for name in (role, run):
+                config = changed(config, tables.get(name, {}), f"{self.name}: [{prefix}{name}]")
+        return config
 
 
 def load_preset(name: str) -> Preset:
@@ -50,13 +54,19 @@ def agent_tasks(layout: str, preset: Preset) -> list[Task]:
     population = seeds("population_sp", preset)
     tasks = []
     for role in ROLES:
-        config = preset.config(layout, role)
-        inputs = tuple(population) if role in ("population_fcp", "target_fcp", "features") else ()
-        settings = {"config": differences(config), "grid": load_layout(layout).text}
         for name in seeds(role, preset):
+            config = preset.config(layout, role, name)
+            settings = {"config": differences(config), "grid": load_layout(layout).text}
             minutes = config.timesteps / (50_000 if config.network == "mlp" else 7_000) / 60
-            tasks.append(Task(layout, name, _train, settings, inputs, minutes))
+            tasks.append(Task(layout, name, _train, settings, _partners(role, population), minutes))
     return tasks
+
+
+def _partners(role: str, population: Sequence[str]) -> tuple[str, ...]:
+    """Whom a role learns to cook with. The last SP agent is kept from the target: it will be measured with it."""
+    if role == "target_fcp":
+        return tuple(population[:-1])
+    return tuple(population) if role in ("population_fcp", "features") else ()
 
 
 def study_tasks(layout: str, preset: Preset) -> list[Task]:
@@ -65,9 +75,16 @@ def study_tasks(layout: str, preset: Preset) -> list[Task]:
     grid = load_layout(layout)
     agents = agent_tasks(layout, preset)
     settings = {"mode": asdict(PEOPLE)}
+    last = seeds("population_sp", preset)[-1]
     choice = [
         Task(layout, "choose_sp", lambda work: choose_sp(work, grid), settings, tuple(sp)),
-        Task(layout, "choose_fcp", lambda work: choose_fcp(work, grid), settings, ("choose_sp", *sp, *fcp)),
+        Task(
+            layout,
+            "choose_fcp",
+            lambda work: choose_fcp(work, grid),
+            settings,
+            ("choose_sp", *sp, *fcp, last),
+        ),
     ]
     everybody = tuple(task.name for task in (*agents, *choice) if not task.name.startswith("target_fcp"))
     return [*agents, *choice, Task(layout, "weights", lambda work: ship_cast(work, grid), {}, everybody, 0.1)]

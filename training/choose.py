@@ -5,7 +5,7 @@ It must not know how the runs were made.
 
 import json
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,9 +37,7 @@ def choose_fcp(work: Work, layout: Layout) -> None:
     the one that comes nearest)."""
     sp = work.inputs["choose_sp"]
     decision = json.loads((sp / _DECISION).read_text(encoding="utf-8"))
-    strangers = [
-        folder for name, folder in work.inputs.items() if name.startswith("target_sp") and name != decision["best"]
-    ]
+    strangers = [folder for name, folder in work.inputs.items() if _is_stranger(name, decision["best"], work.inputs)]
     enough = 0.5 * decision["measured"]["self_play"]["mean"]
     runs = {name: folder for name, folder in work.inputs.items() if name.startswith("target_fcp")}
     scores = {}
@@ -64,8 +62,9 @@ def ship_cast(work: Work, layout: Layout) -> None:
             for skill in SKILLS:
                 _copy(folder / str(skill), target / "population" / f"{kind}_{seed}_{skill}")
     chosen = json.loads((work.inputs["choose_sp"] / _DECISION).read_text(encoding="utf-8"))["best"]
+    shutil.rmtree(target / HELD_OUT, ignore_errors=True)
     for name, folder in work.inputs.items():
-        if name.startswith("target_sp") and name != chosen:
+        if _is_stranger(name, chosen, work.inputs):
             for skill in SKILLS:
                 _copy(folder / str(skill), target / HELD_OUT / f"{name}_{skill}")
 
@@ -77,6 +76,17 @@ def evaluate_shipped(layout: Layout, names: Sequence[str] = ("sp", "fcp"), episo
     strangers: list[Policy] = [NetworkPolicy(load_network(config.parent)) for config in folders]
     present = [name for name in names if name == "planner" or (WEIGHTS / layout.name / name).is_dir()]
     return [measured(layout, name, Player(*load_agent(name, layout)), strangers, episodes) for name in present]
+
+
+def _is_stranger(name: str, chosen: str, inputs: Iterable[str]) -> bool:
+    """Whether neither target ever met this agent: SP targets that were not chosen, and the last SP agent of the
+    population, which is kept from the FCP targets."""
+    last = max((other for other in inputs if other.startswith("population_sp_")), key=_seed)
+    return name == last or (name.startswith("target_sp_") and name != chosen)
+
+
+def _seed(name: str) -> int:
+    return int(name.rpartition("_")[2])
 
 
 def _leave(

@@ -41,15 +41,16 @@ class AgentConfig:
     random_starts: float = 0.0  # share of episodes that begin in a random state
     self_play_games: int = 24  # with partners: games that both chefs play with the learner itself
     games_per_partner: int = 4  # with partners: games with each of them, seats in turn
+    imitation_updates: int = 0  # gradient steps towards the scripted planner before the first timestep (wide kitchens)
+    imitation_noise: float = 0.3  # share of random actions while the planner shows how
     snapshots: int = 60  # copies of the network kept over the run, from which the skill levels are taken
 
 
 def differences(config: AgentConfig) -> dict[str, Any]:
-    """The settings that are not the defaults: what names a run, so that a new setting does not make old runs strangers."""
-    pairs = ((field.name, getattr(config, field.name), field.default) for field in fields(AgentConfig))
-    return {
-        name: list(value) if isinstance(value, tuple) else value for name, value, default in pairs if value != default
-    }
+    """The settings that are not the defaults. They name a run, so a new setting makes no stranger of an old run."""
+    pairs = ((field.name, getattr(config, field.name)) for field in fields(config))
+    changes = {name: value for name, value in pairs if value != getattr(AgentConfig(), name)}
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in changes.items()}
 
 
 def agent_config(name_or_path: str | Path | None, changes: Sequence[str] = ()) -> AgentConfig:

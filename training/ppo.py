@@ -22,6 +22,7 @@ from overcooked.score import DISH_REWARD
 from overcooked.vector_env import Starts, VectorEnv
 from training.config import AgentConfig, differences
 from training.fast_path import fast_path
+from training.imitation import imitate
 from training.partners import PartnerPool
 from training.runlog import RunFolder
 
@@ -54,6 +55,8 @@ class Trainer:
         starts = Starts(desynchronised=True, random_share=config.random_starts)
         self.env = VectorEnv(layout, self.seats.games, starts=starts, seed=seed)
         self.timesteps = 0
+        if config.imitation_updates:
+            imitate(self.fast, self.optimizer, layout, config, seed)
         games, rows, T = self.seats.games, len(self.seats.learner), config.rollout
         self.observations = np.zeros((games, *self.env.observation_shape), np.int8)
         self.env.encode(self.observations)

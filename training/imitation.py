@@ -1,0 +1,54 @@
+"""A first idea of cooking, taken from the scripted planner, for kitchens in which chance finds the first soup too late.
+
+Self-play goes on from there. It must not know how reinforcement learning works.
+"""
+
+import numpy as np
+import torch
+from torch import nn
+
+from models.acting import Stuck, distribution, draw
+from models.planner import MODE, PlannerPolicy
+from overcooked.constants import ACTIONS, PLAYERS
+from overcooked.layout import Layout
+from overcooked.vector_env import VectorEnv
+from training.config import AgentConfig
+from training.fast_path import FastPath
+
+_GAMES, _TIMESTEPS = 48, 400
+_SAMPLES = 1280  # in a gradient step
+
+
+def imitate(fast: FastPath, optimizer: torch.optim.Optimizer, layout: Layout, config: AgentConfig, seed: int) -> None:
+    """Cross-entropy towards what two planners do, in games disturbed by random actions to see strange states too."""
+    entries, actions = _lessons(fast, layout, config.imitation_noise, seed)
+    random = np.random.default_rng(seed)
+    for _ in range(config.imitation_updates):
+        chosen = torch.from_numpy(random.integers(len(actions), size=_SAMPLES))
+        logits, values = fast(entries[chosen])
+        loss = nn.functional.cross_entropy(logits, actions[chosen], label_smoothing=0.1) + 0 * values.sum()
+        optimizer.zero_grad()
+        torch.autograd.backward(loss)
+        optimizer.step()
+    optimizer.state.clear()
+
+
+def _lessons(fast: FastPath, layout: Layout, noise: float, seed: int) -> tuple[torch.Tensor, torch.Tensor]:
+    """What the planners saw and did: entries (samples, columns) int8, actions (samples,)."""
+    random = np.random.default_rng((seed, 1))
+    env, planner = VectorEnv(layout, _GAMES, seed=seed), PlannerPolicy()
+    seen = np.zeros((_GAMES, *env.observation_shape), np.int8)
+    env.encode(seen)
+    stuck = Stuck(env.kitchens.players.reshape(-1, 4))
+    sparse, shaped = np.zeros((_GAMES, PLAYERS), np.int32), np.zeros((_GAMES, PLAYERS), np.int32)
+    dones, entries, actions = np.zeros(_GAMES, np.bool_), [], []
+    for _ in range(_TIMESTEPS):
+        laws = planner.probabilities(seen.reshape(-1, *seen.shape[2:]))  # (games * players, 6)
+        entries.append(seen.reshape(PLAYERS * _GAMES, -1)[:, fast.columns])
+        actions.append(laws.argmax(axis=1))
+        done = draw(distribution(laws, stuck.counts, MODE), random.random(len(laws)))
+        disturbed = random.random(len(done)) < noise
+        done[disturbed] = random.integers(ACTIONS, size=int(disturbed.sum()))
+        env.step(done.reshape(_GAMES, PLAYERS), sparse, shaped, dones, seen)
+        stuck.update(env.kitchens.players.reshape(-1, 4))
+    return torch.from_numpy(np.concatenate(entries)), torch.from_numpy(np.concatenate(actions))
