@@ -35,7 +35,7 @@ def train_agent(
     names = [f"{path.parent.name} {path.name} {load_checkpoint(path).sha256[:12]}" for path in partners]
     folder = RunFolder(path, run_settings(config, layout, seed, names))
     if not folder.done():
-        pool = PartnerPool(load_partners(partners, layout), config.games_per_partner) if partners else None
+        pool = PartnerPool(load_partners(partners, layout), layout, config.games_per_partner) if partners else None
         train(Trainer(config, layout, seed, pool), folder, progress)
     return folder
 

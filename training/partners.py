@@ -1,4 +1,4 @@
-"""Frozen agents that play with a learner: all of them answer in one batched product. It must not know who learns."""
+"""Frozen agents that play with a learner, answered together as far as possible. It must not know who learns."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,8 +8,9 @@ import torch
 from numpy.typing import NDArray
 
 from models.checkpoint import CheckpointError, load_checkpoint
-from models.policy import MlpPolicy, network_of
+from models.policy import MlpPolicy, Network, network_of
 from overcooked.layout import Layout
+from training.fast_path import fast_path
 
 # Half of a partner's games are played as its probabilities say, half nearly decided: people meet decided agents.
 TEMPERATURES = (1.0, 1.0, 0.2, 0.2)
@@ -18,38 +19,60 @@ TEMPERATURES = (1.0, 1.0, 0.2, 0.2)
 class PartnerPool:
     """`partners` agents, each in `games` games of their own: (partners, games) observations to actions."""
 
-    def __init__(self, networks: Sequence[MlpPolicy], games: int) -> None:
-        heads = [network.head for network in networks]
-        self.count, self.games = len(heads), games
-        self.columns = networks[0].columns.numpy()  # which entries of the flat encoding they want
-        first = [network.scaled_first() for network in networks]
-        rest = [[(layer.weight, layer.bias) for layer in (*head.layers[1:], head.policy)] for head in heads]
-        self._layers = [_stacked(first), *(_stacked(layer) for layer in zip(*rest, strict=True))]
+    def __init__(self, networks: Sequence[Network], layout: Layout, games: int) -> None:
+        paths = [fast_path(network, layout) for network in networks]
+        self.count, self.games = len(networks), games
+        self.columns = paths[0].columns  # which entries of the flat encoding they want
+        perceptrons = [network for network in networks if isinstance(network, MlpPolicy)]
+        self._stack = _Stack(perceptrons) if len(perceptrons) == len(networks) else None
+        with torch.inference_mode():
+            self._frozen = [path.frozen() for path in paths]
         self._temperature = torch.tensor([TEMPERATURES[game % 4] for game in range(games)])[None, :, None]
 
     @torch.inference_mode()
     def logits(self, entries: NDArray[np.int8]) -> NDArray[np.float32]:
         """`entries` (partners * games, columns) to logits (partners * games, 6), already at each game's temperature."""
-        x = torch.from_numpy(entries).float().view(self.count, self.games, -1)
+        x = torch.from_numpy(entries).view(self.count, self.games, -1)
+        if self._stack is not None:
+            answers = self._stack.logits(x)
+        else:
+            answers = torch.stack([frozen(rows)[0] for frozen, rows in zip(self._frozen, x, strict=True)])
+        return np.asarray((answers / self._temperature).flatten(0, 1).numpy())
+
+
+class _Stack:
+    """Networks of equal shape as one: a batched product a layer instead of a call for each network."""
+
+    def __init__(self, networks: Sequence[MlpPolicy]) -> None:
+        heads = [network.head for network in networks]
+        first = [network.scaled_first() for network in networks]
+        rest = [[(layer.weight, layer.bias) for layer in (*head.layers[1:], head.policy)] for head in heads]
+        self._layers = [_stacked(first), *(_stacked(layer) for layer in zip(*rest, strict=True))]
+
+    def logits(self, entries: torch.Tensor) -> torch.Tensor:
+        """(networks, rows, columns) to (networks, rows, 6)."""
+        x = entries.float()
         for k, (weight, bias) in enumerate(self._layers):
             x = torch.baddbmm(bias, x, weight)
             if k < len(self._layers) - 1:
                 x = torch.nn.functional.leaky_relu(x)
-        return (x / self._temperature).flatten(0, 1).numpy()
+        return x
 
 
 def _stacked(layers: Sequence[tuple[torch.Tensor, torch.Tensor]]) -> tuple[torch.Tensor, torch.Tensor]:
-    """Weights (partners, inputs, outputs) and biases (partners, 1, outputs)."""
+    """Weights (networks, inputs, outputs) and biases (networks, 1, outputs)."""
     weights = torch.stack([weight.detach().t() for weight, _ in layers]).contiguous()
     return weights, torch.stack([bias.detach()[None] for _, bias in layers]).contiguous()
 
 
-def load_partners(folders: Sequence[Path], layout: Layout) -> list[MlpPolicy]:
-    """The networks of a population. Raises CheckpointError where one is for another layout or no `mlp`."""
-    networks = []
+def load_partners(folders: Sequence[Path], layout: Layout) -> list[Network]:
+    """The networks of a population. Raises CheckpointError where one is for another layout, or they mix their kinds."""
+    networks: list[Network] = []
     for folder in folders:
         network, trained_on, _ = network_of(load_checkpoint(folder))
-        if trained_on.text != layout.text or not isinstance(network, MlpPolicy):
-            raise CheckpointError(f"{folder}: partners must be mlp agents of {layout.name}. Leave it out of the pool.")
+        if trained_on.text != layout.text:
+            raise CheckpointError(f"{folder}: was trained for {trained_on.name}, not {layout.name}. Leave it out.")
+        if networks and type(network) is not type(networks[0]):
+            raise CheckpointError(f"{folder}: all partners must be of one kind, mlp or cnn. Leave it out.")
         networks.append(network)
     return networks

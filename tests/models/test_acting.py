@@ -33,7 +33,10 @@ def test_a_stuck_agent_shares_probability_among_the_four_moves_only() -> None:
     assert law[1].tolist() == [0.125, 0.125, 0.625, 0.125, 0, 0]
 
 
-@given(st.lists(st.floats(0, 1), min_size=6, max_size=6).filter(lambda row: sum(row) > 0.01), st.floats(0, 1, exclude_max=True))
+@given(
+    st.lists(st.floats(0, 1), min_size=6, max_size=6).filter(lambda row: sum(row) > 0.01),
+    st.floats(0, 1, exclude_max=True),
+)
 def test_draw_never_gives_an_action_without_probability(row: list[float], uniform: float) -> None:
     law = np.array([row], np.float32) / np.float32(sum(row))
     action = int(draw(law, np.array([uniform]))[0])

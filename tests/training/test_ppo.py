@@ -1,0 +1,150 @@
+"""PPO: its parts against second implementations, and that it learns, resumes and refuses."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from models.policy import NetworkConfig, build_network
+from overcooked.layout import load_layout
+from overcooked.state import Kitchens
+from training.agents import snapshot_network, train_agent
+from training.config import AgentConfig, agent_config
+from training.fast_path import fast_path
+from training.partners import PartnerPool
+from training.ppo import Seats, Trainer, advantage_estimates, ppo_loss, run_settings, train
+from training.runlog import RunError, RunFolder
+
+RING = load_layout("coordination_ring")
+SHORT = agent_config(None, ["timesteps=6400", "games=8", "rollout=100", "minibatch=400", "snapshots=4"])
+
+
+def _advantages_by_definition(
+    rewards: NDArray[np.float32], values: NDArray[np.float32], dones: NDArray[np.bool_], discount: float, trace: float
+) -> NDArray[np.float64]:
+    """The sum over all later surprises, each discounted, cut at the end of the episode."""
+    steps, rows = rewards.shape
+    advantages = np.zeros((steps, rows))
+    for row in range(rows):
+        for t in range(steps):
+            weight = 1.0
+            for later in range(t, steps):
+                following = 0.0 if dones[later, row] else values[later + 1, row]
+                advantages[t, row] += weight * (rewards[later, row] + discount * following - values[later, row])
+                if dones[later, row]:
+                    break
+                weight *= discount * trace
+    return advantages
+
+
+def test_advantages_equal_their_definition() -> None:
+    random = np.random.default_rng(3)
+    rewards = random.normal(size=(40, 7)).astype(np.float32)
+    values = random.normal(size=(41, 7)).astype(np.float32)
+    dones = random.random((40, 7)) < 0.1
+    ours = advantage_estimates(rewards, values, dones, 0.97, 0.9)
+    np.testing.assert_allclose(ours, _advantages_by_definition(rewards, values, dones, 0.97, 0.9), atol=1e-4)
+
+
+def test_an_untouched_policy_has_ratio_one_and_the_gradient_raises_good_actions() -> None:
+    logits = torch.zeros(4, 6, requires_grad=True)
+    values = torch.zeros(4)
+    actions = torch.tensor([0, 1, 2, 3])
+    old = logits.detach().log_softmax(-1).gather(1, actions[:, None]).squeeze(1)
+    good = torch.tensor([1.0, -1.0, 1.0, -1.0])
+    loss, parts = ppo_loss(logits, values, actions, old, good, torch.ones(4), AgentConfig(), 0.0)
+    torch.autograd.backward(loss)
+    assert logits.grad is not None
+    taken = logits.grad.gather(1, actions[:, None]).squeeze(1)
+    assert (taken.sign() == -good).all()
+    assert float(parts[1]) == pytest.approx(1.0)  # value loss
+    assert float(parts[2]) == pytest.approx(np.log(6))  # entropy
+    assert float(parts[3]) == 0.0  # nothing clipped
+
+
+@pytest.mark.parametrize("kind", ["mlp", "cnn"])
+@pytest.mark.parametrize("name", ["coordination_ring", "double_rings"])
+def test_the_fast_path_computes_the_same_network(kind: str, name: str) -> None:
+    layout = load_layout(name)
+    torch.manual_seed(1)
+    network = build_network(NetworkConfig(kind, hidden=(64, 64, 64)), layout)
+    torch.nn.init.normal_(network.head.policy.weight)
+    games = Kitchens.start(layout, 32)
+    random = np.random.default_rng(0)
+    events = np.zeros((32, 2), np.int32)
+    for _ in range(60):
+        games.step(random.integers(6, size=(32, 2)), events)
+    seen = games.encode()[:, 1].copy()
+    fast = fast_path(network, layout)
+    logits, values = network(torch.from_numpy(seen))
+    entries = torch.from_numpy(seen.reshape(32, -1)[:, fast.columns])
+    for function in (fast, fast.frozen()):
+        fast_logits, fast_values = function(entries)
+        assert (logits - fast_logits).abs().max() < 0.02 * logits.abs().max()
+        assert (values - fast_values).abs().max() < 0.05
+
+    gradients = []
+    for answer in (logits, fast(entries)[0]):
+        network.zero_grad()
+        torch.autograd.backward(answer.square().mean())
+        gradients.append(torch.cat([p.grad.flatten() for p in network.parameters() if p.grad is not None]))
+    assert torch.nn.functional.cosine_similarity(gradients[0], gradients[1], dim=0) > 0.99
+
+
+@pytest.mark.parametrize("kind", ["mlp", "cnn"])
+def test_partners_sit_in_both_seats_and_answer_as_they_do_alone(kind: str) -> None:
+    torch.manual_seed(0)
+    networks = [build_network(NetworkConfig(kind), RING) for _ in range(3)]
+    for network in networks:
+        torch.nn.init.normal_(network.head.policy.weight)
+    pool = PartnerPool(networks, RING, games=4)
+    config = agent_config(None, ["self_play_games=2"])
+    seats = Seats(config, pool)
+    assert seats.games == 2 + 3 * 4
+    assert sorted([*seats.learner, *seats.partner]) == list(range(2 * seats.games))
+    assert sorted((seats.partner % 2).tolist()) == [0] * 6 + [1] * 6
+    seen = Kitchens.start(RING, 12).encode()[:, 0].copy()
+    entries = seen.reshape(12, -1)[:, pool.columns]
+    together = pool.logits(entries)
+    for k, network in enumerate(networks):
+        alone = network(torch.from_numpy(seen[:4]))[0].detach().numpy() / np.array([[1], [1], [0.2], [0.2]])
+        np.testing.assert_allclose(together[4 * k : 4 * k + 4], alone, atol=1e-3 if kind == "mlp" else 0.1)
+
+
+def test_an_interrupted_run_ends_exactly_as_an_uninterrupted_one(tmp_path: Path) -> None:
+    settings = run_settings(SHORT, RING, 5, [])
+    whole, parts = RunFolder(tmp_path / "whole", settings), RunFolder(tmp_path / "parts", settings)
+    train(Trainer(SHORT, RING, 5), whole)
+
+    class Interrupted(Exception):
+        pass
+
+    def interrupt(timesteps: int, _: dict[str, float]) -> None:
+        if timesteps == 3200:
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        train(Trainer(SHORT, RING, 5), parts, interrupt, save_every_s=0)
+    train(Trainer(SHORT, RING, 5), RunFolder(tmp_path / "parts", settings))
+    assert [line["timesteps"] for line in parts.metrics()] == [line["timesteps"] for line in whole.metrics()]
+    ours, theirs = whole.snapshots()[-1][2], parts.snapshots()[-1][2]
+    networks = [snapshot_network(path, SHORT, RING)[0].state_dict() for path in (ours, theirs)]
+    for name, tensor in networks[0].items():
+        assert torch.equal(tensor, networks[1][name]), name
+
+
+def test_a_run_folder_refuses_another_run(tmp_path: Path) -> None:
+    RunFolder(tmp_path / "run", run_settings(SHORT, RING, 1, []))
+    with pytest.raises(RunError, match="other settings"):
+        RunFolder(tmp_path / "run", run_settings(SHORT, RING, 2, []))
+
+
+def test_self_play_learns_to_fill_pots_within_a_few_seconds(tmp_path: Path) -> None:
+    config = agent_config(None, ["timesteps=200_000"])
+    folder = train_agent(config, RING, 1, tmp_path / "run")
+    shaped = [line["shaped"] for line in folder.metrics() if "shaped" in line]
+    assert np.mean(shaped[-5:]) > 2 * np.mean(shaped[:5])
+    assert folder.done()
+    assert train_agent(config, RING, 1, tmp_path / "run").metrics() == folder.metrics()

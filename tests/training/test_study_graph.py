@@ -1,0 +1,78 @@
+"""The graph of a study's tasks: keys, order, resuming."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from training.cast import STUDY_LAYOUTS, load_preset, study_tasks
+from training.study import Graph, Task, Work
+
+
+def _chain(runs: Path, done: list[str], **changed: Any) -> Graph:
+    """A small graph: a -> b -> c, and d on its own."""
+
+    def action(work: Work) -> None:
+        if work.task.settings.get("fails"):
+            raise RuntimeError("as wished")
+        done.append(work.task.name)
+        work.report(0.5)
+        texts = [(folder / "made").read_text() for folder in work.inputs.values()]
+        (work.folder / "made").write_text(work.task.name + "".join(texts))
+
+    inputs = {"a": (), "b": ("a",), "c": ("b",), "d": ()}
+    return Graph([Task("x", name, action, changed.get(name, {}), wants) for name, wants in inputs.items()], runs)
+
+
+def _finish(graph: Graph) -> None:
+    while ready := [label for label in graph.tasks if graph.ready(label)]:
+        graph.run(ready[0])
+
+
+def test_inputs_come_first_and_nothing_is_done_twice(tmp_path: Path) -> None:
+    done: list[str] = []
+    _finish(_chain(tmp_path, done))
+    assert done == ["a", "b", "c", "d"]
+    graph = _chain(tmp_path, done)
+    assert not any(graph.ready(label) for label in graph.tasks)
+    assert (graph.folder("x/c") / "made").read_text() == "cba"
+
+
+def test_a_changed_setting_redoes_only_what_depends_on_it(tmp_path: Path) -> None:
+    done: list[str] = []
+    _finish(_chain(tmp_path, done))
+    done.clear()
+    _finish(_chain(tmp_path, done, b={"more": 1}))
+    assert done == ["b", "c"]
+    done.clear()
+    _finish(_chain(tmp_path, done))  # and back: what was made before is still there
+    assert done == []
+
+
+def test_a_task_that_failed_is_done_again_with_what_depends_on_it(tmp_path: Path) -> None:
+    done: list[str] = []
+    broken = _chain(tmp_path, done, b={"fails": True})
+    broken.run("x/a")
+    with pytest.raises(RuntimeError, match="as wished"):
+        broken.run("x/b")
+    assert broken.ready("x/b")
+    assert not broken.ready("x/c")
+
+
+def test_only_asks_for_the_inputs_too(tmp_path: Path) -> None:
+    assert list(_chain(tmp_path, []).limited(["b"]).tasks) == ["x/a", "x/b"]
+
+
+@pytest.mark.parametrize("name", ["cpu", "paper"])
+def test_every_preset_makes_a_whole_cast_for_every_kitchen(name: str, tmp_path: Path) -> None:
+    preset = load_preset(name)
+    for layout in STUDY_LAYOUTS:
+        graph = Graph(study_tasks(layout, preset), tmp_path)
+        names = [task.name for task in graph.tasks.values()]
+        assert names[-1] == "weights"
+        assert sum(task.startswith("population") for task in names) == 2 * preset.population
+        last = f"population_sp_{preset.population}"
+        for task in graph.tasks.values():
+            assert all(f"{layout}/{needed}" in graph.tasks for needed in task.inputs)
+            if task.name.startswith("target_fcp"):
+                assert last not in task.inputs  # they are measured with it later
