@@ -96,13 +96,14 @@ def card(folder: RunFolder, name: str, skill: int, mode: Mode, facts: dict[str, 
         f"# {name}: an agent for {settings['layout']}",
         "",
         f"A {config.network} trained by PPO, {how}; kept at {skill} % of its run's best reward.",
+        *_beginning(config),
         f"Acts with temperature {mode.temperature:g}; after {mode.stuck_after} timesteps without a change of its own",
         f"cell, facing or hand, {mode.stuck_mix:.0%} of the probability goes to the four moves, so that two chefs",
         "never jam for good.",
         "",
         "| fact | value |",
         "|---|---|",
-        *(f"| {key.replace('_', ' ')} | {value} |" for key, value in facts.items()),
+        *(f"| {key.replace('_', ' ')} | {_written(value)} |" for key, value in facts.items()),
         f"| environment timesteps of the run | {config.timesteps:,} |",
         f"| training time, one core | {folder.seconds():.0f} s |",
         f"| code revision | {folder.revision} |",
@@ -110,6 +111,21 @@ def card(folder: RunFolder, name: str, skill: int, mode: Mode, facts: dict[str, 
         "",
         "Points are per episode of 400 timesteps; self-play and held-out figures are in the mode above, weights as",
         "stored (16 bits).",
-        "The grid is ours (only Coordination Ring is the published one); see config.json for it.",
+        "The grid is in config.json. Of the five only Coordination Ring is the published one.",
     ]
     return "\n".join(lines)
+
+
+def _beginning(config: AgentConfig) -> list[str]:
+    if not config.imitation_updates:
+        return []
+    return [f"It began with {config.imitation_updates} gradient steps towards what the scripted planner does."]
+
+
+def _written(value: Any) -> str:
+    """A figure as people read it; a mean with its standard error."""
+    if isinstance(value, dict) and set(value) == {"mean", "se"}:
+        return f"{value['mean']} ± {value['se']}"
+    if isinstance(value, dict):
+        return "; ".join(f"{key}: {_written(item)}" for key, item in value.items())
+    return str(value)

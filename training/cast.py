@@ -6,6 +6,7 @@ It must not know how tasks are scheduled. Presets are TOML files in training/con
 import tomllib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from overcooked.layout import load_layout
@@ -40,8 +41,8 @@ class Preset:
 
 
 def load_preset(name: str) -> Preset:
-    """A preset by its name, e.g. cpu. Raises ConfigError."""
-    path = CONFIG_FOLDER / f"study_{name}.toml"
+    """A preset by its name, e.g. cpu, or a TOML file. Raises ConfigError."""
+    path = Path(name) if name.endswith(".toml") else CONFIG_FOLDER / f"study_{name}.toml"
     if not path.is_file():
         known = ", ".join(sorted(p.stem.removeprefix("study_") for p in CONFIG_FOLDER.glob("study_*.toml")))
         raise ConfigError(f"there is no preset {name!r}. Known: {known}.")

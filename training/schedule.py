@@ -3,7 +3,9 @@
 A task always runs in a process of its own, from the same command line, so whoever is killed can be started again.
 """
 
+import ctypes
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -18,11 +20,14 @@ from rich.table import Table
 from training.study import Graph
 
 _LOOK_S = 1.0
+_DIE_WITH_PARENT = 1  # prctl's PR_SET_PDEATHSIG
 _TRIES = 3  # of a task whose process died
 
 
 def run_task(graph: Graph, label: str) -> int:
-    """Does one task in this process."""
+    """Does one task in this process, which ends with the one that started it: two must never do the same task."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
     graph.run(label)
     return 0
 

@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     agent.add_argument("--out", type=Path, help="also write the finished agent's checkpoint here")
     _add_runs(agent)
     study = kinds.add_parser("study", help="everything that a study needs, from population to weights")
-    study.add_argument("--preset", default="cpu", help="cpu (two cores overnight) or paper (the published scale)")
+    study.add_argument("--preset", default="cpu", help="cpu (two cores), paper (the published scale) or a .toml file")
     study.add_argument("--layouts", nargs="*", metavar="LAYOUT", help="only these kitchens")
     study.add_argument("--only", nargs="*", metavar="TASK", help="only tasks whose name begins so, and their inputs")
     study.add_argument("--workers", type=int, default=1, help="tasks at once, each on one core")
