@@ -16,6 +16,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "study": ("server.commands.study", "make or check a study file"),
     "export": ("server.commands.export", "write a study's data as CSV and Parquet"),
     "verify": ("server.commands.verify", "re-simulate every stored episode and compare the hashes"),
+    "import": ("server.commands.importer", "read an export back into an empty database"),
     "report": ("analysis.commands.report", "analyse an exported study: a page, figures and a table of results"),
     "power": ("analysis.commands.power", "say how many participants a study needs"),
 }

@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from importlib.metadata import version
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -22,16 +22,16 @@ def write_about(folder: Path, versions: Sequence[Study], columns: Columns, forma
     """Writes everything that is no table. Call it last: it names the files with their hashes."""
     (folder / "studies").mkdir()
     for study in versions:
-        (folder / study_file(study)).write_text(study.source, encoding="utf-8")
+        (folder / study_file(study.key, study.version)).write_text(study.source, encoding="utf-8")
     _write_json(folder / "codebook.json", codebook_of(columns))
     (folder / "README.md").write_text(readme(versions, columns, formats), encoding="utf-8")
     _write_json(folder / "dataset_description.json", psych_ds(versions, columns))
     _write_json(folder / "croissant.json", croissant(folder, versions, columns, formats[0]))
 
 
-def study_file(study: Study) -> str:
+def study_file(key: str, version: int) -> str:
     """Where a version of a study file lies in an export."""
-    return f"studies/{study.key}_version-{study.version}.yaml"
+    return f"studies/{key}_version-{version}.yaml"
 
 
 def codebook_of(columns: Columns) -> dict[str, Any]:
@@ -53,9 +53,18 @@ def psych_ds(versions: Sequence[Study], columns: Columns) -> dict[str, Any]:
         "description": _description(versions),
         "schemaVersion": "Psych-DS 0.4.0",
         "dateCreated": datetime.now(UTC).isoformat(timespec="seconds"),
-        "creator": {"@type": "SoftwareApplication", "name": "kitchenmind", "softwareVersion": version("kitchenmind")},
+        "creator": {
+            "@type": "SoftwareApplication",
+            "name": "kitchenmind",
+            "softwareVersion": metadata.version("kitchenmind"),
+        },
         "studies": [
-            {"key": study.key, "version": study.version, "sha256": study.sha256, "file": study_file(study)}
+            {
+                "key": study.key,
+                "version": study.version,
+                "sha256": study.sha256,
+                "file": study_file(study.key, study.version),
+            }
             for study in versions
         ],
         "variableMeasured": [
@@ -153,7 +162,10 @@ def readme(versions: Sequence[Study], columns: Columns, formats: Sequence[str]) 
         "parquet": "`parquet/TABLE.parquet` (exact types)",
     }
     rows = "\n".join(f"| {table.name} | {table.row} | {len(columns[table.name])} |" for table in codebook.TABLES)
-    texts = "\n".join(f"- `{study_file(study)}` (SHA-256 {study.sha256})" for study in versions) or "- none"
+    texts = (
+        "\n".join(f"- `{study_file(study.key, study.version)}` (SHA-256 {study.sha256})" for study in versions)
+        or "- none"
+    )
     return _README.format(
         name=_name(versions),
         description=_description(versions),
@@ -161,7 +173,7 @@ def readme(versions: Sequence[Study], columns: Columns, formats: Sequence[str]) 
         rows=rows,
         studies=texts,
         escaped=codebook.ESCAPED,
-        version=version("kitchenmind"),
+        version=metadata.version("kitchenmind"),
     )
 
 

@@ -20,7 +20,7 @@ Rows = Iterator[Row]
 _FETCH = 2000
 _e, _p = episodes.c, participants.c
 _STUDY = (studies.c.key, studies.c.version)
-_EPISODE_ORDER = (_e.study_id, _e.created_at, _e.id)
+_EPISODE_ORDER = (_e.study_id.nulls_first(), _e.created_at, _e.id)  # the same on every database
 _PARTICIPANT_ORDER = (_p.study_id, _p.number)
 
 
@@ -68,8 +68,8 @@ def wide_columns(chosen: Selection) -> tuple[Column, ...]:
     ]
     answer, a = WIDE[-1], answers.c
     questions = select(a.step_key, a.question_key).join_from(answers, participants).distinct()
-    for row in chosen.rows(questions.order_by(a.step_key, a.question_key), _p.study_id):
-        name = answer.name.format(step=row.step_key, question=row.question_key)
+    for step, question in sorted(tuple(row) for row in chosen.rows(questions, _p.study_id)):
+        name = answer.name.format(step=step, question=question)
         found.append(Column(name, answer.type, answer.meaning))
     return tuple(found)
 
@@ -139,7 +139,7 @@ def event_rows(chosen: Selection) -> Rows:
 
 def episode_ids(chosen: Selection) -> Iterator[str]:
     """The episodes, in the order of their table."""
-    return (row.id for row in chosen.rows(select(_e.id, *_EPISODE_ORDER[:2]).order_by(*_EPISODE_ORDER), _e.study_id))
+    return (row.id for row in chosen.rows(select(_e.id).order_by(*_EPISODE_ORDER), _e.study_id))
 
 
 def value_text(value: Any) -> tuple[str | None, str]:
