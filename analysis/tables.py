@@ -45,6 +45,7 @@ COLUMNS = {
     "pauses": ("episode", "reason", "duration_ms"),
     "withdrawals": ("study", "condition"),
 }
+TICK_COLUMNS = {*COLUMNS["ticks"], *(f"key_{time}_ms_{seat}" for time in ("client", "received") for seat in (0, 1))}
 OPTIONAL = ("pauses", "withdrawals")
 IDENTIFIERS = ("participant", "participant_0", "participant_1", "episode", "study", "condition", "layout", "status")
 
@@ -150,7 +151,12 @@ def _read_table(folder: Path, name: str) -> pl.DataFrame:
         return pl.DataFrame(schema=dict.fromkeys(COLUMNS[name], pl.String))
     if path is None:
         raise ExportError(f"{folder} has no table of {name} ({name}.csv or {name}.parquet). Export the study again.")
-    table = pl.read_parquet(path) if path.suffix == ".parquet" else pl.read_csv(path, infer_schema_length=None)
+    parquet = path.suffix == ".parquet"
+    lazy = pl.scan_parquet(path) if parquet else pl.scan_csv(path, infer_schema_length=None)
+    if name == "ticks":  # four million rows in a large study: only what is needed
+        present = lazy.collect_schema().names()
+        lazy = lazy.select(column for column in present if column in TICK_COLUMNS)
+    table = lazy.collect()
     for column in COLUMNS[name]:
         if column not in table.columns:
             raise ExportError(

@@ -179,9 +179,8 @@ def test_the_study_file_of_the_export_gives_title_and_order(planted_folder: Path
     folder = copied(planted_folder, tmp_path / "data", lambda name, table: table)
     (folder / "studies").mkdir()
     for version, title in ((9, "Old"), (10, "Cooking with arrows")):
-        text = (
-            f"title: {{en: {title}, zh: other}}\nconditions: [{{name: tom}}, {{name: none}}]\nlayouts: [name: matrix]\n"
-        )
+        text = f"title: {{en: {title}, zh: other}}\nconditions: [{{name: tom}}, {{name: none}}]\n"
+        text += "layouts: [name: matrix]\n"
         (folder / "studies" / f"simulated_version-{version}.yaml").write_text(text)
     export = read_export(folder)
     assert export.about["title"] == "Cooking with arrows"
