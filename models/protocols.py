@@ -16,7 +16,7 @@ Predictions = NDArray[np.float32]  # (games, STEPS, 6)
 
 
 class Policy(Protocol):
-    """Anything that gives action probabilities for observations on one layout. Stateless; rows are independent games."""
+    """Anything that gives action probabilities for observations on one layout. Stateless; every row is a game."""
 
     def probabilities(self, observations: Observations) -> Probabilities: ...
 
@@ -24,23 +24,25 @@ class Policy(Protocol):
 class Predictor(Protocol):
     """Anything that watches one agent and predicts its next STEPS actions; it keeps what it needs about each game.
 
-    `begin(slots)` forgets the games in those slots. `predict` is called once a timestep for the games in `slots`, with the
-    observation of the current state as the watched agent sees it and the joint action that led to it (own action of the
-    watched agent first; (-1, -1) at timestep 0). It never sees the action that the agent is about to take.
+    `begin(slots)` forgets the games in those slots. `predict` is called once a timestep for the games in `slots`, with
+    the observation of the current state as the watched agent sees it and the joint action that led to it (the watched
+    agent's own first; (-1, -1) at timestep 0). It never sees the action that the agent is about to take.
     """
 
     def begin(self, slots: NDArray[np.intp]) -> None: ...
 
-    def predict(self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]) -> Predictions: ...
+    def predict(
+        self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
+    ) -> Predictions: ...
 
 
 @dataclass(frozen=True)
 class Mode:
     """How an agent turns probabilities into an action when people meet it; written in its card.
 
-    Probabilities are sharpened with `temperature` (0 = the most likely action). After `stuck_after` timesteps without any
-    change of the agent's own cell, facing or hand, `stuck_mix` of the probability goes evenly to the four moves, so that
-    two chefs never jam for good.
+    Probabilities are sharpened with `temperature` (0 = the most likely action). After `stuck_after` timesteps without a
+    change of the agent's own cell, facing or hand, `stuck_mix` of the probability goes evenly to the four moves, so
+    that two chefs never jam for good.
     """
 
     temperature: float = 0.0
@@ -65,7 +67,7 @@ class History:
     """The last timesteps of one game as the watched chef saw them, oldest first, the current state last."""
 
     observations: Observations  # (k, width, height, 26)
-    actions: NDArray[np.int8]  # (k, 2): the joint action that led to each state, own action first; (-1, -1) at the start
+    actions: NDArray[np.int8]  # (k, 2): what led to each state, own action first; (-1, -1) at the start
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ class Question:
 
 
 class Models(Protocol):
-    """Answers questions of many games at once, off the event loop. None: no answer by the deadline (or a broken model)."""
+    """Answers questions of many games at once, off the event loop. None: nothing by the deadline, or a broken model."""
 
     async def ask(self, questions: Sequence[Question], deadline_ms: float) -> list[Decision | None]: ...
 
