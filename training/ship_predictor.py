@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from models.catalogue import WEIGHTS
+from models.catalogue import WEIGHTS, load_agent
 from models.predictor import PredictorNetwork, save_predictor
 from overcooked.layout import Layout
 from training.collect import TEST, Partner, Plan, Target, games_with, split_by_agent
@@ -29,10 +29,17 @@ def population_folder(layout: Layout) -> Path:
     return WEIGHTS / layout.name / POPULATION
 
 
-def unseen_games(layout: Layout, agent: str, network: PredictorNetwork, population: Path, plan: Plan) -> Episodes:
-    """The agent's games with the test partners, played anew (the same seed gives the same games)."""
-    target, partners = load_target(agent, layout), load_population(population, layout)
-    return games_of(layout, target, test_partners(partners), network, plan)
+def unseen_games(
+    layout: Layout, agent: str, network: PredictorNetwork, population: Path, plan: Plan, partner: str | None = None
+) -> Episodes:
+    """The agent's games with the test partners, or with one other agent as people meet it, played anew (the same seed
+    gives the same games)."""
+    target = load_target(agent, layout)
+    if partner is not None:
+        others = [Partner(partner, partner, "extra", *load_agent(partner, layout))]
+    else:
+        others = test_partners(load_population(population, layout))
+    return games_of(layout, target, others, network, plan)
 
 
 def test_partners(partners: list[Partner]) -> list[Partner]:

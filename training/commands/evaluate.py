@@ -19,6 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     predictor.add_argument("--agent", help="its agent, e.g. sp (default: all of the layout)")
     predictor.add_argument("--form", choices=("stream", "window"), help="default: both")
     predictor.add_argument("--population", type=Path, help="folder of partner agents (default: the shipped ones)")
+    predictor.add_argument("--partner", metavar="AGENT", help="instead of the test partners, e.g. human_bc")
     predictor.add_argument("--trajectories", type=int, default=5, help="for each partner and setting (default: 5)")
     for kind in (agents, predictor):
         kind.add_argument("--json", action="store_true", help="a list of figures")
@@ -71,7 +72,8 @@ def _predictors(arguments: argparse.Namespace) -> list[dict[str, Any]]:
                 continue
             network, _ = predictor_network(load_checkpoint(config.parent))
             population = arguments.population or population_folder(layout)
-            games = unseen_games(layout, agent, network, population, Plan(arguments.trajectories))
+            plan = Plan(arguments.trajectories)
+            games = unseen_games(layout, agent, network, population, plan, arguments.partner)
             result = evaluate(network, games)
             entries.append(result.entry(layout.name, agent, form))
     return entries

@@ -1,0 +1,47 @@
+"""The cloned human does what people did in the recordings."""
+
+import numpy as np
+import pytest
+import torch
+
+from models.catalogue import load_agent
+from models.policy import NetworkPolicy
+from overcooked.constants import STAY
+from overcooked.layout import load_layout
+from training.behaviour_cloning import RECORDINGS, CloningConfig, clone, read_human_games, save_clone
+
+RING = load_layout("coordination_ring")
+
+
+@pytest.fixture(scope="module")
+def games():
+    return read_human_games(RECORDINGS, RING)
+
+
+def test_every_recorded_action_is_read_for_both_people(games):
+    assert len(games.actions) == len(games.observations) == 2 * 9619
+    assert np.unique(games.game).tolist() == list(range(8))
+    assert (games.actions[:4] == STAY).all()
+
+
+def test_a_clone_foretells_people_better_than_their_habits_alone(games, tmp_path):
+    torch.set_num_threads(1)
+    config = CloningConfig(epochs=6)
+    network, figures = clone(games, RING, config)
+    apart = games.actions[games.game == 7]
+    shares = np.bincount(apart) / len(apart)
+    assert figures["loss"] < -(shares * np.log(shares)).sum() - 0.1
+    save_clone(tmp_path / "human_bc", network, RING, config, figures)
+    agent = load_agent(str(tmp_path / "human_bc"), RING)
+    assert agent.mode.temperature == 1
+    seen = games.observations[:50]
+    assert np.allclose(agent.policy.probabilities(seen), NetworkPolicy(network).probabilities(seen), atol=0.01)
+
+
+def test_a_file_without_actions_is_refused(tmp_path):
+    import gzip
+
+    with gzip.open(tmp_path / "empty.jsonl.gz", "wt") as file:
+        file.write('{"k": "layout"}\n')
+    with pytest.raises(ValueError, match="no recorded actions"):
+        read_human_games(tmp_path / "empty.jsonl.gz", RING)

@@ -1,0 +1,168 @@
+"""A partner like people: a small network that does what humans did in recorded games (behaviour cloning).
+
+The recordings are Carroll et al.'s human-human games on Coordination Ring (tests/data). It must not know how it is
+used. Run it as `python -m training.behaviour_cloning`.
+"""
+
+import argparse
+import gzip
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch.nn import functional
+
+from models.catalogue import WEIGHTS
+from models.policy import MlpPolicy, NetworkConfig, build_network, save_agent
+from models.protocols import Mode
+from overcooked.layout import Layout, load_layout
+from overcooked.state import Kitchens
+from training.runlog import revision
+
+RECORDINGS = Path(__file__).parent.parent / "tests" / "data" / "coordination_ring_train.jsonl.gz"
+NAME = "human_bc"
+LIKE_PEOPLE = Mode(temperature=1.0, stuck_after=3, stuck_mix=0.5)  # cloned people get stuck far more than people do
+
+
+@dataclass(frozen=True)
+class CloningConfig:
+    """How the clone learns."""
+
+    hidden: tuple[int, ...] = (64, 64)
+    epochs: int = 100  # at most
+    minibatch: int = 256
+    learning_rate: float = 1e-3
+    weight_decay: float = 0.1
+    noise: float = 0.1  # share of input entries that are hidden while training
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class HumanGames:
+    """What people saw and did, a row for each of the two."""
+
+    observations: NDArray[np.int8]  # (rows, width, height, 26)
+    actions: NDArray[np.int64]  # (rows,)
+    game: NDArray[np.int64]  # (rows,): which game, so that one can be kept apart
+
+
+def read_human_games(path: Path, layout: Layout) -> HumanGames:
+    """All recorded timesteps with an action. Raises OSError or ValueError for a file that is none."""
+    kitchens = Kitchens.start(layout)
+    seen, done, games, game = [], [], [], -1
+    with gzip.open(path, "rt", encoding="utf-8") as lines:
+        for line in lines:
+            record = json.loads(line)
+            game += record["k"] == "ep"
+            if record["k"] == "s" and "a" in record:
+                kitchens.restore(record)
+                seen.append(kitchens.encode(horizon=0)[0])  # their games were longer: no hurry is shown
+                done.append(record["a"])
+                games.append((game, game))
+    if not seen:
+        raise ValueError(f"{path}: holds no recorded actions. Give a file of recorded human games.")
+    observations = np.concatenate(seen)
+    return HumanGames(observations, np.array(done, np.int64).ravel(), np.array(games, np.int64).ravel())
+
+
+def clone(games: HumanGames, layout: Layout, config: CloningConfig) -> tuple[MlpPolicy, dict[str, float]]:
+    """The network that does as they did, and its figures on the one game that it never saw."""
+    torch.manual_seed(config.seed)
+    draws = np.random.default_rng(config.seed)
+    network = build_network(NetworkConfig(hidden=config.hidden), layout)
+    assert isinstance(network, MlpPolicy)  # noqa: S101 the default kind
+    with torch.no_grad():
+        first: Any = network.head.layers[0].weight
+        first *= _changing(games, network)  # what never changed for them must not matter
+    entries = torch.from_numpy(games.observations).flatten(1)[:, network.columns].float()
+    actions = torch.from_numpy(games.actions)
+    apart = torch.from_numpy(games.game == games.game.max())
+    optimiser = torch.optim.AdamW(network.parameters(), config.learning_rate, weight_decay=config.weight_decay)
+    rows = np.flatnonzero(games.game != games.game.max())
+    best, kept = {"loss": float("inf")}, {}
+    for epoch in range(config.epochs):
+        order = draws.permutation(rows)
+        for first in range(0, len(order), config.minibatch):
+            some = torch.from_numpy(order[first : first + config.minibatch])
+            shown = entries[some] * (torch.rand(len(some), entries.shape[1]) >= config.noise)
+            loss = functional.cross_entropy(network.from_columns(shown)[0], actions[some])
+            optimiser.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]
+            optimiser.step()
+        with torch.inference_mode():
+            said = network.from_columns(entries[apart])[0]
+            figures = {
+                "loss": float(functional.cross_entropy(said, actions[apart])),
+                "accuracy": float((said.argmax(1) == actions[apart]).float().mean()),
+            }
+        if figures["loss"] < best["loss"]:
+            best, kept = {**figures, "epochs": epoch + 1}, {k: v.clone() for k, v in network.state_dict().items()}
+    network.load_state_dict(kept)
+    return network, best
+
+
+def _changing(games: HumanGames, network: MlpPolicy) -> torch.Tensor:
+    """(inputs,): 1 for entries that took more than one value in the recordings."""
+    seen = games.observations.reshape(len(games.observations), -1)[:, network.columns.numpy()]
+    return torch.from_numpy((seen != seen[0]).any(0).astype(np.float32))
+
+
+def save_clone(
+    folder: Path, network: MlpPolicy, layout: Layout, config: CloningConfig, figures: dict[str, float]
+) -> str:
+    """Writes the agent's checkpoint folder with its card; returns its sha256."""
+    mode = LIKE_PEOPLE
+    card = "\n".join(
+        [
+            f"# {NAME}: a behaviour-cloned human for {layout.name}",
+            "",
+            "A small network that imitates the people of 8 human-human games (9,619 joint steps, 150 ms each):",
+            "Carroll et al. 2019, collected by CHAI, UC Berkeley, anonymised by them, MIT. For testing partners and",
+            f"predictors; it is no study partner. Samples (temperature {mode.temperature:g}); after {mode.stuck_after}",
+            f"timesteps without a change of its own cell, facing or hand, {mode.stuck_mix:.0%} of the probability goes",
+            "to the four moves.",
+            "",
+            "| fact | value |",
+            "|---|---|",
+            f"| likeliest action right, on the game it never saw | {100 * figures['accuracy']:.1f} % |",
+            f"| cross-entropy there | {figures['loss']:.3f} |",
+            f"| settings | {asdict(config)} |",
+            f"| code revision | {revision()} |",
+        ]
+    )  # fmt: skip
+    settings = NetworkConfig(hidden=config.hidden)
+    return save_agent(
+        folder,
+        network,
+        settings,
+        layout,
+        mode,
+        card,
+        agent=NAME,
+        seed=config.seed,
+        measured=figures,
+        revision=revision(),
+    )
+
+
+def main() -> None:
+    """Clones the shipped recordings and writes the agent where studies and evaluations find it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--recordings", type=Path, default=RECORDINGS)
+    parser.add_argument("--layout", default="coordination_ring")
+    parser.add_argument("--out", type=Path, help="default: models/weights/LAYOUT/human_bc")
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    layout, config = load_layout(arguments.layout), CloningConfig()
+    network, figures = clone(read_human_games(arguments.recordings, layout), layout, config)
+    folder = arguments.out or WEIGHTS / layout.name / NAME
+    save_clone(folder, network, layout, config, figures)
+    print(f"{folder}: right in {figures['accuracy']:.1%} of a game it never saw")
+
+
+if __name__ == "__main__":
+    main()
