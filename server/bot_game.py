@@ -69,7 +69,8 @@ class BotGame:
 
     def __init__(self, url: str, cookie: str, journal: Journal, chance: random.Random, idle: float = 0.1) -> None:
         """`url`: ws://host/s/study/socket; `idle`: the share of timesteps in which the bot does nothing."""
-        self._url, self._cookie, self._journal, self._chance, self._idle = url, cookie, journal, chance, idle
+        self.url, self.cookie = url, cookie
+        self._journal, self._chance, self._idle = journal, chance, idle
         self._origin = "http" + url.removeprefix("ws").split("/s/")[0]
         self._policy: Policy = PlannerPolicy()
         self._tab = f"bot-{chance.getrandbits(64):016x}"
@@ -82,9 +83,9 @@ class BotGame:
         """Until the episode is over, across lost connections; None if there is no game to be played here."""
         for attempt in range(MOST_RECONNECTS):
             try:
-                headers = {"Cookie": self._cookie}
+                headers = {"Cookie": self.cookie}
                 origin = Origin(self._origin)
-                async with connect(self._url, additional_headers=headers, origin=origin, compression=None) as socket:
+                async with connect(self.url, additional_headers=headers, origin=origin, compression=None) as socket:
                     return await self._talk(socket)
             except ConnectionClosed as closed:
                 if closed.rcvd is not None and closed.rcvd.code in _FINAL:
@@ -93,7 +94,7 @@ class BotGame:
                 pass  # the server is away: again
             self._journal.reconnects += 1
             await asyncio.sleep(min(1.0, 0.05 * 2**attempt) * self._chance.uniform(0.5, 1.0))
-        raise ConnectionError(f"{self._url}: no game after {MOST_RECONNECTS} tries")
+        raise ConnectionError(f"{self.url}: no game after {MOST_RECONNECTS} tries")
 
     async def _talk(self, socket: ClientConnection) -> messages.Ended:
         """Until the episode is over. Raises ConnectionClosed."""

@@ -11,7 +11,7 @@ from server.bot_game import BotGame, Journal
 MOST_PAGES: Final = 200
 
 
-class _Page(HTMLParser):
+class Page(HTMLParser):
     """The parts of a page that a participant acts on: forms, the game, the completion code."""
 
     def __init__(self, text: str) -> None:
@@ -58,13 +58,17 @@ class Bot:
     async def walk(self) -> Journal:
         """The whole way; what was seen, with the completion code. Raises RuntimeError where there is no way on."""
         async with self._client:
-            page = await self._consent()
+            page = await self.consent()
             for _ in range(MOST_PAGES):
                 if page.code is not None:
                     self.journal.code = page.code
                     return self.journal
-                page = await self._play() if page.is_game else await self._submit(page)
+                page = await self._play() if page.is_game else await self.submit(page)
         raise RuntimeError(f"no completion code after {MOST_PAGES} pages: {self.journal.pages[-5:]}")
+
+    async def close(self) -> None:
+        """Lets go of the connections; the cookie stays."""
+        await self._client.aclose()
 
     def game(self) -> BotGame:
         """A game connection with this participant's cookie."""
@@ -72,7 +76,8 @@ class Bot:
         url = f"ws{self._base.removeprefix('http')}/s/{self._study}/socket"
         return BotGame(url, cookie, self.journal, self._chance)
 
-    async def _consent(self) -> _Page:
+    async def consent(self) -> Page:
+        """Agrees; the page after it."""
         page = await self._get(f"/s/{self._study}")
         fields = page.form(f"/s/{self._study}/consent")
         if fields is None:
@@ -80,12 +85,13 @@ class Bot:
         extra = {"simulated": "yes"} if self._simulated else {}
         return await self._post(f"/s/{self._study}/consent", self._filled(fields) | extra)
 
-    async def _play(self) -> _Page:
+    async def _play(self) -> Page:
         self.journal.pages.append("game")
         await self.game().play()
         return await self._get(f"/s/{self._study}/now")
 
-    async def _submit(self, page: _Page) -> _Page:
+    async def submit(self, page: Page) -> Page:
+        """Fills the page in and sends it; the page after it."""
         fields = page.form(f"/s/{self._study}/now")
         if fields is None:
             raise RuntimeError("a page has neither form nor game nor code")
@@ -111,14 +117,14 @@ class Bot:
                 filled[name] = "-"
         return filled
 
-    async def _get(self, path: str) -> _Page:
+    async def _get(self, path: str) -> Page:
         return self._page(await self._client.get(path))
 
-    async def _post(self, path: str, fields: dict[str, Any]) -> _Page:
+    async def _post(self, path: str, fields: dict[str, Any]) -> Page:
         return self._page(await self._client.post(path, data=fields))
 
     @staticmethod
-    def _page(response: httpx.Response) -> _Page:
+    def _page(response: httpx.Response) -> Page:
         if response.status_code >= 400:
             raise RuntimeError(f"{response.request.method} {response.url.path} answered {response.status_code}")
-        return _Page(response.text)
+        return Page(response.text)

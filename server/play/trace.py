@@ -44,6 +44,8 @@ class Trace:
         self._actions = np.full((capacity, PLAYERS), -1, np.int8)  # that led to each state
         self._timesteps = np.zeros(capacity, np.int32)
         self._players[0] = start.players[0]
+        self._rows: list[list[int]] = self._players[0].tolist()  # of both chefs now
+        self._rows_before = self._rows
         self._events = np.zeros((1, PLAYERS), np.int32)
         self._pots: list[tuple[int, int]] = [(x, y) for x, y in layout.pots.tolist()]
         self._counters: list[tuple[int, int]] = [(x, y) for x, y in layout.counters.tolist()]
@@ -66,9 +68,9 @@ class Trace:
         rewards = (sparse_reward(first), sparse_reward(second))
         self.score += sum(rewards)
         self.soups += bool(first & SOUP_DELIVERY) + bool(second & SOUP_DELIVERY)
-        for seat in range(PLAYERS):
-            same = bool((self._players[now, seat] == self._players[before, seat]).all())
-            self.stuck[seat] = self.stuck[seat] + 1 if same else 0
+        self._rows_before, self._rows = self._rows, self._players[now].tolist()
+        for seat, (row, row_before) in enumerate(zip(self._rows, self._rows_before, strict=True)):
+            self.stuck[seat] = self.stuck[seat] + 1 if row == row_before else 0
         return Step(actions, rewards, (shaped_reward(first), shaped_reward(second)), (first, second))
 
     def _grow(self) -> None:
@@ -106,8 +108,7 @@ class Trace:
 
     def moved(self, seat: int) -> bool:
         """Whether the chef stands in another cell than a timestep ago."""
-        now = self.timestep
-        return now > 0 and bool((self._players[now, seat, :2] != self._players[now - 1, seat, :2]).any())
+        return self._rows[seat][:FACING] != self._rows_before[seat][:FACING]
 
     def history(self, seat: int) -> Callable[[int], History]:
         """Looks back from the current state as the chef in `seat` saw it; stays valid when the game goes on."""
@@ -137,5 +138,5 @@ class Trace:
             elif inside:
                 pots.append((x, y, inside, -1))
         counters = tuple((x, y, contents[x][y]) for x, y in self._counters if contents[x][y] != NOTHING)
-        players = tuple((row[X], row[Y], row[FACING], row[HELD]) for row in self.players().tolist())
+        players = tuple((row[X], row[Y], row[FACING], row[HELD]) for row in self._rows)
         return Kitchen(self.timestep, players, counters, tuple(pots), self.score, self.soups)
