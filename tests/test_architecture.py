@@ -24,6 +24,7 @@ LONG_FILES = {
 LONG_FUNCTIONS = {
     "overcooked.rules._interact": "one branch a tile, in the order of the rules",
     "training.collect.games_with": "one loop over timesteps, in the order in which things happen",
+    "training.commands.predictor.run": "one command from top to bottom: what it reads, trains and ships",
 }
 MANY_ARGUMENTS = {
     "models.predictor._attention": "part of a graph that is exported: tensors one by one",
