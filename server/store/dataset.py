@@ -14,7 +14,7 @@ from server.store.export_files import table_path
 from server.store.studies import Study
 
 Columns = Mapping[str, tuple[Column, ...]]
-_CROISSANT_TYPES = {"integer": "sc:Integer", "number": "sc:Float", "boolean": "sc:Boolean"}
+_CROISSANT_TYPES = {"integer": "sc:Integer", "number": "sc:Float", "boolean": "sc:Boolean", "time": "sc:Date"}
 _MEDIA_TYPES = {".csv": "text/csv", ".parquet": "application/x-parquet"}
 
 
@@ -26,7 +26,9 @@ def write_about(folder: Path, versions: Sequence[Study], columns: Columns, forma
     _write_json(folder / "codebook.json", codebook_of(columns))
     (folder / "README.md").write_text(readme(versions, columns, formats), encoding="utf-8")
     _write_json(folder / "dataset_description.json", psych_ds(versions, columns))
-    _write_json(folder / "croissant.json", croissant(folder, versions, columns, formats[0]))
+    _write_json(
+        folder / "croissant.json", croissant(folder, versions, columns, "csv" if "csv" in formats else "parquet")
+    )
 
 
 def study_file(key: str, version: int) -> str:
@@ -127,6 +129,7 @@ _CROISSANT_CONTEXT = {
     "data": {"@id": "cr:data", "@type": "@json"},
     "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
     "dct": "http://purl.org/dc/terms/",
+    "equivalentProperty": "cr:equivalentProperty",
     "examples": {"@id": "cr:examples", "@type": "@json"},
     "extract": "cr:extract",
     "field": "cr:field",
@@ -147,6 +150,7 @@ _CROISSANT_CONTEXT = {
     "regex": "cr:regex",
     "repeated": "cr:repeated",
     "replace": "cr:replace",
+    "samplingRate": "cr:samplingRate",
     "sc": "https://schema.org/",
     "separator": "cr:separator",
     "source": "cr:source",
@@ -169,7 +173,8 @@ def readme(versions: Sequence[Study], columns: Columns, formats: Sequence[str]) 
     return _README.format(
         name=_name(versions),
         description=_description(versions),
-        files=" and ".join(files[name] for name in formats),
+        files=" and ".join(files[name] for name in formats if name in files),
+        trajectories=_TRAJECTORIES if "overcooked_ai" in formats else "",
         rows=rows,
         studies=texts,
         escaped=codebook.ESCAPED,
@@ -177,6 +182,8 @@ def readme(versions: Sequence[Study], columns: Columns, formats: Sequence[str]) 
     )
 
 
+_TRAJECTORIES = """- `trajectories/EPISODE.json`: each episode in overcooked_ai's own trajectory format, for its tools.
+"""
 _README = """# {name}
 
 {description}
@@ -199,7 +206,7 @@ Each table is {files}:
 - What was predicted is recorded in every condition, also where nothing was shown (`episodes.shown`).
 - An episode's states are not stored: `kitchenmind verify` simulates them from `spec` and the actions, and compares the
   hashes.
-- {escaped}
+{trajectories}- {escaped}
 
 The study files, word for word:
 

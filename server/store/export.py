@@ -14,9 +14,10 @@ from sqlalchemy import Connection
 
 from server.store import codebook, dataset, exported, exported_ticks, studies
 from server.store.codebook import Column, ExportTable
-from server.store.export_files import FORMATS, Writer
+from server.store.export_files import TABLE_FORMATS, Writer
 from server.store.exported import Rows, Selection
 
+FORMATS = (*TABLE_FORMATS, "overcooked_ai")
 ROWS = 20_000  # of a chunk
 _ROWS: dict[str, Callable[[Selection], Rows]] = {
     "studies": exported.study_rows,
@@ -60,6 +61,9 @@ def export(
     unknown = [name for name in formats if name not in FORMATS]
     if unknown or not formats:
         raise ExportRefused(f"there is no format {', '.join(unknown) or 'named'}. Choose from {', '.join(FORMATS)}.")
+    table_formats = [name for name in TABLE_FORMATS if name in formats]
+    if not table_formats:
+        raise ExportRefused(f"the tables need a format too: add {' or '.join(TABLE_FORMATS)}.")
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise ExportRefused(f"{out} is not empty. Choose a new folder, so that nothing old is mixed in.")
     versions = _versions(connection, study)
@@ -67,7 +71,11 @@ def export(
     out.absolute().parent.mkdir(parents=True, exist_ok=True)
     making = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.absolute().parent))
     try:
-        summary = _write(chosen, making, formats)
+        summary = _write(chosen, making, table_formats)
+        if len(table_formats) < len(formats):
+            from server.store import trajectories  # simulates: the rules are compiled for it only
+
+            summary.rows[trajectories.FOLDER] = trajectories.write(chosen, making)
         dataset.write_about(making, versions, summary.columns, formats)
         making.chmod(0o755)
         making.replace(out)

@@ -9,7 +9,7 @@ import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet
 
-FORMATS = ("csv", "parquet")
+TABLE_FORMATS = ("csv", "parquet")
 _NUMBER = r"^-?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]+)?$"  # a number alone is no formula
 _FORMULA = r"^('*[=+\-@\t\r\n\x00])"
 _ESCAPED = re.compile(r"^'+[=+\-@\t\r\n\x00]")

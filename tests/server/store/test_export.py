@@ -2,6 +2,7 @@ import csv
 import json
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from sqlalchemy import Connection, select
 from study_data import fill, played
 
 import kitchenmind
+from overcooked.trajectory import read_trajectories
 from server.store import answers, codebook, dictionary, export_files, participants, ticks
 from server.store.database import Database
 from server.store.tables import answers as answer_table
@@ -272,6 +274,41 @@ def test_failed_export_leaves_nothing_behind(
     monkeypatch.setattr(export_files.Writer, "write", no_space)
     assert kitchenmind.main(["export", "--database", url, "--out", str(folder / "out")]) == 2
     assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("url", ["sqlite"], indirect=True)
+def test_croissant_file_is_accepted_and_leads_to_the_rows(filled: Database, exported: Exported) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of the libraries that mlcroissant is made of
+        import mlcroissant
+
+        for formats in ("csv", "parquet"):
+            folder = exported("--format", formats, name=formats)
+            dataset = mlcroissant.Dataset(jsonld=folder / "croissant.json")
+            assert dataset.metadata.ctx.issues.errors == set()
+            assert {records.name for records in dataset.metadata.record_sets} == set(TABLES)
+            first = next(iter(dataset.records("answers")))
+            assert first["answers/question"] == b"partner"
+
+
+def test_trajectories_are_readable_in_the_format_of_overcooked_ai(filled: Database, exported: Exported) -> None:
+    folder = exported("--format", "parquet,overcooked_ai")
+    files = sorted((folder / "trajectories").iterdir())
+    frame = parquet(folder, "ticks")
+    assert [path.stem for path in files] == sorted(set(frame["episode"]))
+    for path in files:
+        rows = frame.filter(pl.col("episode") == path.stem)
+        [(layout, joint_actions)] = read_trajectories(path)
+        assert layout.name == "coordination_ring"
+        assert joint_actions == [list(pair) for pair in rows.select("action_0", "action_1").iter_rows()]
+
+
+def test_trajectories_alone_are_refused(
+    filled: Database, url: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["export", "--database", url, "--out", str(tmp_path / "out"), "--format", "overcooked_ai"]
+    assert kitchenmind.main(words) == 2
+    assert "add csv or parquet" in capsys.readouterr().err
 
 
 def test_export_needs_neither_torch_nor_a_web_server() -> None:
