@@ -16,9 +16,12 @@ CHROMIUM_ARGUMENTS = [
 ]
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def chromium() -> Iterator[Browser]:
-    """The installed Chromium, started once. Its absence is a failure: `make setup` says how to install it."""
+    """The installed Chromium. Its absence is a failure: `make setup` says how to install it.
+
+    Once a module: while Playwright is open its event loop counts as running, and asynchronous tests could not follow.
+    """
     executable = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     assert executable, "no Chromium is installed: run `make setup`, or install the package `chromium`"
     with sync_playwright() as playwright:

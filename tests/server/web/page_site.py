@@ -5,6 +5,7 @@ import re
 import socket
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from html import unescape
 from pathlib import Path
 from urllib.parse import urlencode
@@ -42,7 +43,8 @@ class Site:
         migrate(url)
         self.database = Database(url)
         files = [parse_study(text) for text in texts]
-        self.studies = asyncio.run(Studies.opened(self.database, files))
+        with ThreadPoolExecutor(1) as other:  # a browser's event loop may be running in this thread
+            self.studies = other.submit(asyncio.run, Studies.opened(self.database, files)).result()
         self.app = FastAPI(openapi_url=None)
         self.app.add_middleware(SecurityHeaders)
         self.app.mount("/static", StaticFiles(directory=ROOT / "static"))
