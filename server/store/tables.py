@@ -35,6 +35,7 @@ metadata = MetaData(
 
 PARTICIPANT_STATUSES = ("active", "completed", "screened_out", "withdrawn", "timed_out", "returned")
 EPISODE_STATUSES = ("new", "running", "done", "aborted")
+ROLES = ("watch", "act", "own")  # of researchers, each with the rights of those before it
 RECRUITMENT_ID = "recruitment_id"  # key in `personal` of the recruiter's id of a person: one row per person and study
 
 
@@ -301,4 +302,50 @@ heartbeat = Table(
     metadata,
     column("id", Integer, primary_key=True, autoincrement=False, meaning="Always 1."),
     time("at", "When the server last proved that the database can commit."),
+)
+
+admins = Table(
+    "admins",
+    metadata,
+    column("name", _Key, primary_key=True, meaning="A researcher's account; the audit log's actor."),
+    column("password_hash", Text, meaning="Argon2id."),
+    column("role", String(16), meaning="One of: " + ", ".join(ROLES) + "."),
+    time("created_at", "When it was made."),
+)
+
+admin_sessions = Table(
+    "admin_sessions",
+    metadata,
+    column("token_hash", _Sha256, primary_key=True, meaning="SHA-256 of the token in the researcher's cookie."),
+    column("admin", _Key, ForeignKey("admins.name"), index=True, meaning="Whose."),
+    column("blind", Boolean, meaning="True: conditions are not sent to this browser."),
+    time("created_at", "Sign-in."),
+    time("seen_at", "Last request, to the minute."),
+)
+
+exclusions = Table(
+    "exclusions",
+    metadata,
+    number("Number of the decision."),
+    column("participant_id", _Id, ForeignKey(_Participant), index=True, meaning="Whose data."),
+    column(
+        "episode_id", _Id, ForeignKey(_Episode), nullable=True, index=True, meaning="This episode only; none: all data."
+    ),
+    column("reason", _Key, meaning="Why the data are not to be analysed."),
+    column("note", Text, meaning="What else is to be said."),
+    column("excluded_by", _Key, meaning="The researcher who decided."),
+    time("excluded_at", "When."),
+    column("restored_by", _Key, nullable=True, meaning="Who took it back; none: it holds."),
+    time("restored_at", "When it was taken back.", nullable=True),
+)
+
+study_pauses = Table(
+    "study_pauses",
+    metadata,
+    number("Number of the pause."),
+    column("study", _Key, index=True, meaning="The study's name: all its versions stand still."),
+    column("paused_by", _Key, meaning="The researcher who paused it."),
+    time("paused_at", "Since when nobody is let in and no game runs."),
+    column("resumed_by", _Key, nullable=True, meaning="Who let it go on; none: it still stands."),
+    time("resumed_at", "When it went on.", nullable=True),
 )

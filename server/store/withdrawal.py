@@ -9,6 +9,7 @@ from server.store.tables import (
     answers,
     episodes,
     events,
+    exclusions,
     participants,
     pauses,
     personal,
@@ -30,6 +31,7 @@ def withdraw(connection: Connection, participant_id: str) -> bool:
     ).first()
     if row is None:
         return False
+    connection.execute(delete(exclusions).where(exclusions.c.participant_id == participant_id))
     played = or_(episodes.c.participant_0 == participant_id, episodes.c.participant_1 == participant_id)
     _delete_episodes(connection, list(connection.execute(select(episodes.c.id).where(played)).scalars()))
     for table in (answers, visits, events, personal):
@@ -46,7 +48,7 @@ def withdraw(connection: Connection, participant_id: str) -> bool:
 def _delete_episodes(connection: Connection, episode_ids: list[str]) -> None:
     for episode_id in episode_ids:
         connection.execute(update(answers).where(answers.c.episode_id == episode_id).values(episode_id=None))
-        for table in (ticks, pauses, events):
+        for table in (ticks, pauses, events, exclusions):
             connection.execute(delete(table).where(table.c.episode_id == episode_id))
         connection.execute(delete(episodes).where(episodes.c.id == episode_id))
         audit.forget(connection, episode_id)

@@ -1,0 +1,28 @@
+"""`kitchenmind backup`: a copy of a SQLite database, taken while the server goes on. PostgreSQL has pg_dump for it."""
+
+import argparse
+import sys
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--to", required=True, type=Path, metavar="FILE", help="a new file")
+    parser.add_argument("--database", metavar="URL", help="sqlite:///path")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Writes the copy; 2 when it cannot be made as asked, 1 when the database fails."""
+    from server.commands.databases import open_stored
+    from server.store.engines import DatabaseDown, copy_to
+
+    try:
+        with open_stored(arguments.database) as database:
+            copy_to(database.url, arguments.to)
+    except (ValueError, OSError) as error:
+        sys.stderr.write(f"kitchenmind backup: {error}\n")
+        return 2
+    except DatabaseDown as error:
+        sys.stderr.write(f"kitchenmind backup: {error}\n")
+        return 1
+    sys.stdout.write(f"{arguments.to}: {arguments.to.stat().st_size / 1e6:.1f} MB\n")
+    return 0

@@ -1,0 +1,113 @@
+"""Researchers: their accounts and sessions. Stores hashes of passwords and tokens, and never sees either."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+from sqlalchemy import Connection, delete, select, update
+
+from server.store.tables import ROLES, admin_sessions, admins
+
+IDLE = timedelta(hours=2)
+LONGEST = timedelta(hours=12)  # a session ends then, however busy
+_SEEN_EVERY = timedelta(minutes=1)
+
+
+@dataclass(frozen=True)
+class Admin:
+    """One account."""
+
+    name: str
+    role: str
+    created_at: datetime
+
+
+@dataclass(frozen=True)
+class AdminSession:
+    """Who is signed in with a token, and whether conditions are hidden from them."""
+
+    token_hash: str
+    name: str
+    role: str
+    blind: bool
+
+    def may(self, role: str) -> bool:
+        """Whether the account has the rights of `role`."""
+        return ROLES.index(self.role) >= ROLES.index(role)
+
+
+class NameTaken(ValueError):
+    """There is an account of this name."""
+
+
+def create(connection: Connection, name: str, password_hash: str, role: str) -> None:
+    """A new account. Raises NameTaken, ValueError for a role that is none."""
+    if role not in ROLES:
+        raise ValueError(f"{role!r} is no role. Choose from {', '.join(ROLES)}.")
+    if password_hash_of(connection, name) is not None:
+        raise NameTaken(f"there is an account {name!r} already. A new password: kitchenmind admin reset {name}")
+    row = {"name": name, "password_hash": password_hash, "role": role, "created_at": datetime.now(UTC)}
+    connection.execute(admins.insert().values(row))
+
+
+def every(connection: Connection) -> list[Admin]:
+    """All accounts, by name."""
+    query = select(admins.c.name, admins.c.role, admins.c.created_at).order_by(admins.c.name)
+    return [Admin(*row) for row in connection.execute(query)]
+
+
+def password_hash_of(connection: Connection, name: str) -> str | None:
+    """What to check a password against; None: no such account."""
+    return connection.execute(select(admins.c.password_hash).where(admins.c.name == name)).scalar_one_or_none()
+
+
+def set_password(connection: Connection, name: str, password_hash: str) -> bool:
+    """Ends all sessions of the account too. False: no such account."""
+    query = update(admins).where(admins.c.name == name).values(password_hash=password_hash)
+    close_all(connection, name)
+    return connection.execute(query).rowcount == 1
+
+
+def remove(connection: Connection, name: str) -> bool:
+    """Deletes the account; what it did stays in the audit log. False: no such account."""
+    close_all(connection, name)
+    return connection.execute(delete(admins).where(admins.c.name == name)).rowcount == 1
+
+
+# Sessions
+
+
+def open_session(connection: Connection, name: str, token_hash: str, now: datetime) -> None:
+    """Somebody signed in: from now on the token is theirs, in blind mode. What ran out is cleared away."""
+    old = (admin_sessions.c.created_at < now - LONGEST) | (admin_sessions.c.seen_at < now - IDLE)
+    connection.execute(delete(admin_sessions).where(old))
+    row = {"token_hash": token_hash, "admin": name, "blind": True, "created_at": now, "seen_at": now}
+    connection.execute(admin_sessions.insert().values(row))
+
+
+def session(connection: Connection, token_hash: str, now: datetime) -> tuple[AdminSession, bool] | None:
+    """Whose token it is, and whether `touch` is due; None when it is nobody's any more."""
+    query = select(admin_sessions, admins.c.role).join_from(admin_sessions, admins)
+    row = connection.execute(query.where(admin_sessions.c.token_hash == token_hash)).first()
+    if row is None or now - row.created_at > LONGEST or now - row.seen_at > IDLE:
+        return None
+    return AdminSession(token_hash, row.admin, row.role, row.blind), now - row.seen_at > _SEEN_EVERY
+
+
+def touch(connection: Connection, token_hash: str, now: datetime) -> None:
+    """The session was used."""
+    connection.execute(update(admin_sessions).where(admin_sessions.c.token_hash == token_hash).values(seen_at=now))
+
+
+def close_session(connection: Connection, token_hash: str) -> None:
+    """The token is nobody's from now on."""
+    connection.execute(delete(admin_sessions).where(admin_sessions.c.token_hash == token_hash))
+
+
+def close_all(connection: Connection, name: str) -> None:
+    """Signs an account out everywhere."""
+    connection.execute(delete(admin_sessions).where(admin_sessions.c.admin == name))
+
+
+def set_blind(connection: Connection, token_hash: str, blind: bool) -> None:
+    """Whether conditions are hidden in this session."""
+    connection.execute(update(admin_sessions).where(admin_sessions.c.token_hash == token_hash).values(blind=blind))

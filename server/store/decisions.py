@@ -1,0 +1,69 @@
+"""What researchers decide about data and studies: exclusions, which can be taken back, and pauses of whole studies."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import Connection, select, update
+
+from server.store.tables import exclusions, study_pauses
+
+
+@dataclass(frozen=True)
+class Exclusion:
+    """One decision; `episode_id` None: all data of the participant. It holds while `restored_at` is None."""
+
+    id: int
+    participant_id: str
+    episode_id: str | None
+    reason: str
+    note: str
+    excluded_by: str
+    excluded_at: datetime
+    restored_by: str | None
+    restored_at: datetime | None
+
+
+def exclude(connection: Connection, participant: str, episode: str | None, why: tuple[str, str], by: str) -> int:
+    """Keeps the decision that these data are not to be analysed; `why`: reason and note. Returns its number."""
+    row = {
+        "participant_id": participant,
+        "episode_id": episode,
+        "reason": why[0],
+        "note": why[1],
+        "excluded_by": by,
+        "excluded_at": datetime.now(UTC),
+    }
+    made = connection.execute(exclusions.insert().values(row).returning(exclusions.c.id))
+    return int(made.scalar_one())
+
+
+def restore(connection: Connection, number: int, by: str) -> bool:
+    """Takes an exclusion back. False if it does not hold (any more)."""
+    query = update(exclusions).where(exclusions.c.id == number, exclusions.c.restored_at.is_(None))
+    return connection.execute(query.values(restored_by=by, restored_at=datetime.now(UTC))).rowcount == 1
+
+
+def exclusions_of(connection: Connection, participants: list[str]) -> list[Exclusion]:
+    """The exclusions of these participants that hold, oldest first."""
+    query = select(exclusions).where(exclusions.c.participant_id.in_(participants), exclusions.c.restored_at.is_(None))
+    return [Exclusion(**row._mapping) for row in connection.execute(query.order_by(exclusions.c.id))]
+
+
+def pause_study(connection: Connection, study: str, by: str) -> bool:
+    """The study stands still from now on. False if it did already."""
+    if study in paused_studies(connection):
+        return False
+    connection.execute(study_pauses.insert().values(study=study, paused_by=by, paused_at=datetime.now(UTC)))
+    return True
+
+
+def resume_study(connection: Connection, study: str, by: str) -> bool:
+    """The study goes on. False if it was not paused."""
+    query = update(study_pauses).where(study_pauses.c.study == study, study_pauses.c.resumed_at.is_(None))
+    return connection.execute(query.values(resumed_by=by, resumed_at=datetime.now(UTC))).rowcount > 0
+
+
+def paused_studies(connection: Connection) -> set[str]:
+    """The names of all studies that stand still."""
+    query = select(study_pauses.c.study).where(study_pauses.c.resumed_at.is_(None))
+    return set(connection.execute(query).scalars())
