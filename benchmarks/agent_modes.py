@@ -1,0 +1,63 @@
+"""How decided an agent should be: points with itself and with strangers, certainty and jams for several modes.
+
+    python benchmarks/agent_modes.py [--layout coordination_ring] [--agent sp]
+
+The partner is in the same mode as the agent. The figures behind `training.agents.PEOPLE`.
+"""
+
+import argparse
+
+import numpy as np
+import torch
+
+from models.catalogue import WEIGHTS, load_agent
+from models.policy import NetworkPolicy, load_network
+from models.protocols import Mode
+from overcooked.layout import load_layout
+from training.evaluate_agents import Games, Player, play, with_itself
+
+MODES = (
+    Mode(1.0, 8, 0.0),
+    Mode(0.3, 8, 0.5),
+    Mode(0.0, 8, 0.0),
+    Mode(0.0, 3, 0.5),
+    Mode(0.0, 4, 0.5),
+    Mode(0.0, 6, 0.5),
+    Mode(0.0, 8, 0.5),
+    Mode(0.0, 12, 0.5),
+)
+
+
+def main() -> None:
+    """Prints a table, a row a mode."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--layout", default="coordination_ring")
+    parser.add_argument("--agent", default="sp")
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    layout = load_layout(arguments.layout)
+    policy = load_agent(arguments.agent, layout).policy
+    folders = sorted((WEIGHTS / layout.name / "population").glob("*_100"))
+    strangers = [NetworkPolicy(load_network(folder)) for folder in folders]
+    print("mode (temperature, after, mix)     self  strangers  certainty   stuck  longest jam")
+    for mode in MODES:
+        me = Player(policy, mode)
+        own = with_itself(layout, me, 20)
+        others = [play(layout, (me, Player(stranger, mode)), 8, 0) for stranger in strangers]
+        others += [play(layout, (Player(stranger, mode), me), 8, 1) for stranger in strangers]
+        name = f"{mode.temperature:g}, {mode.stuck_after}, {mode.stuck_mix:g}"
+        print(f"{name:32}{own.scores.mean():7.1f}{_points(others):11.1f}{_certainty(others):11.3f}", end="")
+        print(f"{np.mean([games.stuck for games in others]):8.1%}{max(games.longest_jam for games in others):13d}")
+
+
+def _points(games: list[Games]) -> float:
+    return float(np.mean([some.scores.mean() for some in games]))
+
+
+def _certainty(games: list[Games]) -> float:
+    """Of the agent in the first seat: where the agent sat there (the first half)."""
+    return float(np.mean([some.certainty for some in games[: len(games) // 2]]))
+
+
+if __name__ == "__main__":
+    main()
