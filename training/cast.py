@@ -84,7 +84,7 @@ def study_tasks(layout: str, preset: Preset) -> list[Task]:
             "choose_fcp",
             lambda work: choose_fcp(work, grid),
             settings,
-            ("choose_sp", *sp, *fcp, last),
+            ("choose_sp", *sp, *fcp, last, *seeds("population_fcp", preset)),
         ),
     ]
     everybody = tuple(task.name for task in (*agents, *choice) if not task.name.startswith("target_fcp"))

@@ -64,25 +64,27 @@ def ship_cast(work: Work, layout: Layout) -> None:
     chosen = json.loads((work.inputs["choose_sp"] / _DECISION).read_text(encoding="utf-8"))["best"]
     shutil.rmtree(target / HELD_OUT, ignore_errors=True)
     for name, folder in work.inputs.items():
-        if _is_stranger(name, chosen, work.inputs):
+        if _is_stranger(name, chosen, work.inputs) and not name.startswith("population_fcp"):
             for skill in SKILLS:
                 _copy(folder / str(skill), target / HELD_OUT / f"{name}_{skill}")
 
 
 def evaluate_shipped(layout: Layout, names: Sequence[str] = ("sp", "fcp"), episodes: int = 40) -> list[dict[str, Any]]:
     """What `kitchenmind evaluate agents --json` prints for one layout: the shipped agents with themselves and with the
-    held-out partners that travel with them."""
-    folders = sorted((WEIGHTS / layout.name / HELD_OUT).glob("*/config.json"))
-    strangers: list[Policy] = [NetworkPolicy(load_network(config.parent)) for config in folders]
+    partners that travel with them and that neither ever met."""
+    shipped = WEIGHTS / layout.name
+    folders = sorted([*(shipped / HELD_OUT).glob("*"), *(shipped / "population").glob("fcp_*")])
+    strangers: list[Policy] = [NetworkPolicy(load_network(folder)) for folder in folders]
     present = [name for name in names if name == "planner" or (WEIGHTS / layout.name / name).is_dir()]
     return [measured(layout, name, Player(*load_agent(name, layout)), strangers, episodes) for name in present]
 
 
 def _is_stranger(name: str, chosen: str, inputs: Iterable[str]) -> bool:
-    """Whether neither target ever met this agent: SP targets that were not chosen, and the last SP agent of the
-    population, which is kept from the FCP targets."""
+    """Whether neither target ever met this agent: SP targets that were not chosen, the last SP agent of the population
+    (kept from the FCP targets), and the population's FCP agents."""
     last = max((other for other in inputs if other.startswith("population_sp_")), key=_seed)
-    return name == last or (name.startswith("target_sp_") and name != chosen)
+    unchosen = name.startswith("target_sp_") and name != chosen
+    return name == last or unchosen or name.startswith("population_fcp_")
 
 
 def _seed(name: str) -> int:
