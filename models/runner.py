@@ -8,7 +8,7 @@ itself.
 import asyncio
 import zlib
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,15 +39,22 @@ class ModelServer:
     """The `Models` of the live game. `start`, then `ask` from the event loop, `close` at the end.
 
     `agents` and `predictors` are (layout, name) pairs, each name as the catalogue or a foreign model is called; a
-    question about any other is not answered.
+    question about any other is not answered. `grids`: layouts that are not shipped, name -> grid.
     """
 
     def __init__(
-        self, agents: Sequence[Name], predictors: Sequence[Name], workers: int = 1, hang_s: float = HANG_S
+        self,
+        agents: Sequence[Name],
+        predictors: Sequence[Name],
+        workers: int = 1,
+        hang_s: float = HANG_S,
+        grids: Mapping[str, str] | None = None,
     ) -> None:
+        drawn = dict(grids or {})
         own = Load(
             tuple(name for name in agents if not is_foreign(name[1])),
             tuple(name for name in predictors if not is_foreign(name[1])),
+            drawn,
         )
         self._own = [
             Lane(own, int(number == 0), hang_s) for number in range(workers if any((own.agents, own.predictors)) else 0)
@@ -57,6 +64,7 @@ class ModelServer:
             load = Load(
                 tuple(pair for pair in agents if pair[1] == foreign),
                 tuple(pair for pair in predictors if pair[1] == foreign),
+                drawn,
             )
             self._foreign[foreign] = Lane(load, 1, hang_s)
         self._agents, self._predictors = frozenset(agents), frozenset(predictors)

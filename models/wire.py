@@ -17,6 +17,7 @@ class Load(Struct, tag=True, frozen=True):
 
     agents: tuple[Name, ...]
     predictors: tuple[Name, ...]
+    grids: dict[str, str] = {}  # layouts that are not shipped: name -> grid
 
 
 class Loaded(Struct, tag=True, frozen=True):

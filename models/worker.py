@@ -20,11 +20,11 @@ from models.breaker import Breaker
 from models.protocols import HISTORY, STEPS, Mode, Observations, Policy, Predictions, Predictor, Probabilities
 from models.wire import Answer, Ask, Failed, Fault, Forget, Load, Loaded, Name, Row, frame, from_server, receive
 from overcooked.constants import ACTIONS, HORIZON
-from overcooked.layout import Layout, load_layout
+from overcooked.layout import Layout, load_layout, parse_layout
 from overcooked.state import Kitchens
 
 Loading = TypeVar("Loading")
-_ROW_SUM_TOLERANCE = 1e-2
+ROWS_SUM_TO_ONE = 1e-2  # within this
 
 
 class WrongOutput(ValueError):
@@ -60,14 +60,18 @@ class Worker:
         self._agents: dict[Name, tuple[Policy, Mode]] = {}
         self._predictors: dict[Name, tuple[Predictor, Slots]] = {}
         self._breakers: dict[Name, Breaker] = {}
+        self._grids = load.grids
         for name in load.agents:
             self._agents[name] = _refusing(self._load_agent, name)
         for name in load.predictors:
             self._predictors[name] = (_refusing(self._load_predictor, name), Slots())
         self.memory = max((_memory(predictor) for predictor, _ in self._predictors.values()), default=1)
 
+    def _layout(self, name: str) -> Layout:
+        return parse_layout(self._grids[name], name) if name in self._grids else load_layout(name)
+
     def _load_agent(self, name: Name) -> tuple[Policy, Mode]:
-        layout = load_layout(name[0])
+        layout = self._layout(name[0])
         if is_foreign(name[1]):
             policy, mode = load_foreign_agent(name[1], layout)
         else:
@@ -82,7 +86,7 @@ class Worker:
     def _load_predictor(self, name: Name) -> Predictor:
         from models.predictors import load_predictor
 
-        layout = load_layout(name[0])
+        layout = self._layout(name[0])
         predictor = load_predictor(name[1], layout)
         for observations in _start_states(layout):
             slots = np.arange(len(observations), dtype=np.intp)
@@ -217,7 +221,7 @@ def _checked_predictions(predictions: Predictions, rows: int) -> Predictions:
 def _checked_rows(given: NDArray[np.float32]) -> NDArray[np.float32]:
     if not np.isfinite(given).all() or (given < 0).any():
         raise WrongOutput("gave NaN, infinite or negative probabilities")
-    if (np.abs(given.sum(axis=-1) - 1) > _ROW_SUM_TOLERANCE).any():
+    if (np.abs(given.sum(axis=-1) - 1) > ROWS_SUM_TO_ONE).any():
         raise WrongOutput("gave probabilities that do not sum to 1")
     return given
 

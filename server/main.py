@@ -67,7 +67,7 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
         studies = await Studies.opened(database, files)
         cast = cast_of(files)
         predictors = [name for name in cast.predictors if name not in cast.missing]
-        models = ModelServer(cast.agents, predictors, settings.model_workers)
+        models = ModelServer(cast.agents, predictors, settings.model_workers, grids=cast.grids)
         await models.start()
         stack.push_async_callback(models.close)
         app.state.web = Web(database, studies, app.state.guard, templates())
