@@ -1,8 +1,8 @@
 // Predicted actions -> marks to draw, as plain data. Knows no canvas and no page.
 //
-// A mark: {kind: 'move' | 'blunt' | 'hand' | 'ring' | 'none', x, y, direction, step, size, opacity, dx, dy, id}. (x, y) is the
+// A mark: {kind: 'move' | 'blunt' | 'hand' | 'ring' | 'none', x, y, direction, step, size, opacity, dx, dy, grown, shown, id}. (x, y) is the
 // cell where the mark belongs (for a move: the estimated cell it leaves), (dx, dy) a shift in 1/64 of a cell. `id` stays
-// the same while the same step comes nearer, so that it glides instead of flickering.
+// the same while the same step comes nearer, so that it grows instead of flickering; `grown` and `shown` say how far it is.
 
 import { INTERACT, STAY, STEP, UNSHOWN, isFloor } from './kitchen.js';
 
@@ -23,6 +23,7 @@ export function marks(prediction, watched, other, grid) {
     mark.step = step;
     mark.size = SIZES[Math.min(step, SIZES.length - 1)];
     mark.opacity = percent / 100;
+    mark.grown = mark.shown = 1;
     const spot = `${mark.kind}:${mark.x}:${mark.y}:${mark.direction}`;
     const before = taken.get(spot) ?? 0;
     taken.set(spot, before + 1);
@@ -62,15 +63,16 @@ export function isStale(arrivedMs, nowMs, tickMs) {
   return nowMs - arrivedMs > STALE_TICKS * tickMs;
 }
 
-/** Where each mark stands on its way from `before` (marks of the tick before) to its own place: new ones fade in, ones that
- * were there already glide to their new size. `ageMs`: time since the prediction came; snap = no motion at all. */
+/** The marks on their way from `before` (those of the tick before): new ones fade in, ones that were there already grow to
+ * their new size. `ageMs`: time since the prediction came; `snap`: no motion at all. */
 export function eased(list, before, ageMs, snap) {
   if (snap || ageMs >= FADE_MS) return list;
   const part = Math.max(0, ageMs) / FADE_MS;
   const old = new Map(before.map((mark) => [mark.id, mark]));
   return list.map((mark) => {
-    const from = old.get(mark.id) ?? { size: mark.size, opacity: 0, dx: mark.dx, dy: mark.dy };
-    const between = (key) => from[key] + (mark[key] - from[key]) * part;
-    return { ...mark, size: between('size'), opacity: between('opacity'), dx: between('dx'), dy: between('dy'), fresh: !old.has(mark.id), part };
+    const from = old.get(mark.id);
+    if (!from) return { ...mark, shown: part };
+    const between = (start, end) => start + (end - start) * part;
+    return { ...mark, grown: between(from.size / mark.size, 1), dx: between(from.dx, mark.dx), dy: between(from.dy, mark.dy) };
   });
 }

@@ -1,4 +1,4 @@
-// Draws one chef with what it carries, its little movements and the tag over the own one. Units: 1/64 cell.
+// Draws one chef with what it carries and its little movements, and the tag over the own one. Units: 1/64 cell.
 
 import { CELL } from './board.js';
 import { FACINGS, ITEMS, STEP } from './kitchen.js';
@@ -9,7 +9,7 @@ const HELD = [
   { x: 17, y: -2, side: 27, behind: true }, { x: 0, y: 17, side: 30 }, { x: 21, y: 13, side: 30 }, { x: -21, y: 13, side: 30 },
 ];
 
-/** `chef`: {who, x, y (cells, may be fractions), facing, held, motion or null, tag, tagScale, cellPixels}. */
+/** `chef`: {who, x, y (cells, may be fractions), facing, held, motion or null, cellPixels}. */
 export function drawChef(context, sprites, chef) {
   const pose = poseOf(chef);
   const scale = chef.cellPixels / CELL;
@@ -28,7 +28,6 @@ export function drawChef(context, sprites, chef) {
   if (!held.behind) item();
   context.restore();
   context.restore();
-  if (chef.tag) drawTag(context, chef.tag, chef.x * CELL + 32 + pose.dx, chef.y * CELL - 12 + pose.dy / 2, chef.tagScale);
 }
 
 const STILL = { dx: 0, dy: 0, lean: 0, wide: 1, tall: 1, itemLift: 0 };
@@ -47,9 +46,11 @@ function poseOf({ motion, facing, who }) {
 
 const TAG = new Path2D('M-17 -9 h34 a8.5 8.5 0 0 1 0 17 h-13 l-4 5 l-4 -5 h-13 a8.5 8.5 0 0 1 0 -17 z');
 
-function drawTag(context, text, x, y, scale) {
+/** The tag over the own chef, drawn after all chefs. */
+export function drawTag(context, text, chef, scale) {
+  const { dx, dy } = poseOf(chef);
   context.save();
-  context.translate(x, Math.max(10 * scale, y));
+  context.translate(chef.x * CELL + 32 + dx, Math.max(10 * scale, chef.y * CELL - 12 + dy / 2));
   context.scale(scale, scale);
   context.lineJoin = 'round';
   context.lineWidth = 2.4;

@@ -189,7 +189,7 @@ async function begin() {
   showCaps();
   await renderer.sprites.load();
   new ResizeObserver(fit).observe(stage);
-  for (const canvas of page.querySelectorAll('canvas[data-mark]')) drawLegend(canvas, renderer.sprites);
+  for (const place of page.querySelectorAll('[data-mark]')) drawLegend(place);
   connection.open();
   requestAnimationFrame(frame);
 }

@@ -4,7 +4,7 @@ import { eased, isStale } from './arrows.js';
 import { CELL, contactShadow, paintBoard } from './board.js';
 import { Effects, potLife } from './effects.js';
 import { events } from './events.js';
-import { drawChef } from './chef.js';
+import { drawChef, drawTag } from './chef.js';
 import { COOK_TIME, ITEMS } from './kitchen.js';
 import { drawMark } from './markshapes.js';
 import { colour } from './sprites.js';
@@ -148,14 +148,14 @@ export class Renderer {
     const order = state.current.players.map((_, seat) => seat)
       .map((seat) => ({ seat, at: reduced ? state.current.players[seat] : place(state, seat, now) }))
       .sort((a, b) => a.at[1] - b.at[1] || a.seat - b.seat);
-    for (const { seat, at } of order) {
-      drawChef(this.context, this.sprites, {
-        who: own === seat || (own < 0 && seat === 0) ? 'blue' : 'green',
-        x: at[0], y: at[1], facing: facing(state, seat), held: state.current.players[seat][3],
-        motion: reduced || state.phase !== 'playing' ? null : motion(state, seat, now),
-        tag: own === seat ? this.youText : '', tagScale: this.tagScale, cellPixels: this.cellPixels,
-      });
-    }
+    const chefs = order.map(({ seat, at }) => ({
+      who: own === seat || (own < 0 && seat === 0) ? 'blue' : 'green',
+      x: at[0], y: at[1], facing: facing(state, seat), held: state.current.players[seat][3],
+      motion: reduced || state.phase !== 'playing' ? null : motion(state, seat, now),
+      isOwn: own === seat, cellPixels: this.cellPixels,
+    }));
+    for (const chef of chefs) drawChef(this.context, this.sprites, chef);
+    for (const chef of chefs) if (chef.isOwn) drawTag(this.context, this.youText, chef, this.tagScale);
   }
 }
 

@@ -1,0 +1,84 @@
+"""A person at the keyboard of a real game page: sees what the page's socket brings, presses keys as a planner would."""
+
+import json
+import time
+
+import msgspec
+from playwright.sync_api import Page, WebSocket
+
+from models.planner import PlannerPolicy
+from overcooked.constants import STAY
+from server.bot_game import Kitchen
+from server.play import messages
+
+KEYS = ("ArrowUp", "ArrowDown", "ArrowRight", "ArrowLeft", "", "Space")
+LOOK_MS = 15
+PRESS_AGAIN_S = 2.0  # a key that came to nothing, e.g. during a pause
+_decoder = msgspec.json.Decoder(messages.Outgoing)
+
+
+class BrowserCook:
+    """Watches a page from before it opens its first game. Presses one key, then waits to see what came of it: however
+    slow the machine is, it never acts on what it saw before its last key."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.timesteps: list[int] = []  # of the ticks of the current episode, as they came
+        self.predictions: list[tuple[tuple[int, int], ...]] = []
+        self.ended: list[messages.Ended] = []
+        self.paused: list[str] = []
+        self.episode = ""
+        self._kitchen: Kitchen | None = None
+        self._policy = PlannerPolicy()
+        self._fresh = False
+        self._lesson = ""
+        self._applied = self._sent = -1
+        self._pressed = 0.0  # when, if the page has not sent it yet
+        page.on("websocket", self._attach)
+
+    def _attach(self, socket: WebSocket) -> None:
+        if socket.url.endswith("/socket"):  # not the one with which the consent page tries the line
+            self._applied = self._sent = -1
+            socket.on("framereceived", self._receive)
+            socket.on("framesent", self._note)
+
+    def _note(self, frame: str | bytes) -> None:
+        message = json.loads(frame)
+        if message["type"] == "input" and message["tap"] is not None:
+            self._sent, self._pressed = message["seq"], 0.0
+
+    def _receive(self, frame: str | bytes) -> None:
+        match message := _decoder.decode(frame):
+            case messages.Welcome():
+                if message.episode != self.episode:
+                    self.timesteps, self.predictions = [], []
+                self.episode, self._kitchen, self._lesson = message.episode, Kitchen(message), ""
+            case messages.Tick() if self._kitchen is not None:
+                self._kitchen.show(message.state)
+                self.timesteps.append(message.state.t)
+                self.predictions.append(message.prediction)
+                self._fresh, self._applied = True, message.applied
+            case messages.Lesson():
+                self._lesson = "" if message.done else message.key
+            case messages.Paused():
+                self.paused.append(message.reason)
+                self._sent = -1
+            case messages.Ended():
+                self.ended.append(message)
+
+    def play(self, until_timestep: int = 10**9, seconds: float = 150.0) -> None:
+        """Plays until the episode is over, or has come so far."""
+        ended, deadline = len(self.ended), time.monotonic() + seconds
+        while len(self.ended) == ended and (not self.timesteps or self.timesteps[-1] < until_timestep):
+            assert time.monotonic() < deadline, f"the game got stuck at timestep {self.timesteps[-1:]}"
+            self.page.wait_for_timeout(LOOK_MS)
+            pending = time.monotonic() - self._pressed < PRESS_AGAIN_S
+            if self._fresh and not pending and self._applied >= self._sent and self._kitchen is not None:
+                self._act(self._kitchen)
+
+    def _act(self, kitchen: Kitchen) -> None:
+        self._fresh = False
+        action = 5 if self._lesson == "marks" else kitchen.decide(self._policy)
+        if action != STAY:
+            self._pressed = time.monotonic()
+            self.page.keyboard.press(KEYS[action])
