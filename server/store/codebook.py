@@ -99,6 +99,7 @@ PARTICIPANTS = ExportTable(
         _time("started_at", "Consent."),
         _time("last_seen_at", "Last sign of life."),
         _time("completed_at", "Last step submitted."),
+        _text("excluded", "Why the researcher excluded all data of the participant; empty: not excluded."),
     ),
 )
 # Made for every participant from episodes and answers; the patterns stand in the codebook, the columns themselves too.
@@ -144,6 +145,10 @@ EPISODES = ExportTable(
         _time("started_at", "When it began."),
         _time("ended_at", "When it ended."),
         _text("code_version", "Version of the software."),
+        _text(
+            "excluded",
+            "Why the researcher excluded this episode; empty: not excluded, or all of its participant's are.",
+        ),
         Column("spec", "json", "The whole specification, with the grid: enough to simulate the episode again."),
         Column("last_tick", "json", "What was recorded about the last state, in which nothing was done any more."),
     ),
@@ -247,4 +252,16 @@ WITHDRAWALS = ExportTable(
         _time("withdrawn_at", "When."),
     ),
 )
-TABLES = (STUDIES, PARTICIPANTS, WITHDRAWALS, EPISODES, TICKS, PAUSES, ANSWERS, VISITS, EVENTS)
+EXCLUSIONS = ExportTable(
+    "exclusions",
+    "a researcher's decision that data are not to be analysed; it may have been taken back",
+    (
+        _PARTICIPANT,
+        _text("episode", "This episode only; empty: all data of the participant."),
+        _text("reason", "Why."),
+        _text("note", "What else was said."),
+        _time("excluded_at", "When."),
+        _time("restored_at", "When it was taken back; empty: it holds."),
+    ),
+)
+TABLES = (STUDIES, PARTICIPANTS, WITHDRAWALS, EPISODES, TICKS, PAUSES, ANSWERS, VISITS, EVENTS, EXCLUSIONS)

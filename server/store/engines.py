@@ -135,7 +135,7 @@ def copy_to(url: URL, path: Path) -> None:
     Raises ValueError for PostgreSQL and for a file that exists, OSError or DatabaseDown when it cannot be written.
     """
     if url.get_backend_name() != "sqlite":
-        raise ValueError("this copies SQLite files. For PostgreSQL use pg_dump --format=custom, see docs/guides/backup.md.")
+        raise ValueError("this copies SQLite files. For PostgreSQL use pg_dump, see docs/guides/backup.md.")
     if path.exists():
         raise ValueError(f"{path} exists already. Choose a new file.")
     making = path.with_name(f".{path.name}.part")

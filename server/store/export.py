@@ -27,6 +27,7 @@ _ROWS: dict[str, Callable[[Selection], Rows]] = {
     "answers": exported.answer_rows,
     "visits": exported.visit_rows,
     "events": exported.event_rows,
+    "exclusions": exported.exclusion_rows,
 }
 _ARROW = {
     ("integer", 16): pa.int16(),

@@ -13,7 +13,18 @@ from sqlalchemy import Connection, Select, func, select
 
 from server.store import ticks as tick_rows
 from server.store.codebook import WIDE, Column
-from server.store.tables import answers, episodes, events, participants, pauses, studies, ticks, visits, withdrawals
+from server.store.tables import (
+    answers,
+    episodes,
+    events,
+    exclusions,
+    participants,
+    pauses,
+    studies,
+    ticks,
+    visits,
+    withdrawals,
+)
 
 Row = tuple[Any, ...]
 Rows = Iterator[Row]
@@ -52,7 +63,8 @@ def withdrawal_rows(chosen: Selection) -> Rows:
 
 def participant_rows(chosen: Selection, wide: tuple[Column, ...]) -> Rows:
     query = select(_p.id, *_STUDY, _p.number, _p.condition, _p.status, _p.language, _p.simulated, _p.seed, _p.position)
-    query = query.add_columns(_p.started_at, _p.last_seen_at, _p.completed_at).join_from(participants, studies)
+    query = query.add_columns(_p.started_at, _p.last_seen_at, _p.completed_at, _excluded(None))
+    query = query.join_from(participants, studies)
     for row in chosen.rows(query.order_by(*_PARTICIPANT_ORDER), _p.study_id):
         values = dict(_wide_values(chosen, row.id))
         yield (*row, *(values.get(column.name) for column in wide))
@@ -93,7 +105,11 @@ def episode_rows(chosen: Selection) -> Rows:
     query = first.add_columns(_e.attempt, _e.layout, _e.layout_sha256, *models, _e.watched_seat, _e.shown, _e.seed)
     query = query.add_columns(_e.horizon, _e.tick_ms, _e.status, _e.end_reason, _e.score, _e.soups, _e.progress)
     query = query.add_columns(_e.passed, _e.final_hash, _e.created_at, _e.started_at, _e.ended_at, _e.code_version)
-    query = query.add_columns(_e.spec).join_from(episodes, studies, isouter=True).order_by(*_EPISODE_ORDER)
+    query = (
+        query.add_columns(_excluded(_e.id), _e.spec)
+        .join_from(episodes, studies, isouter=True)
+        .order_by(*_EPISODE_ORDER)
+    )
     before_timesteps = list(query.selected_columns.keys()).index("score")
     for row in chosen.rows(query, _e.study_id):
         last = select(ticks).where(ticks.c.episode_id == row.id).order_by(ticks.c.timestep.desc()).limit(1)
@@ -135,6 +151,21 @@ def event_rows(chosen: Selection) -> Rows:
     c = events.c
     query = select(c.participant_id, c.episode_id, c.at, c.kind, c.detail).join_from(events, participants, isouter=True)
     return ((*row[:4], json_text(row.detail)) for row in chosen.rows(query.order_by(c.id), _p.study_id))
+
+
+def exclusion_rows(chosen: Selection) -> Rows:
+    x = exclusions.c
+    query = select(x.participant_id, x.episode_id, x.reason, x.note, x.excluded_at, x.restored_at)
+    query = query.join_from(exclusions, participants).order_by(*_PARTICIPANT_ORDER, x.id)
+    return (tuple(row) for row in chosen.rows(query, _p.study_id))
+
+
+def _excluded(episode: Any) -> Any:
+    """The reason of the latest exclusion that holds: of this episode, or (None) of all data of the participant."""
+    x = exclusions.c
+    about = (x.participant_id == _p.id, x.episode_id.is_(None)) if episode is None else (x.episode_id == episode,)
+    found = select(x.reason).where(*about, x.restored_at.is_(None)).order_by(x.id.desc()).limit(1)
+    return found.scalar_subquery()
 
 
 def episode_ids(chosen: Selection) -> Iterator[str]:

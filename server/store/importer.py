@@ -23,6 +23,7 @@ from server.store.export_files import table_path, unescaped
 
 Record = dict[str, Any]
 _INSERT = 2000
+IMPORTED = "imported"  # stands for the researchers, whose names are not in an export
 _RENAMED = {"step": "step_key", "question": "question_key", "episode": "episode_id", "participant": "participant_id"}
 
 
@@ -45,7 +46,7 @@ def import_export(connection: Connection, folder: Path) -> dict[str, int]:
     counted["withdrawals"] = _fill(connection, tables.withdrawals, _of_study(folder, "withdrawals", studies))
     counted["episodes"] = _fill(connection, tables.episodes, _episodes(folder, studies))
     counted["ticks"] = _ticks(connection, folder)
-    for name in ("pauses", "answers", "visits", "events"):
+    for name in ("pauses", "answers", "visits", "events", "exclusions"):
         counted[name] = _fill(connection, tables.metadata.tables[name], _records(folder, name))
     return counted
 
@@ -108,13 +109,14 @@ def _of_study(folder: Path, table: str, studies: dict[tuple[str, int], int]) -> 
 
 def _participants(folder: Path, studies: dict[tuple[str, int], int]) -> Iterator[Record]:
     for row in _of_study(folder, "participants", studies):
+        del row["excluded"]
         yield row | {"id": row.pop("participant"), "token_hash": f"imported {secrets.token_hex(16)}"}
 
 
 def _episodes(folder: Path, studies: dict[tuple[str, int], int]) -> Iterator[Record]:
     for row in _of_study(folder, "episodes", studies):
         spec = json.loads(row["spec"])
-        for name in ("timesteps", "last_tick"):
+        for name in ("timesteps", "last_tick", "excluded"):
             del row[name]
         yield row | {"id": row.pop("episode"), "step_key": row.pop("step"), "spec": spec, "grid": spec["grid"]}
 
@@ -125,6 +127,9 @@ def _records(folder: Path, table: str) -> Iterator[Record]:
             row["value"] = _value(row["value"], row.pop("value_type"))
         if table == "events":
             row["detail"] = json.loads(row["detail"])
+        if table == "exclusions":
+            row["excluded_by"] = IMPORTED
+            row["restored_by"] = IMPORTED if row["restored_at"] else None
         yield {_RENAMED.get(name, name): value for name, value in row.items()}
 
 

@@ -14,7 +14,7 @@ from study_data import fill, played
 
 import kitchenmind
 from overcooked.trajectory import read_trajectories
-from server.store import answers, codebook, dictionary, export_files, participants, ticks
+from server.store import answers, codebook, decisions, dictionary, episodes, export_files, participants, ticks
 from server.store.database import Database
 from server.store.tables import answers as answer_table
 from server.store.tables import episodes as episode_table
@@ -243,6 +243,25 @@ def test_answers_keep_what_they_were(filled: Database, exported: Exported) -> No
         ("false", "boolean"),
     ]
     assert filled.read_now(lambda c: c.execute(select(answer_table)).all())
+
+
+def test_exclusions_stand_at_what_they_are_about_until_they_are_taken_back(
+    filled: Database, exported: Exported
+) -> None:
+    first, second = filled.read_now(participants.of_study, 1)[:2]
+    episode = filled.read_now(episodes.of_participant, second.id)[0].id
+    taken_back = filled.write_now(decisions.exclude, second.id, None, ("idle", ""), "anna")
+    filled.write_now(decisions.restore, taken_back, "anna")
+    filled.write_now(decisions.exclude, first.id, None, ("no interaction", "sat there"), "anna")
+    filled.write_now(decisions.exclude, second.id, episode, ("stuck", ""), "anna")
+    folder = exported()
+    people = parquet(folder, "participants")
+    assert dict(people.select("participant", "excluded").iter_rows())[first.id] == "no interaction"
+    assert people["excluded"].null_count() == 2
+    excluded = parquet(folder, "episodes").filter(pl.col("excluded").is_not_null())
+    assert excluded.select("episode", "excluded").rows() == [(episode, "stuck")]
+    assert parquet(folder, "exclusions")["reason"].to_list() == ["no interaction", "idle", "stuck"]
+    assert "anna" not in (folder / "data" / "description-exclusions_data.csv").read_text()
 
 
 def test_folder_that_is_not_empty_is_refused_and_left_alone(

@@ -7,7 +7,7 @@ import pytest
 from study_data import SPEC, fill, new_participant, played
 
 import kitchenmind
-from server.store import answers, episodes, events, participants, studies, ticks
+from server.store import answers, decisions, episodes, events, participants, studies, ticks
 from server.store.database import Database
 from server.store.withdrawal import withdraw
 
@@ -29,6 +29,10 @@ def export(url: str, tmp_path: Path) -> Iterator[Path]:
             if timesteps is not None:
                 database.write_now(ticks.insert, played(episode, timesteps))
         database.write_now(episodes.create, episodes.NewEpisode(SPEC, "watch"))
+        others = database.read_now(participants.of_study, study)
+        for about in (None, database.read_now(episodes.of_participant, others[0].id)[0].id):
+            database.write_now(decisions.exclude, others[0].id, about, ("idle", "saw it myself"), "anna")
+        database.write_now(decisions.restore, 1, "anna")
         when = database.read_now(participants.of_study, study)[0].started_at
         database.write_now(events.add, events.Event("server_started", when))
         assert kitchenmind.main(["export", "--database", url, "--out", str(tmp_path / "first")]) == 0
@@ -47,7 +51,7 @@ def test_imported_export_exports_to_the_same_files(export: Path, kept: str, tmp_
     paths = [
         path.relative_to(export) for path in export.rglob("*") if path.parent.name in ("data", "parquet", "studies")
     ]
-    assert len(paths) == 9 + 9 + 3
+    assert len(paths) == 10 + 10 + 3
     same, different, missing = filecmp.cmpfiles(export, tmp_path / "second", map(str, paths), shallow=False)
     assert (different, missing) == ([], [])
     assert len(same) == len(paths)
