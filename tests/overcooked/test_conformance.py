@@ -66,9 +66,9 @@ def check_transition(kitchen: Kitchens, line: Recorded) -> None:
     assert events_of(events[0]) == sorted(line["ev"])
 
 
-def test_shipped_layouts_are_the_recorded_ones() -> None:
+def test_recorded_layouts_are_the_shipped_ones_of_that_name() -> None:
     recorded_layouts = layouts_of("episodes")
-    assert sorted(recorded_layouts) == layout_names()
+    assert set(recorded_layouts) == set(layout_names()) - {"practice"}
     assert all(load_layout(name).sha256 == layout.sha256 for name, layout in recorded_layouts.items())
 
 

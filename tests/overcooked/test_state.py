@@ -13,6 +13,7 @@ START_HASHES = {
     "double_counters": "864545d740a5ee5f",
     "double_rings": "46201ded4003f212",
     "matrix": "3222586deb40ac31",
+    "practice": "2cc455e7b4884d5a",
 }
 HASH_OF_A_FULL_KITCHEN = "84a813c0a8aa8654"
 FULL_KITCHEN = {
