@@ -15,8 +15,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from models.checkpoint import load_checkpoint
 from models.policy import CnnPolicy, load_network
-from models.predictor import PredictorConfig, PredictorNetwork
+from models.predictor import PredictorConfig, PredictorNetwork, predictor_network
 from models.protocols import STEPS
 from overcooked.constants import ACTIONS
 from overcooked.layout import Layout
@@ -146,12 +147,20 @@ class Trainer:
 
 
 def prepared(
-    layout: Layout, network: PredictorConfig, config: TrainingConfig, games: Path, lender: Path | None = None
+    layout: Layout,
+    network: PredictorConfig,
+    config: TrainingConfig,
+    games: Path,
+    lender: Path | None = None,
+    begin_with: Path | None = None,
 ) -> Trainer:
-    """A trainer with its games loaded. `lender`: the agent that lends its convolutions, if the eyes are a CNN. Raises
-    ValueError or OSError where the games or the lender cannot be used."""
+    """A trainer with its games loaded. `lender`: the agent that lends its convolutions, if the eyes are a CNN.
+    `begin_with`: a predictor of the same kitchen and shape whose weights are the first. Raises ValueError or OSError
+    where one of them cannot be used."""
     torch.manual_seed(config.seed)
     learner = PredictorNetwork(layout, network)
+    if begin_with is not None:
+        _take_weights(learner, begin_with)
     if learner.eyes.convolutions is not None:
         if lender is None:
             raise ValueError("eyes = cnn: name the agent that lends its convolutions, --lender FOLDER.")
@@ -161,6 +170,17 @@ def prepared(
         learner.eyes.convolutions.load_state_dict(lent.features.state_dict())
     episodes = [load_episodes(games, split, layout, learner.eyes) for split in (TRAIN, VALIDATION)]
     return Trainer(learner, config, episodes[0], episodes[1])
+
+
+def _take_weights(learner: PredictorNetwork, folder: Path) -> None:
+    other, _ = predictor_network(load_checkpoint(folder))
+    try:
+        learner.load_state_dict(other.state_dict())
+    except RuntimeError as error:
+        raise ValueError(
+            f"{folder}: is for another kitchen or of another shape ({error}). Begin without it."
+        ) from error
+    learner.temperature.fill_(1.0)
 
 
 def train_predictor(trainer: Trainer, folder: RunFolder, progress: Progress | None = None) -> PredictorNetwork:

@@ -15,6 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--form", choices=("stream", "window"), default="stream", help="default: stream")
     parser.add_argument("--games", type=Path, help="folder of kitchenmind collect (default: runs/games/LAYOUT_AGENT)")
     parser.add_argument("--lender", type=Path, help="agent that lends its convolutions, with --set eyes=cnn")
+    parser.add_argument("--begin-with", type=Path, metavar="FOLDER", help="a predictor whose weights are the first")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change one setting")
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="where runs are kept (default: runs)")
     parser.add_argument("--out", type=Path, help="write the finished predictor here (default: in the run's folder)")
@@ -23,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """0 done, 1 time is over (the same command goes on). Raises ValueError or OSError for wrong input."""
+    from models.checkpoint import load_checkpoint
     from models.predictor import PredictorConfig
     from overcooked.layout import load_layout
     from training.collect import TEST, read_manifest
@@ -46,9 +48,14 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"{name} = {value}")
     name = f"{target.name}_predictor_{arguments.form}"
     # How long one call may take changes nothing about the run.
-    known = {"games": collected["shards"], "settings": {key: v for key, v in settings.items() if key != "minutes"}}
+    begun = "" if arguments.begin_with is None else load_checkpoint(arguments.begin_with).sha256
+    known = {
+        "begun with": begun,
+        "games": collected["shards"],
+        "settings": {key: v for key, v in settings.items() if key != "minutes"},
+    }
     folder = RunFolder(arguments.runs / layout.name / name, known)
-    trainer = prepared(layout, network, training, games, arguments.lender)
+    trainer = prepared(layout, network, training, games, arguments.lender, arguments.begin_with)
     with Progress(TextColumn(name), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[accuracy]:.1%}")) as bar:
         task = bar.add_task(name, total=1.0, accuracy=trainer.best_accuracy)
         try:
@@ -63,7 +70,13 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.ship
         else arguments.out or folder.path / "predictor"
     )
-    how = {"updates": trainer.update, "training games": len(trainer.train), "seed": training.seed, "settings": settings}
+    how = {
+        "updates": trainer.update,
+        "training games": len(trainer.train),
+        "seed": training.seed,
+        "begun with": begun or "nothing",
+        "settings": settings,
+    }
     result = write_predictor(out, trained, layout, target, load_episodes(games, TEST, layout, trained.eyes), how)
     print(f"{out}: {result.accuracy.mean:.1%} on partners never seen (ceiling of step 1: {result.ceiling:.1%})")
     return 0
