@@ -14,7 +14,7 @@ from models.policy import NetworkPolicy, load_network
 from models.protocols import Policy
 from overcooked.layout import Layout
 from training.agents import PEOPLE, SKILLS, ship
-from training.evaluate_agents import Player, measured, with_itself
+from training.evaluate_agents import Player, measured
 from training.runlog import open_run
 from training.study import Work
 
@@ -23,13 +23,12 @@ _DECISION = "decision.json"
 
 
 def choose_sp(work: Work, layout: Layout) -> None:
-    """The target run that scores best with itself; ties go to the one that jams least. Leaves <folder>/agent."""
-    scores = {}
-    for name, folder in work.inputs.items():
-        games = with_itself(layout, Player(_policy(folder), PEOPLE))
-        scores[name] = {"self_play": round(float(games.scores.mean()), 1), "stuck": round(games.stuck, 4)}
-    best = max(scores, key=lambda name: (scores[name]["self_play"], -scores[name]["stuck"]))
-    _leave(work, layout, best, "sp", [folder for name, folder in work.inputs.items() if name != best], scores)
+    """The target run that scores best with itself. Leaves <folder>/agent."""
+    runs = work.inputs.items()
+    entries = {name: measured(layout, "sp", Player(_policy(folder), PEOPLE), ()) for name, folder in runs}
+    scores = {name: {"self_play": entry["self_play"]["mean"]} for name, entry in entries.items()}
+    best = max(scores, key=lambda name: scores[name]["self_play"])
+    _leave(work, best, entries[best], scores)
 
 
 def choose_fcp(work: Work, layout: Layout) -> None:
@@ -40,12 +39,11 @@ def choose_fcp(work: Work, layout: Layout) -> None:
     strangers = [folder for name, folder in work.inputs.items() if _is_stranger(name, decision["best"], work.inputs)]
     enough = 0.5 * decision["measured"]["self_play"]["mean"]
     runs = {name: folder for name, folder in work.inputs.items() if name.startswith("target_fcp")}
-    scores = {}
-    for name, folder in runs.items():
-        entry = measured(layout, name, Player(_policy(folder), PEOPLE), _levels(strangers))
-        scores[name] = {key: entry[key]["mean"] for key in ("self_play", "held_out")}
+    levels = _levels(strangers)
+    entries = {name: measured(layout, "fcp", Player(_policy(folder), PEOPLE), levels) for name, folder in runs.items()}
+    scores = {name: {key: entry[key]["mean"] for key in ("self_play", "held_out")} for name, entry in entries.items()}
     best = max(scores, key=lambda name: (min(1.0, scores[name]["self_play"] / enough), scores[name]["held_out"]))
-    _leave(work, layout, best, "fcp", strangers, scores)
+    _leave(work, best, entries[best], scores)
 
 
 def ship_cast(work: Work, layout: Layout) -> None:
@@ -91,14 +89,11 @@ def _seed(name: str) -> int:
     return int(name.rpartition("_")[2])
 
 
-def _leave(
-    work: Work, layout: Layout, best: str, name: str, strangers: Sequence[Path], scores: Mapping[str, Any]
-) -> None:
+def _leave(work: Work, best: str, entry: Mapping[str, Any], scores: Mapping[str, Any]) -> None:
     """The chosen run as <folder>/agent with its figures, and the decision beside it."""
-    entry = measured(layout, name, Player(_policy(work.inputs[best]), PEOPLE), _levels(strangers))
-    figures: dict[str, Any] = {key: entry[key] for key in ("self_play", "held_out", "episodes") if key in entry}
+    figures = {key: entry[key] for key in ("self_play", "held_out", "episodes") if key in entry}
     run = open_run(work.inputs[best] / "run")
-    ship(run, 100, work.folder / "agent", name, PEOPLE, {**figures, "candidates": dict(scores)})
+    ship(run, 100, work.folder / "agent", entry["agent"], PEOPLE, {**figures, "candidates": dict(scores)})
     decision = {"best": best, "scores": dict(scores), "measured": entry}
     (work.folder / _DECISION).write_text(json.dumps(decision, indent=2), encoding="utf-8")
 
