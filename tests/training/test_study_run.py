@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from models.catalogue import load_agent
 from models.checkpoint import load_checkpoint
+from overcooked.layout import load_layout
 
 TINY = """
 population = 1
@@ -46,6 +48,28 @@ def test_the_study_command_trains_what_is_asked_for_and_goes_on_where_it_stopped
     assert "2 of 2 tasks done" in finished.stdout
     (checkpoint,) = (tmp_path / "runs").glob("study/coordination_ring/target_sp_11-*/100")
     assert load_checkpoint(checkpoint).config["agent"] == "target_sp_11_100"
+
+
+def test_an_agent_trained_by_the_command_can_be_loaded_and_played(tmp_path: Path) -> None:
+    out = tmp_path / "mine"
+    words = ["--layout", "coordination_ring", "--seed", "3", "--set", "timesteps=6400", "--set", "snapshots=2"]
+    command = [
+        sys.executable,
+        "-m",
+        "kitchenmind",
+        "train",
+        "agent",
+        *words,
+        "--runs",
+        str(tmp_path),
+        "--out",
+        str(out),
+    ]
+    finished = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert finished.returncode == 0, finished.stderr
+    assert "timesteps = 6400" in finished.stdout
+    assert load_agent(str(out), load_layout("coordination_ring")).mode.temperature == 0.0
+    assert list((tmp_path / "coordination_ring" / "sp_3" / "tensorboard").iterdir())
 
 
 @pytest.mark.parametrize(

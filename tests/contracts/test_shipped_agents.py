@@ -1,0 +1,48 @@
+"""Every shipped agent does what its card says, and what the study needs of it."""
+
+import pytest
+
+from models.catalogue import WEIGHTS, load_agent
+from models.checkpoint import load_checkpoint
+from overcooked.layout import load_layout
+from training.evaluate_agents import Player, with_itself
+
+# Points per episode with itself, in the mode in which people meet it.
+WANTED = {
+    "coordination_ring": 220,
+    "double_rings": 200,
+    "double_counters": 180,
+    "matrix": 200,
+    "clear_division": 260,
+}
+
+
+@pytest.mark.parametrize("name", WANTED)
+def test_the_sp_agent_cooks_well_with_itself_and_better_than_two_planners(name: str) -> None:
+    layout = load_layout(name)
+    agent, planner = (with_itself(layout, Player(*load_agent(who, layout)), episodes=6) for who in ("sp", "planner"))
+    assert agent.scores.mean() >= WANTED[name]
+    assert agent.scores.mean() > planner.scores.mean()
+    assert agent.longest_jam < 60
+
+
+@pytest.mark.parametrize("name", [name for name in WANTED if (WEIGHTS / name / "fcp").is_dir()])
+def test_the_fcp_agent_scores_at_least_half_of_sp_with_itself(name: str) -> None:
+    layout = load_layout(name)
+    sp, fcp = (with_itself(layout, Player(*load_agent(who, layout)), episodes=6) for who in ("sp", "fcp"))
+    assert fcp.scores.mean() >= 0.5 * sp.scores.mean()
+
+
+@pytest.mark.parametrize("name", WANTED)
+def test_every_shipped_checkpoint_is_whole_and_belongs_to_its_kitchen(name: str) -> None:
+    folders = [config.parent for config in (WEIGHTS / name).rglob("config.json")]
+    assert folders
+    for folder in folders:
+        checkpoint = load_checkpoint(folder)
+        assert checkpoint.card.startswith("# "), folder
+        assert checkpoint.config.get("grid", load_layout(name).text) == load_layout(name).text, folder
+
+
+def test_all_weights_together_stay_small() -> None:
+    total = sum(path.stat().st_size for path in WEIGHTS.rglob("*") if path.is_file())
+    assert total <= 60e6
