@@ -6,6 +6,7 @@ import logging
 from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from datetime import UTC, datetime
+from pathlib import Path
 
 from fastapi import FastAPI
 from fastapi.staticfiles import StaticFiles
@@ -20,16 +21,21 @@ from server.play.trace import Trace
 from server.settings import ROOT, Settings
 from server.store import episodes, events
 from server.store.database import Database, DatabaseDown
+from server.store.engines import normal_url
 from server.store.episodes import StoreRecorder
 from server.store.migrate import migrate
 from server.study.loader import StudyError, StudyFile, load_study
 from server.version import code_version
-from server.web import pages, socket
+from server.web import actions, admin, downloads, live, pages, replay, socket
+from server.web.admin_auth import Tries
 from server.web.auth import Guard
+from server.web.control import Control
 from server.web.deps import Web, templates
 from server.web.episodes import layout_of
 from server.web.errors import install_error_pages
+from server.web.figures import Figures
 from server.web.headers import SecurityHeaders
+from server.web.live import Live
 from server.web.seats import Seats
 from server.web.socket import Sockets
 from server.web.studies import Studies
@@ -47,8 +53,9 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(SecurityHeaders, secure=guard.secure)
     app.mount("/static", StaticFiles(directory=ROOT / "static"), name="static")
     install_error_pages(app)
-    app.include_router(pages.router)
-    app.include_router(socket.router)
+    app.state.tries = Tries()
+    for doors in (pages, socket, admin, live, replay, actions, downloads):
+        app.include_router(doors.router)
     return app
 
 
@@ -74,6 +81,7 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
         app.state.games = _games(settings, database, models)
         stack.push_async_callback(app.state.games.stop)
         app.state.sockets = _sockets(app, database, studies)
+        stack.push_async_callback((await _researchers(app, settings)).stop)
         _warm(files)
         gc.collect()
         gc.freeze()
@@ -120,6 +128,18 @@ def _sockets(app: FastAPI, database: Database, studies: Studies) -> Sockets:
 
     seats = Seats(database, studies, fingerprint, code_version())
     return Sockets(app.state.games, seats.find, app.state.guard.is_own_origin, report)
+
+
+async def _researchers(app: FastAPI, settings: Settings) -> Control:
+    """What the researchers' pages look through and reach in with."""
+    web: Web = app.state.web
+    app.state.live = Live(web, app.state.games, app.state.sockets)
+    url = normal_url(settings.database)
+    file = Path(str(url.database)) if url.get_backend_name() == "sqlite" else None
+    app.state.figures = Figures(app.state.live, file)
+    app.state.control = control = Control(app.state.games, web.database, web.studies)
+    await control.begin()
+    return control
 
 
 def _warm(files: Sequence[StudyFile]) -> None:

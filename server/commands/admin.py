@@ -1,6 +1,7 @@
 """`kitchenmind admin`: researchers' accounts. Works while the server runs. Imports late."""
 
 import argparse
+import contextlib
 import getpass
 import re
 import secrets
@@ -38,10 +39,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     url = arguments.database or Settings().database
     try:
-        try:
+        with contextlib.suppress(engines.DatabaseInUse):  # the server has it open, so its tables are there
             migrate(url)
-        except engines.DatabaseInUse:
-            pass  # the server has it open, so its tables are there
         engine = engines.writer_engine(engines.normal_url(url))
         try:
             with engine.begin() as connection:

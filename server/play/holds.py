@@ -43,6 +43,11 @@ class Holds:
         if held is not None and held.reason in AWAY_REASONS:
             self._away_s += now - held.since
 
+    def extend(self, seconds: float) -> None:
+        """From now on absences in this game may last so much longer, each and all together."""
+        limits = self._limits
+        self._limits = PauseLimits(limits.each_s + seconds, limits.episode_s + seconds)
+
     def reason(self, person: int) -> str:
         """Why it stands still, as this person is told: their own reason first, then the server's, then the other's."""
         own = self._held.get(person)

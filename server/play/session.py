@@ -53,7 +53,7 @@ class Session:
         self.phase: Phase = "paused" if self.resumed else "waiting"
         self.holds = Holds(spec.pause, record.paused_ms)
         self.pause_record: PauseRecord | None = None  # of the pause that lasts
-        self._paused_since = now
+        self.paused_since = now
         for person in self.people:
             self.holds.hold(person, "server" if self.resumed else NOT_STARTED, now)
         self._zero = 0.0  # when timestep 0 would have been, had there been no pause
@@ -62,6 +62,7 @@ class Session:
         self._keys_used: tuple[KeyRecord, ...] = ()
         self._applied = dict.fromkeys(self.people, -1)
         self._late_ms = 0.0
+        self.record: TickRecord | None = None  # of the current state, once it was made here
 
     def _replay(self, record: EpisodeRecord) -> None:
         for actions in record.joint_actions:
@@ -119,7 +120,7 @@ class Session:
         self.phase = "paused" if started else "waiting"
         if not started:
             return None
-        self._paused_since = now
+        self.paused_since = now
         self.pause_record = PauseRecord(self.episode, self.trace.timestep, reason, at, None)
         return self.pause_record
 
@@ -133,7 +134,7 @@ class Session:
         self.phase = "countdown"
         self.start_at(go)
         record, self.pause_record = self.pause_record, None
-        return None if record is None else replace(record, duration_ms=round((now - self._paused_since) * 1000, 3))
+        return None if record is None else replace(record, duration_ms=round((now - self.paused_since) * 1000, 3))
 
     def start_at(self, go: float) -> None:
         """Moves the deadlines: the current state stands until `go`, the next one comes a tick later."""
@@ -182,7 +183,7 @@ class Session:
             self.displayed = tuple((overlay.NOTHING_SHOWN, opacity) for _, opacity in self.displayed)
         else:
             self.displayed = overlay.display(self.spec, timestep, answers.prediction)
-        return TickRecord(
+        self.record = TickRecord(
             episode=self.episode,
             timestep=timestep,
             actions=step.actions if timestep else None,
@@ -199,6 +200,7 @@ class Session:
             models_ms=round(models_ms, 3),
             late=answers.late,
         )
+        return self.record
 
     # What people are told
 

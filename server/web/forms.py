@@ -15,8 +15,9 @@ LONGEST_PARAMETER = 128
 Form = Mapping[str, list[str]]
 
 
-async def read_form(request: Request, guard: Guard) -> Form:
-    """All values by field name. Refuses (413, 400, 403) what is too large, unreadable, or not from our own pages."""
+async def read_form(request: Request, guard: Guard, session: str | None = None) -> Form:
+    """All values by field name. Refuses (413, 400, 403) what is too large, unreadable, or not from our own pages.
+    `session`: what the form was made for; None: the participant's."""
     if not guard.is_own_origin(request):
         raise HTTPException(403, "this form was not sent by our own page")
     body = bytearray()
@@ -28,7 +29,7 @@ async def read_form(request: Request, guard: Guard) -> Form:
         form = parse_qs(body.decode("utf-8"), keep_blank_values=True, max_num_fields=MOST_FIELDS, errors="strict")
     except ValueError:  # also UnicodeDecodeError
         raise HTTPException(400, "this is no form in UTF-8") from None
-    if not guard.is_own_form(first(form, FORM_FIELD), session_of(request)):
+    if not guard.is_own_form(first(form, FORM_FIELD), session_of(request) if session is None else session):
         raise HTTPException(403, "the form is too old or not ours")
     return {name: [_clean(value) for value in values] for name, values in form.items()}
 

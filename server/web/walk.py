@@ -11,14 +11,18 @@ from typing import Any
 
 from sqlalchemy import Connection
 
-from server.store import answers, episodes, events, participants, studies
+from server.store import answers, decisions, episodes, events, participants, studies
 from server.store.participants import NewParticipant, Participant
-from server.study.assignment import Count, next_condition, participant_seed
+from server.study.assignment import Count, StudyFullError, next_condition, participant_seed
 from server.study.plan import Study
 from server.study.steps import Step
 from server.web.studies import Studies
 
 _CODE_LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # none that look alike
+
+
+class StudyPaused(StudyFullError):
+    """A researcher paused the study: nobody is let in now."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,7 @@ def known(connection: Connection, all_studies: Studies, name: str, person: str |
 
 def enrol(connection: Connection, all_studies: Studies, arrival: Arrival) -> Participant:
     """The participant who consents now, in the condition whose turn it is; or the one that the person already is, who
-    goes on with the new cookie. Raises StudyFullError, KeyError (the study is not open)."""
+    goes on with the new cookie. Raises StudyFullError, StudyPaused, KeyError (the study is not open)."""
     same_page = participants.by_token(connection, arrival.token)
     if same_page is not None:
         return same_page
@@ -71,6 +75,8 @@ def enrol(connection: Connection, all_studies: Studies, arrival: Arrival) -> Par
     if opened is None:
         raise KeyError(arrival.study)
     study_id, study = opened
+    if study.name in decisions.paused_studies(connection):
+        raise StudyPaused(study.name)
     release(connection, study_id, study)
     row = studies.get(connection, study_id)
     number = row.started if row else 0

@@ -155,7 +155,7 @@ export class Renderer {
       isOwn: own === seat, cellPixels: this.cellPixels,
     }));
     for (const chef of chefs) drawChef(this.context, this.sprites, chef);
-    for (const chef of chefs) if (chef.isOwn) drawTag(this.context, this.youText, chef, this.tagScale);
+    for (const chef of chefs) if (chef.isOwn && this.youText) drawTag(this.context, this.youText, chef, this.tagScale);
   }
 }
 

@@ -1,0 +1,166 @@
+"""What the dashboard shows of a study, read from the database: people, flow, arms, troubles. Knows no browser."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from sqlalchemy import ColumnElement, Connection, case, func, or_, select
+
+from server.store.tables import episodes, events, exclusions, participants, ticks, withdrawals
+
+_p, _e = participants.c, episodes.c
+HERE = timedelta(minutes=2)  # who was seen so lately is in the study now
+DROPPED = ("timed_out", "returned", "screened_out", "withdrawn")
+TABS: dict[str, tuple[str, ...]] = {
+    "active": ("active",),
+    "completed": ("completed",),
+    "dropped": ("timed_out", "returned", "screened_out"),
+    "all": ("active", "completed", "timed_out", "returned", "screened_out"),
+}
+
+
+@dataclass(frozen=True)
+class Person:
+    """A row of the participants' table."""
+
+    id: str
+    study_id: int
+    number: int
+    condition: str
+    seed: int
+    position: int
+    status: str
+    simulated: bool
+    started_at: datetime
+    last_seen_at: datetime
+    completed_at: datetime | None
+    troubles: int
+    excluded: int  # exclusions that hold
+
+
+@dataclass(frozen=True)
+class Played:
+    """Whose episode it is and what was played."""
+
+    id: str
+    study_id: int
+    participant_id: str
+    number: int  # of the participant
+    simulated: bool
+    condition: str
+    seed: int
+    kind: str
+    episode: int  # 1-based; 0 for the tutorial
+    agent: str
+    layout: str
+    shown: str
+    seat: int  # of the participant
+    status: str
+    end_reason: str | None
+    score: int | None
+    started_at: datetime | None
+    ended_at: datetime | None
+
+
+Counts = dict[tuple[str, str, int], int]  # (condition, status, position) -> participants
+
+
+def flow(connection: Connection, study_ids: Sequence[int]) -> Counts:
+    """How many participants of each condition are or were where; those who withdrew included."""
+    keys = (_p.condition, _p.status, _p.position)
+    query = select(*keys, func.count()).where(_p.study_id.in_(study_ids)).group_by(*keys)
+    found: Counts = {(row[0], row[1], row[2]): row[3] for row in connection.execute(query)}
+    gone = (withdrawals.c.condition, withdrawals.c.position)
+    left = select(*gone, func.count()).where(withdrawals.c.study_id.in_(study_ids)).group_by(*gone)
+    found |= {(row[0], "withdrawn", row[1]): row[2] for row in connection.execute(left)}
+    return found
+
+
+def here_now(connection: Connection, study_ids: Sequence[int]) -> int:
+    """How many active participants were seen lately."""
+    query = select(func.count()).where(_p.study_id.in_(study_ids), _p.status == "active")
+    return int(connection.execute(query.where(_p.last_seen_at > datetime.now(UTC) - HERE)).scalar_one())
+
+
+def minutes(connection: Connection, study_ids: Sequence[int], most: int = 500) -> list[float]:
+    """How long the last participants took from consent to the end, shortest first."""
+    query = select(_p.started_at, _p.completed_at).where(_p.study_id.in_(study_ids), _p.completed_at.is_not(None))
+    rows = connection.execute(query.order_by(_p.completed_at.desc()).limit(most))
+    return sorted((row.completed_at - row.started_at).total_seconds() / 60 for row in rows)
+
+
+def excluded(connection: Connection, study_ids: Sequence[int], status: str = "completed") -> int:
+    """How many participants of this status are excluded whole."""
+    query = select(func.count(func.distinct(_p.id))).join_from(participants, exclusions)
+    held = (exclusions.c.restored_at.is_(None), exclusions.c.episode_id.is_(None))
+    return int(connection.execute(query.where(_p.study_id.in_(study_ids), _p.status == status, *held)).scalar_one())
+
+
+def people(connection: Connection, study_ids: Sequence[int], tab: str, most: int = 200) -> list[Person]:
+    """Participants of one tab (of TABS), last seen first."""
+    query = _people().where(_p.study_id.in_(study_ids), _p.status.in_(TABS.get(tab, TABS["active"])))
+    return [Person(**row._mapping) for row in connection.execute(query.order_by(_p.last_seen_at.desc()).limit(most))]
+
+
+def person(connection: Connection, participant_id: str) -> Person | None:
+    """One participant."""
+    row = connection.execute(_people().where(_p.id == participant_id)).first()
+    return Person(**row._mapping) if row else None
+
+
+def _people() -> Any:
+    troubles = select(func.count()).where(events.c.participant_id == _p.id, events.c.kind == "trouble")
+    held = select(func.count()).where(exclusions.c.participant_id == _p.id, exclusions.c.restored_at.is_(None))
+    own = [_p[name] for name in Person.__dataclass_fields__ if name in _p]
+    return select(*own, troubles.scalar_subquery().label("troubles"), held.scalar_subquery().label("excluded"))
+
+
+def played(connection: Connection, *ids: str) -> dict[str, Played]:
+    """These episodes, by id; without those that belong to no participant of a study."""
+    return {one.id: one for one in _played(connection, _e.id.in_(ids))}
+
+
+def played_by(connection: Connection, participant_id: str) -> list[Played]:
+    """All episodes of a participant, in order."""
+    return _played(connection, _p.id == participant_id)
+
+
+def latest(connection: Connection, study_ids: Sequence[int], most: int = 200) -> list[Played]:
+    """The study's episodes that have begun, latest first."""
+    found = _played(connection, _e.study_id.in_(study_ids) & _e.started_at.is_not(None), _e.started_at.desc(), most)
+    return found
+
+
+def _played(
+    connection: Connection, wanted: ColumnElement[bool], order: Any = _e.created_at, most: int = 1000
+) -> list[Played]:
+    agent = case((_e.watched_seat == 0, _e.agent_0), else_=_e.agent_1)
+    query = select(
+        _e.id, _e.study_id, _p.id.label("participant_id"), _p.number, _p.simulated, _p.condition, _p.seed, _e.kind,
+        _e.number.label("episode"), func.coalesce(agent, _e.agent_0, _e.agent_1, "").label("agent"), _e.layout,
+        _e.shown, case((_e.participant_0 == _p.id, 0), else_=1).label("seat"), _e.status, _e.end_reason, _e.score,
+        _e.started_at, _e.ended_at,
+    )  # fmt: skip
+    query = query.join_from(episodes, participants, or_(_e.participant_0 == _p.id, _e.participant_1 == _p.id))
+    return [Played(**row._mapping) for row in connection.execute(query.where(wanted).order_by(order).limit(most))]
+
+
+def troubles(connection: Connection, study_ids: Sequence[int], most: int = 20) -> list[tuple[datetime, str, int, str]]:
+    """Errors on participants' consoles, latest first: when, whose, the participant's number, the text."""
+    query = select(events.c.at, _p.id, _p.number, events.c.detail).join_from(events, participants)
+    query = query.where(_p.study_id.in_(study_ids), events.c.kind == "trouble").order_by(events.c.id.desc())
+    return [
+        (row.at, row.id, row.number, str(row.detail.get("text", ""))) for row in connection.execute(query.limit(most))
+    ]
+
+
+def stored(connection: Connection, study_ids: Sequence[int]) -> dict[str, int]:
+    """Episodes by how they stand."""
+    query = select(_e.status, func.count()).where(_e.study_id.in_(study_ids), _e.kind == "episode")
+    return {row[0]: row[1] for row in connection.execute(query.group_by(_e.status))}
+
+
+def latest_tick(connection: Connection, episode_id: str) -> int | None:
+    """The last timestep that is stored."""
+    return connection.execute(select(func.max(ticks.c.timestep)).where(ticks.c.episode_id == episode_id)).scalar()

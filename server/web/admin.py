@@ -1,0 +1,199 @@
+"""A researcher's pages: signing in and out, studies, one study's dashboard, people, the audit log, accounts. Thin."""
+
+from typing import Any
+
+from fastapi import APIRouter, HTTPException, Request, Response
+
+from server.store import admins, audit, decisions, overview
+from server.store.overview import Played
+from server.study.plan import Study
+from server.study.steps import steps
+from server.web import admin_auth
+from server.web.admin_auth import ActDep, AdminFormDep, OwnDep, Tries, WatchDep
+from server.web.admin_page import AdminPage, arm_names, back_to, own_path, study_at
+from server.web.deps import Web, WebDep
+from server.web.figures import arms_of, flow_of, step_name, way_of
+from server.web.forms import first
+from server.web.live import who
+
+router = APIRouter(prefix="/admin")
+AUDIT_SHOWN = 500
+
+
+@router.get("/login")
+async def login_page(request: Request) -> Response:
+    """Asks for name and password."""
+    return AdminPage(request).render("login.html", next=request.query_params.get("next", ""), wrong="")
+
+
+@router.post("/login")
+async def login(request: Request, web: WebDep, form: AdminFormDep) -> Response:
+    """A new session, whatever session there was; too many wrong tries have to wait."""
+    tries: Tries = request.app.state.tries
+    name, address = first(form, "name")[:128], request.client.host if request.client else "?"
+    page = AdminPage(request)
+    if tries.left(name, address) == 0:
+        words = "Too many wrong tries. Wait a quarter of an hour."
+        response = page.render("login.html", 429, next=first(form, "next"), wrong=words)
+        response.headers["Retry-After"] = str(int(admin_auth.WINDOW_S))
+        return response
+    before = await admin_auth.session_of(request)
+    token = await admin_auth.sign_in(web, name, first(form, "password")[:200])
+    if token is None:
+        tries.fail(name, address)
+        left = tries.left(name, address)
+        words = f"Wrong name or password. {left} {'try' if left == 1 else 'tries'} left."
+        return page.render("login.html", 401, next=first(form, "next"), wrong=words)
+    if before is not None:
+        await web.database.write(admins.close_session, before.token_hash)
+    await web.database.write(audit.add, name, "sign in")
+    signed_in = back_to(own_path(first(form, "next")))
+    admin_auth.set_cookie(signed_in, token, secure=web.guard.secure)
+    return signed_in
+
+
+@router.post("/logout")
+async def logout(admin: WatchDep, web: WebDep, form: AdminFormDep) -> Response:  # noqa: ARG001 - checks the form
+    """The session is over, also where its cookie was copied to."""
+    await web.database.write(admins.close_session, admin.token_hash)
+    await web.database.write(audit.add, admin.name, "sign out")
+    response = back_to("/admin/login")
+    admin_auth.forget_cookie(response, secure=web.guard.secure)
+    return response
+
+
+@router.get("")
+async def studies(request: Request, admin: WatchDep, web: WebDep) -> Response:
+    """All studies of this server."""
+    paused = await web.database.read(decisions.paused_studies)
+    rows = []
+    for name in web.studies.names():
+        versions, study = study_at(web, name)
+        counts = await web.database.read(overview.flow, versions)
+        arms = arms_of(study, counts, arm_names(study, blind=True), blind=True)
+        quotas = [condition.quota for condition in study.conditions if condition.quota is not None]
+        rows.append(
+            {
+                "name": name,
+                "title": study.title.of("en"),
+                "summary": study.summary.of("en"),
+                "paused": name in paused,
+                "versions": len(versions),
+                "completed": sum(arm["completed"] for arm in arms),
+                "active": sum(arm["active"] for arm in arms),
+                "target": sum(quotas) if len(quotas) == len(study.conditions) else None,
+            }
+        )
+    return AdminPage(request, admin).render("studies.html", tab="studies", rows=rows)
+
+
+@router.post("/blind")
+async def blind(admin: ActDep, web: WebDep, form: AdminFormDep) -> Response:
+    """Hides or shows conditions in this session; both are in the audit log."""
+    hide = first(form, "blind") == "on"
+    await web.database.write(admins.set_blind, admin.token_hash, hide)
+    await web.database.write(audit.add, admin.name, "blind mode on" if hide else "blind mode off")
+    return back_to(own_path(first(form, "next")))
+
+
+@router.get("/audit")
+async def audit_page(request: Request, admin: WatchDep, web: WebDep) -> Response:
+    """Who did what, latest first, and whether the log is whole. Conditions are never in it."""
+    entries = await web.database.read(audit.entries)
+    forged = await web.database.read(audit.first_forged)
+    shown = entries[::-1][:AUDIT_SHOWN]
+    return AdminPage(request, admin).render("audit.html", tab="audit", entries=shown, total=len(entries), forged=forged)
+
+
+@router.get("/accounts")
+async def accounts(request: Request, admin: OwnDep, web: WebDep) -> Response:
+    """Who may sign in."""
+    return AdminPage(request, admin).render("accounts.html", tab="accounts", rows=await web.database.read(admins.every))
+
+
+@router.post("/accounts/{account}/{deed}")
+async def change_account(account: str, deed: str, admin: OwnDep, web: WebDep, form: AdminFormDep) -> Response:  # noqa: ARG001 - checks the form
+    """Signs an account out everywhere, or removes it; nobody removes their own."""
+    if deed not in ("signed_out", "removed") or (deed == "removed" and account == admin.name):
+        raise HTTPException(400, "this cannot be done to this account")
+    await web.database.write(admins.close_all if deed == "signed_out" else admins.remove, account)
+    await web.database.write(audit.add, admin.name, f"account {deed}", {"name": account})
+    return back_to("/admin/accounts", deed)
+
+
+@router.get("/s/{name}")
+async def dashboard(request: Request, name: str, admin: WatchDep, web: WebDep) -> Response:
+    """The live overview of one study; what moves in it comes by websocket."""
+    study_ids, study = study_at(web, name)
+    paused = name in await web.database.read(decisions.paused_studies)
+    page = AdminPage(request, admin)
+    return page.render("dashboard.html", tab="live", study=study, versions=len(study_ids), paused=paused)
+
+
+@router.get("/s/{name}/games")
+async def games(request: Request, name: str, admin: WatchDep, web: WebDep) -> Response:
+    """The latest episodes of a study, each to be replayed."""
+    study_ids, study = study_at(web, name)
+    rows = [_game(study, one) for one in await web.database.read(overview.latest, study_ids)]
+    return AdminPage(request, admin).render("games.html", tab="games", study=study, rows=rows)
+
+
+@router.get("/s/{name}/person/{person}")
+async def person_page(request: Request, name: str, person: str, admin: WatchDep, web: WebDep) -> Response:
+    """Everything about one participant but what is personal."""
+    study_ids, study = study_at(web, name)
+    found = await web.database.read(overview.person, person)
+    if found is None or found.study_id not in study_ids:
+        raise HTTPException(404, "there is no such participant in this study")
+    played = await web.database.read(overview.played_by, person)
+    way = way_of(web.studies, found)
+    return AdminPage(request, admin).render(
+        "person.html",
+        tab="live",
+        study=study,
+        person=found,
+        label=f"{'B' if found.simulated else 'P'}-{found.number:03d}",
+        arm="" if admin.blind else found.condition,
+        now=step_name(way[min(found.position, len(way) - 1)]),
+        rows=[_game(study, one) for one in played],
+        exclusions=await web.database.read(decisions.exclusions_of, [person]),
+    )
+
+
+@router.get("/s/{name}/consort.svg")
+async def consort(name: str, admin: WatchDep, web: WebDep) -> Response:
+    """The flow of participants as a CONSORT diagram."""
+    context = await consort_of(web, name, admin.blind)
+    svg = web.templates.get_template("admin/consort.svg.j2").render(context)
+    headers = {"Cache-Control": "no-store", "Content-Disposition": f'attachment; filename="{name}-consort.svg"'}
+    return Response(svg, media_type="image/svg+xml", headers=headers)
+
+
+async def consort_of(web: Web, name: str, blind: bool) -> dict[str, Any]:
+    """What the diagram shows: the flow, and how it splits into arms."""
+    study_ids, study = study_at(web, name)
+    counts = await web.database.read(overview.flow, study_ids)
+    excluded = await web.database.read(overview.excluded, study_ids)
+    way = steps(study, study.conditions[0].name, study.seed)
+    names = arm_names(study, blind)
+    return {
+        "title": study.title.of("en"),
+        "flow": flow_of(way, counts, excluded),
+        "arms": arms_of(study, counts, names, blind),
+    }
+
+
+def _game(study: Study, played: Played) -> dict[str, Any]:
+    titles = {kitchen.name: kitchen.title.of("en") for kitchen in study.layouts}
+    return {
+        "id": played.id,
+        "who": who(played),
+        "person": played.participant_id,
+        "episode": f"E{played.episode}" if played.kind == "episode" else "Tutorial",
+        "agent": played.agent,
+        "layout": titles.get(played.layout, played.layout),
+        "status": played.status,
+        "reason": played.end_reason or "",
+        "score": played.score,
+        "started": played.started_at,
+    }

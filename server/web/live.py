@@ -1,0 +1,241 @@
+"""The running games as researchers see them: a card for each, boards for those in view, twice a second by websocket.
+
+What is sent is all that the page shows: a blinded page gets neither conditions nor marks. Changes nothing.
+"""
+
+import asyncio
+import json
+import time
+from collections import deque
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, Final
+
+from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+
+from server.play.game import Game
+from server.play.games import Games
+from server.store import overview
+from server.store.admins import AdminSession
+from server.store.database import DatabaseDown
+from server.store.overview import Played
+from server.web.admin_auth import session_of
+from server.web.admin_page import arm_names, study_at
+from server.web.attention import Attention, Flag
+from server.web.deps import Web
+from server.web.socket import Sockets
+
+CARDS_EVERY_S: Final = 0.5
+FIGURES_EVERY_S: Final = 2.0
+SESSION_EVERY_S: Final = 5.0
+MOST_BOARDS: Final = 60  # a page can show at once
+_SAMPLES: Final = 4000
+
+
+@dataclass(frozen=True)
+class Card:
+    """One running game and whose it is."""
+
+    game: Game
+    played: Played
+    flag: Flag
+    rtt_ms: float | None
+
+
+class Live:
+    """Looks at the running games on behalf of everybody who watches; made once in server.main."""
+
+    def __init__(self, web: Web, games: Games, sockets: Sockets) -> None:
+        self.web, self.games, self.sockets = web, games, sockets
+        self.models_ms: deque[float] = deque(maxlen=_SAMPLES)  # sampled while somebody watches
+        self.late = 0  # of the samples in `models_ms`
+        self._attention = Attention()
+        self._played: dict[str, Played] = {}
+        self._cards: tuple[float, list[Card]] = (-1e9, [])
+        self._looking = asyncio.Lock()
+
+    async def cards(self, study_ids: tuple[int, ...]) -> list[Card]:
+        """The running games of a study; looked at afresh at most twice a second, however many watch."""
+        async with self._looking:
+            if time.monotonic() - self._cards[0] >= 0.8 * CARDS_EVERY_S:
+                await self._look()
+        return [card for card in self._cards[1] if card.played.study_id in study_ids]
+
+    async def _look(self) -> None:
+        running = [game for game in self.games if game.session.phase != "ended"]
+        known = {game.episode for game in running}
+        unknown = [episode for episode in known if episode not in self._played]
+        if unknown:
+            self._played |= await self.web.database.read(overview.played, *unknown)
+        self._played = {episode: played for episode, played in self._played.items() if episode in known}
+        self._attention.forget(known)
+        rtts, now = self.sockets.rtts_ms(), self.games.clock.now()
+        cards = []
+        for game in running:
+            played = self._played.get(game.episode)
+            if played is not None:
+                rtt_ms = rtts.get(played.participant_id)
+                cards.append(Card(game, played, self._attention.flag(game, played.seat, rtt_ms, now), rtt_ms))
+            record = game.session.record
+            if record is not None and game.session.phase == "running":
+                self.models_ms.append(record.models_ms)
+        self._cards = (time.monotonic(), cards)
+
+    def since_s(self, flag: Flag) -> int | None:
+        """For how many seconds the flag has been up."""
+        return None if flag.since is None else max(0, round(self.games.clock.now() - flag.since))
+
+
+def who(played: Played) -> str:
+    """What a participant is called: P-012 of people, B-012 of bots."""
+    return f"{'B' if played.simulated else 'P'}-{played.number:03d}"
+
+
+def card_of(live: Live, card: Card, arms: dict[str, str]) -> dict[str, Any]:
+    """What the page is told of a game without its board. `arms`: what each condition is called; empty in blind mode."""
+    session, played = card.game.session, card.played
+    return {
+        "id": played.id,
+        "who": who(played),
+        "person": played.participant_id,
+        "episode": f"E{played.episode}" if played.kind == "episode" else "Tutorial",
+        "agent": played.agent,
+        "title": session.spec.title,
+        "arm": arms.get(played.condition, ""),
+        "t": session.trace.timestep,
+        "horizon": session.spec.horizon,
+        "score": session.trace.score,
+        "level": card.flag.level,
+        "flag": card.flag.word,
+        "since_s": live.since_s(card.flag),
+        "rtt_ms": None if card.rtt_ms is None else round(card.rtt_ms),
+    }
+
+
+def kitchen_of(game: Game) -> dict[str, Any]:
+    """The current state as the browser draws it."""
+    kitchen = game.session.trace.kitchen()
+    return {name: getattr(kitchen, name) for name in ("t", "players", "counters", "pots", "score", "soups")}
+
+
+def board_of(game: Game, blind: bool) -> dict[str, Any]:
+    """The current state with the marks that the participant sees."""
+    session = game.session
+    return {
+        "state": kitchen_of(game),
+        "prediction": [] if blind else session.displayed,
+        "actions": session.trace.last_actions or (4, 4),
+    }
+
+
+def still_of(card: Card) -> dict[str, Any]:
+    """What of a board never changes."""
+    session = card.game.session
+    return {
+        "grid": session.trace.layout.grid,
+        "seat": card.played.seat,
+        "watched_seat": session.spec.watched_seat,
+        "tick_ms": session.spec.tick_ms,
+        "horizon": session.spec.horizon,
+    }
+
+
+class Watching:
+    """One open dashboard: what it shows and what it has been told."""
+
+    def __init__(self, live: Live, study: str, admin: AdminSession) -> None:
+        self.live, self.admin = live, admin
+        self.study_ids, self.study = study_at(live.web, study)
+        self.arms = {} if admin.blind else arm_names(self.study, blind=False)
+        self.shown: list[str] = []
+        self.tab = "active"
+        self._told: set[str] = set()
+
+    def asked(self, text: str) -> None:
+        """What the page shows now: {"show": [episodes], "tab": name}. Raises ValueError for anything else."""
+        wish = json.loads(text)
+        if not isinstance(wish, dict):
+            raise ValueError("a wish is an object")
+        shown = wish.get("show", self.shown)
+        if not isinstance(shown, list) or not all(isinstance(one, str) for one in shown):
+            raise ValueError("show is a list of episodes")
+        self.shown = shown[:MOST_BOARDS]
+        if wish.get("tab") in overview.TABS:
+            self.tab = wish["tab"]
+
+    async def news(self) -> dict[str, Any]:
+        """Cards of all games and boards of those in view."""
+        cards = await self.live.cards(self.study_ids)
+        by_id = {card.played.id: card for card in cards}
+        shown = [by_id[episode] for episode in self.shown if episode in by_id]
+        fresh = [card for card in shown if card.played.id not in self._told]
+        self._told |= {card.played.id for card in fresh}
+        return {
+            "type": "cards",
+            "cards": [card_of(self.live, card, self.arms) for card in cards],
+            "boards": {card.played.id: board_of(card.game, self.admin.blind) for card in shown},
+            "still": {card.played.id: still_of(card) for card in fresh},
+        }
+
+
+async def let_in(socket: WebSocket, live: Live) -> AdminSession | None:
+    """Accepts the socket of a researcher who is signed in, from one of our own pages; refuses all others."""
+    admin = await session_of(socket) if live.web.guard.is_own_origin(socket) else None
+    if admin is None:
+        await socket.close(1008)
+        return None
+    await socket.accept()
+    return admin
+
+
+async def still_in(socket: WebSocket, admin: AdminSession) -> bool:
+    """Whether the session goes on as it was: neither ended nor with conditions shown or hidden since."""
+    with suppress(DatabaseDown):
+        return await session_of(socket) == admin
+    return True
+
+
+router = APIRouter(prefix="/admin")
+
+
+@router.websocket("/s/{name}/live")
+async def watch(socket: WebSocket, name: str) -> None:
+    """Cards and boards twice a second, figures every 2 s."""
+    live: Live = socket.app.state.live
+    admin = await let_in(socket, live)
+    if admin is None:
+        return
+    if not live.web.studies.versions(name):
+        await socket.close(1008)
+        return
+    watching = Watching(live, name, admin)
+    teller = asyncio.create_task(_tell(socket, watching))
+    try:
+        while not teller.done():
+            watching.asked(await socket.receive_text())
+    except (WebSocketDisconnect, ValueError, KeyError, RuntimeError):
+        pass  # gone, or no page of ours
+    finally:
+        teller.cancel()
+        await asyncio.gather(teller, return_exceptions=True)
+        with suppress(RuntimeError):
+            await socket.close()
+
+
+async def _tell(socket: WebSocket, watching: Watching) -> None:
+    figures = socket.app.state.figures
+    checked = told = time.monotonic() - FIGURES_EVERY_S
+    tab = ""
+    while True:
+        now = time.monotonic()
+        if now - checked >= SESSION_EVERY_S:
+            checked = now
+            if not await still_in(socket, watching.admin):
+                return await socket.close(4003, "sign in again")
+        with suppress(DatabaseDown):
+            await socket.send_text(json.dumps(await watching.news(), separators=(",", ":")))
+            if now - told >= FIGURES_EVERY_S or tab != watching.tab:
+                told, tab = now, watching.tab
+                news = await figures.of(watching.study_ids, watching.study, watching.tab, watching.admin.blind)
+                await socket.send_text(json.dumps({"type": "figures", **news}, separators=(",", ":")))
+        await asyncio.sleep(CARDS_EVERY_S)

@@ -1,0 +1,209 @@
+"""One episode for researchers, live or over: simulated again from its actions, every state held against its hash.
+
+The page plays it; this module only tells. A blinded researcher gets neither marks nor predictions.
+"""
+
+import asyncio
+import json
+import time
+from contextlib import suppress
+from typing import Any, Final
+
+from fastapi import APIRouter, HTTPException, Request, Response, WebSocket, WebSocketDisconnect
+from sqlalchemy import Connection
+
+from overcooked.constants import EVENT_NAMES
+from overcooked.layout import LayoutError, parse_layout
+from server.play.recorder import EpisodeRecord, TickRecord
+from server.play.trace import Trace
+from server.store import decisions, episodes, overview, ticks
+from server.store.accuracy import wilson
+from server.store.admins import AdminSession
+from server.store.episodes import BrokenEpisode
+from server.web.actions import REASONS, GameDep
+from server.web.admin_auth import WatchDep
+from server.web.admin_page import AdminPage, study_at
+from server.web.deps import WebDep
+from server.web.live import SESSION_EVERY_S, Card, Live, card_of, let_in, still_in, who
+
+router = APIRouter(prefix="/admin/s/{name}/game/{episode}")
+LOOK_EVERY_S: Final = 0.05
+STATUS_EVERY_S: Final = 0.5
+_BREATHE_EVERY: Final = 16  # timesteps: the live games' thread gets its turn in between
+
+
+@router.get("")
+async def page(request: Request, name: str, admin: WatchDep, web: WebDep, game: GameDep) -> Response:
+    """The game as the participant sees it, its time line, and what can be done about it."""
+    _, study = study_at(web, name)
+    live: Live = request.app.state.live
+    held = await web.database.read(decisions.exclusions_of, [game.participant_id])
+    titles = {kitchen.name: kitchen.title.of("en") for kitchen in study.layouts}
+    mine = await web.database.read(overview.played_by, game.participant_id)
+    return AdminPage(request, admin).render(
+        "game.html",
+        tab="games",
+        study=study,
+        game=game,
+        label=who(game),
+        arm="" if admin.blind else game.condition,
+        shown="" if admin.blind else game.shown,
+        layout=titles.get(game.layout, game.layout),
+        others=[one for one in mine if one.started_at is not None],
+        is_live=live.games.get(game.id) is not None,
+        exclusions=[one for one in held if one.episode_id in (None, game.id)],
+        reasons=REASONS,
+    )
+
+
+@router.get("/record.json")
+async def record(admin: WatchDep, web: WebDep, game: GameDep) -> Response:
+    """Everything that is stored of the episode, with the states that follow from it."""
+    try:
+        text = await web.database.read(_record, game.id, admin.blind)
+    except (BrokenEpisode, LayoutError) as error:
+        raise HTTPException(409, str(error)) from None
+    headers = {"Cache-Control": "no-store", "Content-Disposition": f'inline; filename="{game.id}.json"'}
+    return Response(text, media_type="application/json", headers=headers)
+
+
+def _record(connection: Connection, episode: str, blind: bool) -> str:
+    """The record as JSON. Raises BrokenEpisode, LayoutError."""
+    loaded = episodes.load(connection, episode)
+    if loaded is None:
+        raise BrokenEpisode(f"there is no episode {episode}")
+    stored = ticks.of_episode(connection, episode)
+    rows, difference = simulate(loaded, stored, blind)
+    spec = loaded.spec
+    found = {
+        "game": {
+            "episode": episode,
+            "kind": spec.kind,
+            "grid": parse_layout(spec.grid, spec.layout).grid,
+            "title": spec.title,
+            "seat": spec.human_seats[0] if spec.human_seats else -1,
+            "watched_seat": spec.watched_seat,
+            "horizon": spec.horizon,
+            "tick_ms": spec.tick_ms,
+            "deadline_ms": spec.deadline_ms,
+        },
+        "status": loaded.status,
+        "rows": rows,
+        "pauses": [
+            {"t": pause.timestep, "reason": pause.reason, "duration_ms": pause.duration_ms}
+            for pause in episodes.pauses_of(connection, episode)
+        ],
+        "checked": {"states": len(stored), "equal": difference is None, "difference": difference},
+        "accuracy": [] if blind else _accuracy(stored, spec.watched_seat),
+    }
+    return json.dumps(found, separators=(",", ":"))
+
+
+def simulate(loaded: EpisodeRecord, stored: list[TickRecord], blind: bool) -> tuple[list[dict[str, Any]], str | None]:
+    """A row for each stored tick, and the first difference between the rules and the record (None: all are equal)."""
+    trace = Trace(parse_layout(loaded.spec.grid, loaded.spec.layout), loaded.spec.horizon)
+    rows: list[dict[str, Any]] = []
+    difference = None
+    for tick in stored:
+        if tick.timestep % _BREATHE_EVERY == 0:
+            time.sleep(0)
+        if tick.actions is not None:
+            step = trace.step(tick.actions)
+            if difference is None and (step.rewards, step.events) != (tick.rewards, tick.events):
+                difference = f"timestep {tick.timestep}: other rewards or events than stored"
+        if difference is None and trace.hash() != tick.state_hash:
+            difference = f"timestep {tick.timestep}: the state's hash is {trace.hash()}, stored is {tick.state_hash}"
+        rows.append(row_of(tick, trace, blind))
+    return rows, difference
+
+
+def row_of(tick: TickRecord, trace: Trace, blind: bool) -> dict[str, Any]:
+    """One tick as the page takes it; `trace` stands at its state."""
+    kitchen = trace.kitchen()
+    return {
+        "t": tick.timestep,
+        "state": {name: getattr(kitchen, name) for name in ("t", "players", "counters", "pots", "score", "soups")},
+        "actions": tick.actions,
+        "rewards": tick.rewards,
+        "events": [_names(bits) for bits in tick.events],
+        "prediction": [] if blind else [[round(value, 4) for value in step] for step in tick.prediction],
+        "displayed": [] if blind else tick.displayed,
+        "keys": [[key.seat, key.seq, round(key.received_ms)] for key in tick.keys],
+        "late": tick.late,
+        "late_ms": round(tick.late_ms, 1),
+        "models_ms": round(tick.models_ms, 1),
+        "scheduled_ms": tick.scheduled_ms,
+    }
+
+
+def _names(bits: int) -> list[str]:
+    return [name for bit, name in enumerate(EVENT_NAMES) if bits >> bit & 1]
+
+
+def _accuracy(stored: list[TickRecord], seat: int) -> list[dict[str, Any]]:
+    """For each step how often the likeliest action happened, with its interval."""
+    rows = []
+    for step in range(3):
+        pairs = [
+            (max(range(6), key=tick.prediction[step].__getitem__), stored[n + step + 1].actions)
+            for n, tick in enumerate(stored)
+            if tick.prediction and n + step + 1 < len(stored)
+        ]
+        right = sum(1 for said, done in pairs if done is not None and done[seat] == said)
+        share, low, high = wilson(right, len(pairs))
+        rows.append({"share": round(share, 4), "low": round(low, 4), "high": round(high, 4), "n": len(pairs)})
+    return rows
+
+
+@router.websocket("/live")
+async def follow(socket: WebSocket, name: str, episode: str) -> None:
+    """Every new tick of a running game, and how the participant is."""
+    live: Live = socket.app.state.live
+    admin = await let_in(socket, live)
+    if admin is None:
+        return
+    study_ids = live.web.studies.versions(name)
+    teller = asyncio.create_task(_tell(socket, live, (study_ids, episode), admin))
+    try:
+        while not teller.done():
+            await socket.receive_text()
+    except (WebSocketDisconnect, KeyError, RuntimeError):
+        pass
+    finally:
+        teller.cancel()
+        await asyncio.gather(teller, return_exceptions=True)
+        with suppress(RuntimeError):
+            await socket.close()
+
+
+async def _tell(socket: WebSocket, live: Live, which: tuple[tuple[int, ...], str], admin: AdminSession) -> None:
+    told, checked, looked = -1, time.monotonic(), 0.0
+    card: Card | None = None
+    while True:
+        now = time.monotonic()
+        if now - checked >= SESSION_EVERY_S:
+            checked = now
+            if not await still_in(socket, admin):
+                return await socket.close(4003, "sign in again")
+        if card is None or now - looked >= STATUS_EVERY_S:
+            looked = now
+            card = await _status(socket, live, which)
+            if card is None:
+                await socket.send_text('{"type":"over"}')
+                return await socket.close(1000, "the game is over")
+        session = card.game.session
+        if session.stored and not card.game.busy and session.record is not None and session.trace.timestep > told:
+            told = session.trace.timestep
+            row = row_of(session.record, session.trace, admin.blind)
+            await socket.send_text(json.dumps({"type": "tick", "row": row}, separators=(",", ":")))
+        await asyncio.sleep(LOOK_EVERY_S)
+
+
+async def _status(socket: WebSocket, live: Live, which: tuple[tuple[int, ...], str]) -> Card | None:
+    """Tells how the participant is; None when the game does not run any more."""
+    study_ids, episode = which
+    card = next((one for one in await live.cards(study_ids) if one.played.id == episode), None)
+    if card is not None:
+        status = card_of(live, card, {}) | {"type": "status", "phase": card.game.session.phase}
+        await socket.send_text(json.dumps(status, separators=(",", ":")))
+    return card
