@@ -14,6 +14,7 @@ import os
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,7 @@ from server.store.migrate import migrate
 ROOT = Path(__file__).resolve().parents[1]
 GAMES = (1, 10, 30, 100)
 SLOTS, SLOT_GAMES = 20, 30
-COMMITS = 300
+COMMITS = 240
 PEOPLE, PER_PERSON, TIMESTEPS = 100, 10, 400
 GRID = (ROOT / "overcooked" / "layouts" / "coordination_ring.layout").read_text(encoding="utf-8").strip("\n")
 SPEC = EpisodeSpec(
@@ -130,15 +131,14 @@ def export_time(database: Database, folder: Path) -> dict[str, Any]:
     return {"what": "export", "ticks": summary.rows["ticks"], "seconds": round(time.perf_counter() - began, 2)}
 
 
-def measure(url: str, folder: Path) -> list[dict[str, Any]]:
+def measure(url: str, folder: Path) -> Iterator[dict[str, Any]]:
     migrate(url)
-    results = []
     with Database(url) as database:
-        results += [asyncio.run(alone(database, games)) for games in GAMES]
-        results.append(asyncio.run(slots(database)))
-        results.append(export_time(database, folder / database.url.get_backend_name()))
-    kind = url.split(":", 1)[0]
-    return [{"database": kind, **result} for result in results]
+        kind = {"database": database.url.get_backend_name()}
+        for games in GAMES:
+            yield kind | asyncio.run(alone(database, games))
+        yield kind | asyncio.run(slots(database))
+        yield kind | export_time(database, folder / kind["database"])
 
 
 def main() -> None:
@@ -157,12 +157,13 @@ def main() -> None:
             stack.callback(server.remove)
             urls.append(server.url())
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-        results = [result for url in urls for result in measure(url, folder)]
+        results = []
+        for result in (result for url in urls for result in measure(url, folder)):
+            results.append(result)
+            if not arguments.json:
+                print("  ".join(f"{name} {value}" for name, value in result.items()), flush=True)
     if arguments.json:
-        sys.stdout.write(json.dumps(results) + "\n")
-        return
-    for result in results:
-        sys.stdout.write("  ".join(f"{name} {value}" for name, value in result.items()) + "\n")
+        print(json.dumps(results))
 
 
 if __name__ == "__main__":
