@@ -9,6 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from models.catalogue import WEIGHTS, load_agent
 from models.policy import NetworkPolicy, load_network
 from models.protocols import Policy
@@ -70,6 +72,7 @@ def ship_cast(work: Work, layout: Layout) -> None:
 def evaluate_shipped(layout: Layout, names: Sequence[str] = ("sp", "fcp"), episodes: int = 40) -> list[dict[str, Any]]:
     """What `kitchenmind evaluate agents --json` prints for one layout: the shipped agents with themselves and with the
     partners that travel with them and that neither ever met."""
+    torch.set_num_threads(1)  # networks this small only wait for each other
     shipped = WEIGHTS / layout.name
     folders = sorted([*(shipped / HELD_OUT).glob("*"), *(shipped / "population").glob("fcp_*")])
     strangers: list[Policy] = [NetworkPolicy(load_network(folder)) for folder in folders]
