@@ -65,7 +65,8 @@ def run_on_ray(graph: Graph, command: Sequence[str], address: str, workers: int)
         import ray
     except ImportError as error:
         raise ValueError("--ray needs Ray: pip install ray") from error
-    ray.init(**({"num_cpus": workers, "include_dashboard": False} if address == "local" else {"address": address}), log_to_driver=False)
+    place = {"num_cpus": workers, "include_dashboard": False} if address == "local" else {"address": address}
+    ray.init(**place, log_to_driver=False)
     remote = ray.remote(num_cpus=1, max_retries=0)(_in_a_process)
     waiting: dict[object, str] = {}
     failures: Counter[str] = Counter()
