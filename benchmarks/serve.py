@@ -1,7 +1,7 @@
 """How many games one server carries at once: bots on one core, the server on another, every tick committed.
 
-Prints for each number of games: lateness of a tick, CPU of the server and its model worker, memory and bytes per second a
-game. Run it on a quiet machine: `python benchmarks/serve.py --json`.
+Prints for each number of games: lateness of a tick, CPU of the server and its model worker, memory and bytes per second
+of a game. Run it on a quiet machine: `python benchmarks/serve.py --json`.
 """
 
 import argparse

@@ -45,6 +45,11 @@ class Settings(BaseSettings):
     @model_validator(mode="after")
     def _safe_in_production(self) -> Self:
         if self.mode == "local":
+            if self.host not in _LOCAL_HOSTS:
+                raise ValueError(
+                    f"host = {self.host} can be reached by others. Set KITCHENMIND_MODE=production with a secret and a "
+                    "TLS proxy in front, or listen on 127.0.0.1"
+                )
             return self
         secret = self.secret.get_secret_value() if self.secret else ""
         if len(secret) < _SHORTEST_SECRET or secret.lower() in _WEAK_SECRETS or len(set(secret)) < 8:

@@ -21,6 +21,10 @@ class Clock:
         """UTC, for records; never used to measure."""
         return datetime.now(UTC)
 
+    async def sleep(self, seconds: float) -> None:
+        """Real seconds, whatever the speed: for what waits for machines."""
+        await asyncio.sleep(seconds)
+
     async def sleep_until(self, moment: float) -> None:
         """Returns at or after `moment` of `now()`; the event loop may wake up a millisecond early, this does not."""
         while (left_s := (moment - self.now()) / self.speed) > 0:

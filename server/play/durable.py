@@ -5,6 +5,7 @@ import logging
 from collections.abc import Awaitable, Callable
 from typing import Final
 
+from server.play.clock import Clock
 from server.play.recorder import EpisodeResult, PauseRecord, Recorder, RecorderDown
 
 log = logging.getLogger(__name__)
@@ -14,8 +15,8 @@ RETRY_S: Final = 0.5
 class Durable:
     """The writer of one episode; ticks do not go through it."""
 
-    def __init__(self, recorder: Recorder) -> None:
-        self._recorder = recorder
+    def __init__(self, recorder: Recorder, clock: Clock) -> None:
+        self._recorder, self._clock = recorder, clock
         self._turn = asyncio.Lock()
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -40,4 +41,4 @@ class Durable:
                 try:
                     return await write()
                 except RecorderDown:
-                    await asyncio.sleep(RETRY_S)
+                    await self._clock.sleep(RETRY_S)

@@ -40,7 +40,7 @@ class Game:
         """`start` is called when nothing holds the game any more, `stop` when something does."""
         self.session = session
         self.clock = clock
-        self.durable = Durable(recorder)
+        self.durable = Durable(recorder, clock)
         self.connections: dict[int, Connection] = {}
         self.busy = False  # a state is being made or stored: no other may be begun
         self.unstored: TickRecord | None = None  # the database did not take it yet

@@ -132,7 +132,7 @@ class Games:
 
     async def _keep(self) -> None:
         while True:
-            await asyncio.sleep(KEEP_EVERY_S)
+            await self.clock.sleep(KEEP_EVERY_S)
             now = self.clock.now()
             for game in list(self._games.values()):
                 if game.busy or game.session.moving or game.session.phase == "ended":

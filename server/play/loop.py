@@ -34,6 +34,7 @@ class Slot:
         self.offset_s = index * SLOT_MS / 1000
         self.games: set[Game] = set()
         self.driver: asyncio.Task[None] | None = None
+        self.asleep = False  # the driver waits for a deadline and may be stopped without harm
 
     def first_after(self, moment: float) -> float:
         """The slot's first moment at or after `moment`."""
@@ -89,6 +90,8 @@ class Loop:
         for slots in self._slots.values():
             for slot in slots:
                 slot.games.clear()
+                if slot.driver is not None and slot.asleep:
+                    slot.driver.cancel()
         self._slot_of.clear()
         if self._prober is not None:
             self._prober.cancel()
@@ -102,7 +105,9 @@ class Loop:
 
     async def _drive(self, slot: Slot) -> None:
         while slot.games:
+            slot.asleep = True
             await self.clock.sleep_until(min(game.session.next_deadline for game in slot.games))
+            slot.asleep = False
             now = self.clock.now()
             due = [game for game in slot.games if not game.busy and game.session.next_deadline <= now]
             if self.clock.speed == 1:
@@ -110,7 +115,7 @@ class Loop:
             if due:
                 await self._play(due, now)
             else:
-                await asyncio.sleep(0.001)
+                await self.clock.sleep(0.001)
 
     def _stalled(self, game: Game, now: float) -> bool:
         if now - game.session.next_deadline < STALLED_S:
@@ -225,7 +230,7 @@ class Loop:
     async def _probe(self) -> None:
         """Repeats the commits that failed until they arrive; then the games go on by themselves."""
         while self._unstored:
-            await asyncio.sleep(PROBE_S)
+            await self.clock.sleep(PROBE_S)
             games = [(game, game.unstored) for game in self._unstored if game.unstored is not None]
             try:
                 await self._commit([record for _, record in games])

@@ -108,7 +108,7 @@ class Trace:
 
     def moved(self, seat: int) -> bool:
         """Whether the chef stands in another cell than a timestep ago."""
-        return self._rows[seat][:FACING] != self._rows_before[seat][:FACING]
+        return bool(self._rows[seat][:FACING] != self._rows_before[seat][:FACING])
 
     def history(self, seat: int) -> Callable[[int], History]:
         """Looks back from the current state as the chef in `seat` saw it; stays valid when the game goes on."""

@@ -17,6 +17,7 @@ from server.play.game import Game
 from server.play.games import Games, NoGame
 from server.play.outlet import Close, Outlet
 from server.play.recorder import RecorderDown
+from server.store.database import DatabaseDown
 
 log = logging.getLogger(__name__)
 BEAT_EVERY_S: Final = 0.25
@@ -135,7 +136,11 @@ class Sockets:
         if not self.is_ours(socket):
             log.warning("a websocket from another origin was refused: %s", socket.headers.get("origin", "")[:100])
             return await socket.close(ABUSE)
-        player = await self._find(socket, study)
+        try:
+            player = await self._find(socket, study)
+        except DatabaseDown:
+            await socket.accept()
+            return await socket.close(TRY_LATER, "the database is away")
         if player is None:
             return await socket.close(ABUSE)
         await socket.accept()

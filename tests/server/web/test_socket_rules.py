@@ -15,10 +15,12 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.typing import Origin
 
+from server.play import outlet
 from server.play.clock import Clock
 from server.play.games import Games
 from server.play.messages import MAX_FRAME_BYTES
 from server.play.recorder import EpisodeRecord
+from server.store.database import DatabaseDown
 from server.web import socket as game_socket
 from server.web.auth import Guard
 from server.web.socket import Player, Sockets
@@ -39,11 +41,14 @@ class Served:
         self.sockets = Sockets(self.games, self.find, Guard(b"secret").is_own_origin, self.report)
         self.app.state.sockets = self.sockets
         self.url = ""
+        self.database_down = False
 
     async def load(self, episode: str) -> EpisodeRecord | None:
         return self.recorder.load(self.spec, episode)
 
     async def find(self, connection: HTTPConnection, study: str) -> Player | None:
+        if self.database_down:
+            raise DatabaseDown("switched off")
         who = connection.cookies.get("participant")
         if who is None or study != "demo":
             return None
@@ -278,6 +283,28 @@ async def test_round_trip_is_measured(served: Served) -> None:
             while "ann" not in served.sockets.rtts_ms():
                 await asyncio.sleep(0.01)
     assert served.sockets.rtts_ms().get("ann", 1.0) > 0
+
+
+async def test_peer_that_answers_nothing_is_given_up_and_its_game_pauses(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(outlet, "DEAD_AFTER_S", 0.5)
+    async with served.connect(max_queue=None) as socket:
+        await say(socket, **HELLO)
+        await say(socket, type="ready")
+        async with asyncio.timeout(20):
+            while len(served.sockets) or not len(served.games):
+                await asyncio.sleep(0.01)
+        game = served.games.get("episode-of-ann")
+        assert game is not None
+        assert not game.connections
+        assert not game.session.moving
+
+
+async def test_database_away_at_the_handshake_asks_the_page_to_come_back(served: Served) -> None:
+    served.database_down = True
+    async with served.connect() as socket:
+        assert await close_code(socket) == 1013
 
 
 async def test_a_hundred_reconnects_leave_no_ghost(served: Served) -> None:
