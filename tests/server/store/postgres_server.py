@@ -57,7 +57,8 @@ class PostgresServer:
 
     def start(self) -> None:
         settings = [word for setting in self._settings for word in ("-c", setting)]
-        command = [self._programs / "postgres", "-D", "data", "-k", self.folder, *settings]
+        dies_with_us = [shutil.which("setpriv"), "--pdeathsig", "QUIT"] if shutil.which("setpriv") else []
+        command = [*dies_with_us, self._programs / "postgres", "-D", "data", "-k", self.folder, *settings]
         log = (self.folder / "log").open("ab")
         self._process = subprocess.Popen(command, cwd=self.folder, stdout=log, stderr=log, **self._as)  # type: ignore[call-overload]
         log.close()
