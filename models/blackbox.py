@@ -203,6 +203,10 @@ class HttpAgent:
             self._connection.close()
             raise BlackBoxError(f"{self._url} does not answer as an agent should ({error}).") from error
 
+    def close(self) -> None:
+        """Leaves the address; the next question calls it again."""
+        self._connection.close()
+
     def _read(self, answer: Any, games: int) -> Probabilities:
         if isinstance(answer, dict) and "actions" in answer:
             actions = np.asarray(answer["actions"], np.int64).reshape(games)

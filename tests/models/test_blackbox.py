@@ -1,0 +1,181 @@
+"""Other people's agents and predictors: ONNX files, Python classes, addresses."""
+
+import json
+import threading
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import numpy as np
+import onnx_files
+import pytest
+from onnx import TensorProto
+
+import kitchenmind
+from models.blackbox import BlackBoxError, load_foreign_agent, load_foreign_predictor
+from overcooked.layout import load_layout
+from overcooked.state import Kitchens
+
+RING = load_layout("coordination_ring")
+STATES = Kitchens.start(RING, 3).encode()[:, 0].copy()
+
+
+def softmax(logits):
+    raised = np.exp(logits - logits.max(-1, keepdims=True))
+    return raised / raised.sum(-1, keepdims=True)
+
+
+@pytest.mark.parametrize("shape", [["games", 5, 5, 26], ["games", 26, 5, 5], ["games", 650], ["games", "w", "h", 26]])
+@pytest.mark.parametrize("answers_probabilities", [True, False])
+def test_an_onnx_agent_is_asked_in_the_shape_it_wants(shape, answers_probabilities, tmp_path):
+    if "w" in shape:
+        weights = onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26], softmax=answers_probabilities)
+    else:
+        weights = onnx_files.linear_agent(tmp_path / "a.onnx", shape, softmax=answers_probabilities)
+    policy, mode = load_foreign_agent(str(tmp_path / "a.onnx"), RING)
+    seen = np.moveaxis(STATES, -1, 1) if shape[1] == 26 else STATES
+    expected = softmax(seen.reshape(3, -1).astype(np.float32) @ weights)
+    assert np.allclose(policy.probabilities(STATES), expected, atol=1e-4)
+    assert (mode.temperature, mode.stuck_mix) == (1.0, 0.0)
+
+
+def test_an_onnx_agent_may_read_small_integers(tmp_path):
+    onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26], kind=TensorProto.INT8)
+    policy, _ = load_foreign_agent(str(tmp_path / "a.onnx"), RING)
+    assert np.allclose(policy.probabilities(STATES).sum(1), 1, atol=1e-5)
+
+
+def test_an_onnx_agent_of_another_kitchen_is_refused_with_the_shapes_that_fit(tmp_path):
+    onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 7, 5, 26])
+    with pytest.raises(BlackBoxError, match=r"must end in \[5, 5, 26\], \[26, 5, 5\] or \[650\]"):
+        load_foreign_agent(str(tmp_path / "a.onnx"), RING)
+
+
+def test_what_is_no_model_is_refused(tmp_path):
+    (tmp_path / "broken.onnx").write_bytes(b"nothing")
+    for name, reason in [
+        (str(tmp_path / "broken.onnx"), "is no ONNX model"),
+        (str(tmp_path / "missing.onnx"), "there is no file"),
+        ("foreign_models:Nobody", "is not there"),
+        ("foreign_models:Remembering", "no method probabilities"),
+    ]:
+        with pytest.raises(BlackBoxError, match=reason):
+            load_foreign_agent(name, RING)
+
+
+def test_an_onnx_predictor_sees_the_last_ten_steps_with_the_current_action_hidden(tmp_path):
+    weights = onnx_files.linear_predictor(tmp_path / "p.onnx", 5, 5)
+    predictor = load_foreign_predictor(str(tmp_path / "p.onnx"), RING)
+    slots, draws = np.array([2, 0]), np.random.default_rng(0)
+    predictor.begin(slots)
+    taken = [np.full((2, 2), -1)]
+    for _ in range(14):
+        answer = predictor.predict(slots, STATES[:2], taken[-1].astype(np.int8))
+        taken.append(draws.integers(0, 6, (2, 2)))
+    hot = np.zeros((10, 12), np.float32)
+    for place, joint in enumerate(taken[5:14]):
+        hot[place, [joint[0, 0], 6 + joint[0, 1]]] = 1
+    assert np.allclose(answer[0], softmax((hot.ravel() @ weights).reshape(3, 6)), atol=1e-4)
+
+
+def test_a_predictor_cannot_be_an_address():
+    with pytest.raises(BlackBoxError, match="Give an ONNX file"):
+        load_foreign_predictor("http://127.0.0.1:1/", RING)
+
+
+@pytest.fixture
+def address():
+    """An HTTP agent that goes by what the path says."""
+
+    class Agent(BaseHTTPRequestHandler):
+        protocol_version = "HTTP/1.1"
+
+        def do_POST(self):
+            question = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+            games = len(question["observations"])
+            answers = {
+                "/actions": {"actions": [2] * games},
+                "/law": {"probabilities": [[0.5, 0.5, 0, 0, 0, 0]] * games},
+                "/wrong": {"actions": [9] * games},
+                "/layout": {"actions": [len(question["grid"])] * games},
+            }
+            body = json.dumps(answers.get(self.path, "?")).encode()
+            self.send_response(500 if self.path == "/down" else 200)
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, *_):
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Agent)
+    server.daemon_threads = True
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+@contextmanager
+def agent_at(url):
+    policy, _ = load_foreign_agent(url, RING)
+    yield policy
+    policy.close()
+
+
+def test_an_agent_behind_an_address_answers_with_actions_or_probabilities(address):
+    with agent_at(f"{address}/actions") as policy:
+        assert policy.probabilities(STATES).argmax(1).tolist() == [2, 2, 2]
+        assert policy.probabilities(STATES[:1]).argmax(1).tolist() == [2]
+    with agent_at(f"{address}/law") as policy:
+        assert policy.probabilities(STATES)[0].tolist() == [0.5, 0.5, 0, 0, 0, 0]
+    with agent_at(f"{address}/layout") as policy:
+        assert policy.probabilities(STATES[:1]).argmax() == 5
+
+
+@pytest.mark.parametrize(
+    ("path", "reason"), [("wrong", "outside 0-5"), ("down", "answered 500"), ("text", "must answer")]
+)
+def test_an_address_that_answers_nonsense_is_an_error(address, path, reason):
+    with agent_at(f"{address}/{path}") as policy, pytest.raises(BlackBoxError, match=reason):
+        policy.probabilities(STATES)
+
+
+def test_an_address_where_nobody_listens_is_an_error():
+    policy, _ = load_foreign_agent("http://127.0.0.1:9/", RING)
+    with pytest.raises(BlackBoxError, match="does not answer"):
+        policy.probabilities(STATES)
+
+
+def checked(capsys, *words):
+    status = kitchenmind.main(["agent", "check", *words, "--layout", "coordination_ring"])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def test_agent_check_says_what_an_agent_is_like(capsys, tmp_path):
+    onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26])
+    status, out, _ = checked(capsys, str(tmp_path / "a.onnx"), "--deadline-ms", "60000")
+    assert status == 0
+    assert "it can be used" in out
+    assert "deterministic  yes" in out
+    status, out, _ = checked(capsys, "foreign_models:Remembering", "--predictor", "--deadline-ms", "60000")
+    assert status == 0
+    status, out, _ = checked(capsys, "planner", "--deadline-ms", "60000")
+    assert "certain        in 100% of the states" in out
+
+
+def test_agent_check_refuses_what_does_not_fit(capsys):
+    status, _, err = checked(capsys, "foreign_models:WrongShape")
+    assert status == 1
+    assert "its answer has the shape (1, 3), wanted (1, 6)" in err
+    status, _, err = checked(capsys, "foreign_models:BrokenAfterWarming")
+    assert status == 1
+    assert "no probabilities" in err
+    status, _, err = checked(capsys, "planner", "--deadline-ms", "0.0001")
+    assert status == 1
+    assert "is too slow" in err
+    status, _, err = checked(capsys, "nobody")
+    assert status == 2
+    assert "Known: planner" in err

@@ -1,0 +1,76 @@
+"""Predictors that are no network: uniform, the guide's, and one made worse on purpose."""
+
+import numpy as np
+import pytest
+
+from models.predictors import DegradedPredictor, UniformPredictor, UnknownPredictor, load_predictor
+from overcooked.layout import load_layout
+
+RING = load_layout("coordination_ring")
+SLOTS = np.arange(4)
+
+
+class Knowing:
+    """Right in a known share of its steps: it reads the truth from the first cell of the observation."""
+
+    memory = 1
+
+    def __init__(self, accuracy):
+        self.draws, self.accuracy = np.random.default_rng(0), accuracy
+
+    def begin(self, slots):
+        pass
+
+    def predict(self, slots, observations, last_actions):
+        answer = np.full((len(slots), 3, 6), 0.02, np.float32)
+        for row, planes in enumerate(observations):
+            for step in range(3):
+                truth = int(planes[0, step, 0])
+                right = self.draws.random() < self.accuracy
+                answer[row, step, truth if right else (truth + self.draws.integers(1, 6)) % 6] = 0.9
+        return answer
+
+
+def measured(predictor, rounds=1500):
+    draws, right = np.random.default_rng(1), 0
+    for _ in range(rounds):
+        observations = draws.integers(0, 6, (4, 5, 5, 26)).astype(np.int8)
+        actions = draws.integers(0, 6, (4, 2)).astype(np.int8)
+        answer = predictor.predict(SLOTS, observations, actions)
+        right += (answer.argmax(-1) == observations[:, 0, :3, 0]).sum()
+    return right / (rounds * 12)
+
+
+@pytest.mark.parametrize(("accuracy", "wanted"), [(0.85, 0.6), (0.85, 0.3), (1.0, 0.5), (0.8, 0.8)])
+def test_a_degraded_predictor_is_right_as_often_as_wanted(accuracy, wanted):
+    assert measured(DegradedPredictor(Knowing(accuracy), accuracy, wanted)) == pytest.approx(wanted, abs=0.02)
+
+
+def test_a_degraded_predictor_says_the_same_about_the_same_state():
+    observations = np.random.default_rng(2).integers(0, 6, (4, 5, 5, 26)).astype(np.int8)
+    actions = np.zeros((4, 2), np.int8)
+    answers = [DegradedPredictor(Knowing(1.0), 1.0, 0.5).predict(SLOTS, observations, actions) for _ in range(2)]
+    assert np.array_equal(*answers)
+    assert np.allclose(answers[0].sum(-1), 1)
+
+
+def test_more_than_a_predictor_knows_cannot_be_asked_of_it():
+    with pytest.raises(UnknownPredictor, match="reaches 70%; 90% cannot be had"):
+        DegradedPredictor(Knowing(0.7), 0.7, 0.9)
+
+
+def test_uniform_predictor_knows_nothing():
+    answer = UniformPredictor().predict(SLOTS, np.zeros((4, 5, 5, 26), np.int8), np.zeros((4, 2), np.int8))
+    assert answer.shape == (4, 3, 6)
+    assert np.allclose(answer, 1 / 6)
+
+
+def test_names_lead_to_predictors_or_to_an_error_that_lists_them():
+    assert isinstance(load_predictor("random", RING), UniformPredictor)
+    assert isinstance(load_predictor("guide@60", RING), DegradedPredictor)
+    with pytest.raises(UnknownPredictor, match=r"no predictor 'nobody'. Known there: .*random, guide"):
+        load_predictor("nobody", RING)
+    with pytest.raises(UnknownPredictor, match="in percent"):
+        load_predictor("guide@much", RING)
+    with pytest.raises(UnknownPredictor, match="between 17 and 100"):
+        load_predictor("guide@5", RING)
