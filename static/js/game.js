@@ -113,10 +113,11 @@ function press(move) {
 }
 
 const inPlay = () => state.link === 'open' && ['playing', 'countdown'].includes(state.phase);
+const inHand = () => inPlay() && state.game.seat >= 0;
 
 function gameHasFocus() {
   const focused = document.activeElement;
-  return inPlay() && !document.querySelector('dialog[open]') && (focused === stage || focused === document.body || focused === null);
+  return inHand() && !document.querySelector('dialog[open]') && (focused === stage || focused === document.body || focused === null);
 }
 
 function left(reason) {
@@ -178,7 +179,7 @@ function frame(now) {
 
 async function begin() {
   listen(keys, gameHasFocus, press);
-  listenTouch(page.querySelector('.touch'), keys, inPlay, press);
+  listenTouch(page.querySelector('.touch'), keys, inHand, press);
   watchPresence(left, back);
   stage.addEventListener('blur', () => { const change = keys.clear(); if (change) press(change); });
   keysDialog(document.querySelector('#keys-dialog'), page.querySelector('#change-keys'), text, (next) => { bindings = next; keys.bind(next); showCaps(); });

@@ -29,8 +29,10 @@ export class Hud {
     this.#write('#round', this.text(`${kind}_note`, { number: game.number, episodes: game.episodes }));
     this.find('.stat.time').hidden = game.endless;
     for (const name of ['predictions', 'pots']) this.find(`#legend-${name}`).hidden = (name === 'predictions') !== game.shows_predictions;
-    this.find('#ids').hidden = this.find('#legend').hidden = practice;
+    this.find('#ids').hidden = practice || game.seat < 0;
+    this.find('#legend').hidden = practice;
     this.find('#lessons').hidden = !practice;
+    for (const controls of ['.panel.kb', '.touch']) this.find(controls).hidden = game.seat < 0; // who only watches has none
     document.title = practice ? this.text('practice') : `${game.title} · ${this.text('round_note', { number: game.number, episodes: game.episodes })}`;
   }
 

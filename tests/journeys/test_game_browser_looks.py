@@ -170,14 +170,14 @@ SIZES: dict[str, Any] = {}
 
 @pytest.mark.parametrize(
     "size",
-    [(1024, 600), (1366, 768), (1920, 1080), (390, 844), (360, 640), (844, 390)],
+    [(1024, 600), (1366, 768), (1920, 1080), (683, 384), (390, 844), (360, 640), (844, 390)],
     ids=lambda size: f"{size[0]}x{size[1]}",
 )
 def test_everything_that_matters_is_in_sight_without_scrolling(
     chromium: Browser, server: FakeGameServer, size: tuple[int, int]
 ) -> None:
     width, height = size
-    touch = width < 900
+    touch = size in ((390, 844), (360, 640), (844, 390))
     with opened(
         chromium, server, viewport={"width": width, "height": height}, has_touch=touch, is_mobile=touch
     ) as page:
@@ -217,6 +217,21 @@ def test_a_resized_window_fits_the_kitchen_again(chromium: Browser, server: Fake
         page.set_viewport_size({"width": 1024, "height": 600})
         page.wait_for_function("(wide) => document.querySelector('canvas.board').width < wide", arg=wide)
         assert is_blue(pixel(page, 3.5, 3.75)), "and draws it again"
+
+
+def test_who_watches_two_agents_has_no_controls(chromium: Browser, server: FakeGameServer) -> None:
+    server.welcome = rings(kind="watch", seat=-1)
+    with opened(chromium, server) as page:
+        page.wait_for_selector("#start:visible")
+        page.click("#start-button")
+        server.wait_for(lambda server: bool(server.of(Ready)))
+        server.send(Countdown(0), tick(kitchen(t=195, **MOMENT), WALK_TURN_SERVE))
+        page.wait_for_selector("[data-phase=playing]")
+        assert page.is_hidden(".panel.kb")
+        page.keyboard.press("ArrowUp")
+        server.send(tick(kitchen(t=196, **MOMENT)))
+        page.wait_for_selector("[data-timestep='196']")
+        assert server.inputs() == []
 
 
 def lesson_page(server: FakeGameServer, **page: Any) -> None:
