@@ -93,13 +93,14 @@ def writer_engine(url: URL) -> Engine:
     """One connection that may write. SQLite: the only one that ever writes or checkpoints."""
     if url.get_backend_name() == "postgresql":
         options = {"connect_timeout": CONNECT_TIMEOUT_S, "options": "-c synchronous_commit=on"}
-        return create_engine(url, pool_size=1, max_overflow=0, connect_args=options)
+        return create_engine(url, pool_size=1, max_overflow=0, connect_args=options, hide_parameters=True)
     engine = create_engine(
         url,
         poolclass=QueuePool,
         pool_size=1,
         max_overflow=0,
         connect_args={"timeout": BUSY_TIMEOUT_S, "check_same_thread": False},
+        hide_parameters=True,  # what people wrote never gets into a log with an error
     )
     _sqlite_settings(
         engine,
@@ -119,11 +120,20 @@ def reader(url: URL) -> Engine:
     if url.get_backend_name() == "postgresql":
         options = {"connect_timeout": CONNECT_TIMEOUT_S, "options": "-c default_transaction_read_only=on"}
         return create_engine(
-            url, pool_size=4, pool_pre_ping=True, connect_args=options, isolation_level="REPEATABLE READ"
+            url,
+            pool_size=4,
+            pool_pre_ping=True,
+            connect_args=options,
+            isolation_level="REPEATABLE READ",
+            hide_parameters=True,
         )
     readable = URL.create("sqlite", database=f"file:{quote(str(url.database))}", query={"mode": "ro", "uri": "true"})
     engine = create_engine(
-        readable, poolclass=QueuePool, pool_size=4, connect_args={"timeout": BUSY_TIMEOUT_S, "check_same_thread": False}
+        readable,
+        poolclass=QueuePool,
+        pool_size=4,
+        connect_args={"timeout": BUSY_TIMEOUT_S, "check_same_thread": False},
+        hide_parameters=True,
     )
     _sqlite_settings(engine, "BEGIN", "PRAGMA query_only=ON")
     return engine

@@ -57,6 +57,16 @@ async def test_what_was_written_is_read_by_everybody(database: Database) -> None
     assert database.read_now(studies.every, "ring") == [study]
 
 
+@pytest.mark.parametrize("write", [True, False], ids=["writing", "reading"])
+def test_an_error_of_the_database_does_not_tell_what_somebody_wrote(database: Database, write: bool) -> None:
+    def broken(connection: Connection) -> None:
+        connection.execute(text("SELECT * FROM no_such_table WHERE name = :name"), {"name": "Ada Lovelace"})
+
+    with pytest.raises(Exception, match="no_such_table") as caught:
+        (database.write_now if write else database.read_now)(broken)
+    assert "Ada Lovelace" not in str(caught.value)
+
+
 async def test_one_failing_function_of_a_group_undoes_only_itself(database: Database) -> None:
     gate = threading.Event()
     blocker = asyncio.create_task(database.write(lambda _: gate.wait(10)))
