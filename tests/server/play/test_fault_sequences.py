@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 from live_fakes import MemoryRecorder, QuietConnection, RuleModels, make_spec
 
+from overcooked.constants import STAY
 from server.play import messages as m
 from server.play.clock import Clock
 from server.play.game import Game
@@ -137,11 +138,14 @@ class Faults(RuleBasedStateMachine):
 
     @rule()
     def old_tabs_keep_talking(self) -> None:
-        for tab in self.tabs:
-            if tab.closed == 4001 and tab.game is not None:
-                tab.game.receive(0, tab, m.Away("hidden"))
-                tab.game.receive(0, tab, m.Ready())
-                tab.game.receive(0, tab, m.Input(10**6, 1, 1, 0.0))
+        async def talk() -> None:
+            for tab in self.tabs:
+                if tab.closed == 4001 and tab.game is not None:
+                    tab.game.receive(0, tab, m.Away("hidden"))
+                    tab.game.receive(0, tab, m.Ready())
+                    tab.game.receive(0, tab, m.Input(10**6, 1, 1, 0.0))
+
+        self.runner.run(talk())
 
     @precondition(lambda self: self.tab is not None)
     @rule(reason=st.sampled_from(["hidden", "blur"]))
@@ -220,6 +224,19 @@ class Faults(RuleBasedStateMachine):
     @invariant()
     def one_tab_plays_at_most(self) -> None:
         assert sum(tab.closed is None for tab in self.tabs) <= 1
+
+    @invariant()
+    def partner_did_what_was_decided_or_waited(self) -> None:
+        stored = self.recorder.ticks_of.get("e1", {})
+        for timestep in range(1, len(stored)):
+            decided, actions = stored[timestep - 1].next_actions[1], stored[timestep].actions
+            assert actions is not None
+            assert actions[1] == (STAY if decided is None else decided)
+
+    @invariant()
+    def nothing_moves_while_something_holds_it(self) -> None:
+        for game in self.games:
+            assert not (game.session.moving and game.session.holds)
 
     @invariant()
     def old_tabs_decided_nothing(self) -> None:
