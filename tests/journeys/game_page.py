@@ -25,10 +25,12 @@ def opened(chromium: Browser, server: FakeGameServer, **context: Any) -> Iterato
     errors: list[str] = []
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("console", lambda message: errors.append(message.text) if "Content Security" in message.text else None)
-    page.goto(server.url)
-    yield page
-    assert not errors, errors
-    visitor.close()
+    try:
+        page.goto(server.url)
+        yield page
+        assert not errors, errors
+    finally:
+        visitor.close()
 
 
 def start(page: Page, server: FakeGameServer, state: Kitchen | None = None, **more: Any) -> None:
