@@ -64,14 +64,17 @@ class Control:
         return game is not None
 
     async def end(self, episode: str, reason: str = "researcher") -> bool:
-        """Ends the game; what was played stays stored. False: it does not run here."""
+        """Ends the game; what was played stays stored. False: it does not run here, or the database is away."""
         game = self._running(episode)
         if game is None:
             return False
         game.pause(RESEARCHER, "researcher")
-        async with asyncio.timeout(BUSY_S):
-            while game.busy:
-                await asyncio.sleep(0.01)
+        try:
+            async with asyncio.timeout(BUSY_S):
+                while game.busy:
+                    await asyncio.sleep(0.01)
+        except TimeoutError:
+            return False
         self._games.abort(game, reason)
         return True
 

@@ -99,7 +99,7 @@ class Visitor:
 
     def __init__(self, site: Site, headers: dict[str, str] | None = None) -> None:
         base = {"accept": "text/html", "accept-language": "en"}
-        self.client = httpx.Client(base_url=site.url, headers=base | (headers or {}), follow_redirects=True)
+        self.client = httpx.Client(base_url=site.url, headers=base | (headers or {}), follow_redirects=True, timeout=60)
         site.clients.append(self.client)
         self.page: httpx.Response
 

@@ -1,0 +1,89 @@
+"""Accounts, sessions and decisions in a real database; what is counted of predictions."""
+
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+
+from server.store import admins, audit, decisions, participants, studies, withdrawal
+from server.store.accuracy import wilson
+from server.store.database import Database
+
+NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
+
+
+@pytest.fixture
+def mara(database: Database) -> str:
+    database.write_now(admins.create, "mara", "a hash", "act")
+    return "mara"
+
+
+def test_a_name_is_given_once(database: Database, mara: str) -> None:
+    with pytest.raises(admins.NameTaken):
+        database.write_now(admins.create, mara, "another", "watch")
+    with pytest.raises(ValueError, match="no role"):
+        database.write_now(admins.create, "other", "a hash", "king")
+
+
+def test_a_session_knows_its_account_and_begins_blind(database: Database, mara: str) -> None:
+    database.write_now(admins.open_session, mara, "t" * 64, NOW)
+    found = database.read_now(admins.session, "t" * 64, NOW)
+    assert found is not None
+    session, touch_is_due = found
+    assert (session.name, session.role, session.blind, touch_is_due) == (mara, "act", True, False)
+    assert session.may("watch")
+    assert session.may("act")
+    assert not session.may("own")
+
+
+def test_a_session_ends_when_nobody_uses_it_and_after_half_a_day_anyway(database: Database, mara: str) -> None:
+    token = "t" * 64
+    database.write_now(admins.open_session, mara, token, NOW)
+    assert database.read_now(admins.session, token, NOW + admins.IDLE) is not None
+    assert database.read_now(admins.session, token, NOW + admins.IDLE + timedelta(seconds=1)) is None
+    for hours in range(1, 13):
+        database.write_now(admins.touch, token, NOW + timedelta(hours=hours))
+    assert database.read_now(admins.session, token, NOW + admins.LONGEST) is not None
+    assert database.read_now(admins.session, token, NOW + admins.LONGEST + timedelta(seconds=1)) is None
+
+
+def test_a_new_password_or_removal_ends_all_sessions(database: Database, mara: str) -> None:
+    for end in (lambda: database.write_now(admins.set_password, mara, "new"),
+                lambda: database.write_now(admins.remove, mara)):  # fmt: skip
+        database.write_now(admins.open_session, mara, "t" * 64, NOW)
+        assert end()
+        assert database.read_now(admins.session, "t" * 64, NOW) is None
+    assert not database.write_now(admins.remove, mara)
+
+
+def test_an_exclusion_is_taken_back_once_and_goes_with_who_withdraws(database: Database) -> None:
+    study = database.write_now(studies.register, "s", "text")
+    new = participants.NewParticipant(study.id, "tom", 1, "token")
+    person = database.write_now(participants.create, new).id
+    number = database.write_now(decisions.exclude, person, None, ("other", "a note"), "mara")
+    (held,) = database.read_now(decisions.exclusions_of, [person])
+    assert (held.reason, held.note, held.excluded_by) == ("other", "a note", "mara")
+    assert database.write_now(decisions.restore, number, "mara")
+    assert not database.write_now(decisions.restore, number, "mara")
+    assert database.read_now(decisions.exclusions_of, [person]) == []
+    assert database.write_now(withdrawal.withdraw, person)
+    assert database.read_now(audit.first_forged) is None
+
+
+def test_a_study_is_paused_until_it_is_resumed(database: Database) -> None:
+    assert database.write_now(decisions.pause_study, "s", "mara")
+    assert not database.write_now(decisions.pause_study, "s", "mara")
+    assert database.read_now(decisions.paused_studies) == {"s"}
+    assert database.write_now(decisions.resume_study, "s", "mara")
+    assert not database.write_now(decisions.resume_study, "s", "mara")
+    assert database.read_now(decisions.paused_studies) == set()
+
+
+@pytest.mark.parametrize(("right", "asked"), [(0, 5), (5, 5), (78, 100), (1, 1000)])
+def test_wilson_interval_solves_the_score_equation(right: int, asked: int) -> None:
+    share, low, high = wilson(right, asked)
+    assert share == right / asked
+    for bound in (low, high):  # the bounds are where the score test just rejects: (share - p)^2 = z^2 p (1 - p) / n
+        assert np.isclose((share - bound) ** 2, 1.959963984540054**2 * bound * (1 - bound) / asked, atol=1e-12)
+    assert 0 <= low <= share <= high <= 1
+    assert wilson(0, 0) == (0.0, 0.0, 1.0)

@@ -1,0 +1,351 @@
+"""A researcher's pages over real HTTP: who gets in, who may do what, what is hidden, what is written down."""
+
+import asyncio
+import json
+import re
+from collections.abc import Iterator
+from html import unescape
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+import httpx
+import pytest
+from argon2 import PasswordHasher
+from fastapi.routing import APIRoute
+from page_site import SMALL_STUDY, Site, Visitor
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from overcooked.constants import STAY
+from server.play.clock import Clock
+from server.play.recorder import TickRecord
+from server.play.trace import Trace
+from server.settings import Settings
+from server.store import admins, audit, decisions, episodes, ticks
+from server.web import actions, admin, downloads, live, replay
+from server.web.admin_auth import Tries
+from server.web.control import Control
+from server.web.episodes import episode_spec, layout_of
+from server.web.figures import Figures
+from server.web.live import Live
+from server.web.socket import Sockets
+
+PASSWORD = "a good long password"
+HASH = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1).hash(PASSWORD)  # quick: the cost is in the hash itself
+ROLES = ("watch", "act", "own")
+
+
+class NoModels:
+    """No game runs in these tests, so nobody is asked."""
+
+    async def ask(self, questions: Any, deadline_ms: float) -> Any:
+        raise AssertionError("nobody plays here")
+
+    def forget(self, game: str) -> None: ...
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[Site]:
+    from server.play.games import Games
+    from server.store.episodes import StoreRecorder
+
+    made = Site(tmp_path, SMALL_STUDY)
+    games = Games(Clock(), NoModels(), StoreRecorder(made.database), lambda _: asyncio.sleep(0, None))
+    state = made.app.state
+    state.settings = Settings(database=f"sqlite:///{tmp_path}/site.db")
+    state.sockets = Sockets(games, lambda *_: asyncio.sleep(0, None), state.web.guard.is_own_origin)
+    state.tries, state.live = Tries(), Live(state.web, games, state.sockets)
+    state.figures = Figures(state.live, tmp_path / "site.db")
+    state.control = Control(games, made.database, made.studies)
+    for doors in (admin, live, replay, actions, downloads):
+        made.app.include_router(doors.router)
+    for role in ROLES:
+        made.database.write_now(admins.create, role, HASH, role)
+    with made as running:
+        yield running
+
+
+class Researcher(Visitor):
+    """Somebody at the researcher's pages."""
+
+    def sign_in(self, name: str, password: str = PASSWORD) -> httpx.Response:
+        self.get("/admin/login")
+        return self.post("/admin/login", name=name, password=password)
+
+    def token(self) -> str:
+        found = re.search(r'name="form_token" value="([^"]*)"', self.page.text)
+        assert found, self.page.text[:500]
+        return unescape(found.group(1))
+
+    def post(self, path: str, token: str | None = None, **fields: str) -> httpx.Response:
+        """Sends a form with the token of the page that is shown."""
+        body = urlencode({"form_token": self.token() if token is None else token, **fields})
+        kind = {"content-type": "application/x-www-form-urlencoded"}
+        self.page = self.client.post(path, content=body, headers=kind)
+        return self.page
+
+
+def signed_in(site: Site, name: str) -> Researcher:
+    researcher = Researcher(site)
+    assert researcher.sign_in(name).status_code == 200
+    return researcher
+
+
+def played(site: Site, timesteps: int = 12) -> str:
+    """An episode of a participant that is stored: both chefs wait."""
+    visitor = Visitor(site)
+    visitor.consent("small")
+    participant = site.only("small")
+    study = site.studies.of(participant)
+    step = next(one for one in site.studies.way(participant) if one.kind == "episode")
+    spec = episode_spec(study, step, participant.condition, "en")
+    new = episodes.NewEpisode(spec, step.key, (participant.id, None), participant.study_id, participant.condition)
+    episode = site.database.write_now(episodes.create, new)
+    trace = Trace(layout_of(study.layout(step.layout)), spec.horizon)
+    rows = []
+    for timestep in range(timesteps + 1):
+        actions_then = (STAY, STAY) if timestep else None
+        if actions_then:
+            trace.step(actions_then)
+        chances = ((0.1, 0.1, 0.1, 0.1, 0.5, 0.1), (0.5, 0.1, 0.1, 0.1, 0.1, 0.1), (0.1, 0.1, 0.1, 0.1, 0.5, 0.1))
+        rows.append(
+            TickRecord(episode, timestep, actions_then, trace.hash(), (0, 0), (0, 0), (0, 0), (None, STAY), chances,
+                       ((STAY, 95), (0, 80), (STAY, 60)), (), 200.0 * timestep, 1.5, 2.5, False)
+        )  # fmt: skip
+    site.database.write_now(ticks.insert, rows)
+    return episode
+
+
+def paths(site: Site, episode: str) -> list[tuple[str, str]]:
+    """Every address of a researcher, with its method; deeds filled in."""
+    person = site.only("small").id
+    values = {"name": "small", "episode": episode, "person": person, "account": "watch"}
+    found = []
+    for router in (admin, replay, actions, downloads):
+        for route in router.router.routes:
+            if not isinstance(route, APIRoute):
+                continue  # a websocket: test_sockets_are_for_researchers_only
+            deed = "extend" if "person" in route.path else "pause" if "/s/" in route.path else "signed_out"
+            found += [(method, route.path.format(**values, deed=deed)) for method in sorted(route.methods)]
+    return [(method, path) for method, path in found if not path.endswith("/login")]
+
+
+def needed(method: str, path: str) -> str:
+    """The role that an address asks for."""
+    if path.startswith("/admin/accounts"):
+        return "own"
+    return "act" if method == "POST" and path != "/admin/logout" else "watch"
+
+
+def test_nothing_is_shown_or_done_without_signing_in(site: Site) -> None:
+    episode = played(site)
+    stranger = httpx.Client(base_url=site.url)
+    site.clients.append(stranger)
+    everything = paths(site, episode)
+    assert len(everything) >= 18
+    for method, path in everything:
+        answer = stranger.request(method, path, headers={"accept": "application/json"})
+        assert answer.status_code in (401, 403), f"{method} {path} gives {answer.status_code}"
+        page = stranger.request(method, path, headers={"accept": "text/html"})
+        assert "P-001" not in page.text
+    assert site.database.read_now(audit.entries) == []
+
+
+def test_sockets_are_for_researchers_only(site: Site) -> None:
+    episode = played(site)
+    cookie = f"researcher={signed_in(site, 'watch').client.cookies['researcher']}"
+    base = site.url.replace("http", "ws")
+    for path in ("/admin/s/small/live", f"/admin/s/small/game/{episode}/live"):
+        for headers in ({}, {"cookie": "researcher=guessed"}, {"cookie": cookie, "origin": "https://evil.example"}):
+            with pytest.raises(InvalidStatus, match="403"):
+                connect(base + path, additional_headers=headers)
+        with connect(base + path, additional_headers={"cookie": cookie}) as socket:
+            assert json.loads(socket.recv(10))["type"] in ("cards", "over")
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_every_address_asks_for_its_role(site: Site, role: str) -> None:
+    episode = played(site)
+    researcher = signed_in(site, role)
+    for method, path in paths(site, episode):
+        if researcher.get("/admin").url.path == "/admin/login":
+            researcher = signed_in(site, role)  # one of the addresses signed them out
+            researcher.get("/admin")
+        allowed = ROLES.index(role) >= ROLES.index(needed(method, path))
+        answer = (
+            researcher.get(path)
+            if method == "GET"
+            else researcher.post(path, note="a test", text="hello", next="/admin/audit")
+        )
+        if allowed:
+            assert answer.status_code in (200, 409), f"{role}: {method} {path} gives {answer.status_code}"
+        else:
+            assert answer.status_code == 403, f"{role}: {method} {path} gives {answer.status_code}"
+
+
+def test_a_form_that_was_not_made_for_the_session_changes_nothing(site: Site) -> None:
+    first, second = signed_in(site, "own"), signed_in(site, "own")
+    first.get("/admin")
+    second.get("/admin")
+    assert second.post("/admin/s/small/pause", token=first.token()).status_code == 403
+    second.get("/admin")
+    assert second.post("/admin/s/small/pause", token="").status_code == 403
+    second.get("/admin")
+    foreign = second.client.post(
+        "/admin/s/small/pause",
+        content=urlencode({"form_token": second.token()}),
+        headers={"origin": "https://evil.example"},
+    )
+    assert foreign.status_code == 403
+    assert site.database.read_now(decisions.paused_studies) == set()
+
+
+def test_the_cookie_is_for_our_own_pages_and_no_script_and_changes_with_every_sign_in(site: Site) -> None:
+    researcher = Researcher(site)
+    researcher.client.follow_redirects = False
+    answer = researcher.sign_in("act")
+    words = answer.headers["set-cookie"].lower()
+    assert "httponly" in words
+    assert "samesite=strict" in words
+    assert "path=/admin" in words
+    before = researcher.client.cookies["researcher"]
+    stored = site.database.read_now(
+        lambda c: c.exec_driver_sql("select token_hash from admin_sessions").scalars().all()
+    )
+    assert before not in stored
+    researcher.sign_in("act")
+    assert researcher.client.cookies["researcher"] != before
+    stale = httpx.get(f"{site.url}/admin", cookies={"researcher": before})
+    assert stale.status_code == 401
+
+
+def test_signing_out_ends_the_session_for_every_copy_of_the_cookie(site: Site) -> None:
+    researcher = signed_in(site, "watch")
+    copy = researcher.client.cookies["researcher"]
+    researcher.get("/admin")
+    researcher.post("/admin/logout")
+    assert httpx.get(f"{site.url}/admin", cookies={"researcher": copy}).status_code == 401
+
+
+def test_guessing_passwords_has_to_wait(site: Site) -> None:
+    guesser = Researcher(site)
+    codes = [guesser.sign_in("own", f"guess number {n}").status_code for n in range(6)]
+    assert codes == [401] * 5 + [429]
+    assert guesser.sign_in("own").status_code == 429, "the right password has to wait too"
+    assert Researcher(site).sign_in("nobody", "x").status_code == 401
+
+
+def test_after_signing_in_nobody_is_led_elsewhere(site: Site) -> None:
+    for target in ("https://evil.example/", "//evil.example/admin/", "/admin/../s/small", "/s/small"):
+        researcher = Researcher(site)
+        researcher.client.follow_redirects = False
+        researcher.get("/admin/login")
+        answer = researcher.post("/admin/login", name="own", password=PASSWORD, next=target)
+        assert answer.headers["location"] in ("/admin", "/admin/../s/small"), target
+        assert "evil" not in answer.headers["location"]
+
+
+def test_a_blinded_researcher_is_sent_neither_conditions_nor_marks(site: Site) -> None:
+    episode = played(site)
+    participant = site.only("small")
+    researcher = signed_in(site, "own")
+    for path in ("/admin/s/small", f"/admin/s/small/person/{participant.id}", f"/admin/s/small/game/{episode}"):
+        assert f">{participant.condition}<" not in researcher.get(path).text
+    record = researcher.get(f"/admin/s/small/game/{episode}/record.json").json()
+    assert all(row["prediction"] == [] and row["displayed"] == [] for row in record["rows"])
+    assert record["accuracy"] == []
+    assert researcher.get("/admin/s/small/consort.svg").text.count("Arm ") == len(
+        site.studies.of(participant).conditions
+    )
+    researcher.get("/admin/s/small")
+    researcher.post("/admin/blind", blind="off", next="/admin/s/small")
+    seeing = researcher.get(f"/admin/s/small/game/{episode}/record.json").json()
+    assert seeing["rows"][3]["displayed"] == [[STAY, 95], [0, 80], [STAY, 60]]
+    assert f">{participant.condition}<" in researcher.get(f"/admin/s/small/game/{episode}").text
+    assert [entry.action for entry in site.database.read_now(audit.entries)][-1] == "blind mode off"
+
+
+def test_a_replay_says_whether_every_state_is_the_stored_one(site: Site) -> None:
+    episode = played(site, timesteps=12)
+    researcher = signed_in(site, "watch")
+    record = researcher.get(f"/admin/s/small/game/{episode}/record.json").json()
+    assert record["checked"] == {"states": 13, "equal": True, "difference": None}
+    assert [row["t"] for row in record["rows"]] == list(range(13))
+    assert record["rows"][5]["actions"] == [STAY, STAY]
+    forge = "update ticks set action_0 = 2 where timestep = 7"
+    site.database.write_now(lambda connection: connection.exec_driver_sql(forge) and None)
+    forged = researcher.get(f"/admin/s/small/game/{episode}/record.json").json()["checked"]
+    assert not forged["equal"]
+    assert "timestep 7" in forged["difference"]
+
+
+def test_the_accuracy_of_a_replay_counts_what_was_done_in_the_timestep_foretold(site: Site) -> None:
+    episode = played(site, timesteps=12)
+    researcher = signed_in(site, "act")
+    researcher.get("/admin")
+    researcher.post("/admin/blind", blind="off")
+    steps = researcher.get(f"/admin/s/small/game/{episode}/record.json").json()["accuracy"]
+    assert [(step["share"], step["n"]) for step in steps] == [(1.0, 12), (0.0, 11), (1.0, 10)]
+
+
+def test_a_paused_study_lets_nobody_in_until_it_is_resumed(site: Site) -> None:
+    researcher = signed_in(site, "act")
+    researcher.get("/admin/s/small")
+    assert "is paused" in researcher.post("/admin/s/small/pause", note="the room is dark").text
+    assert Visitor(site).consent("small").status_code == 409
+    assert site.everybody("small") == []
+    researcher.get("/admin/s/small")
+    researcher.post("/admin/s/small/resume", note="light again")
+    assert Visitor(site).consent("small").status_code == 200
+    noted = site.database.read_now(audit.entries)
+    assert [entry.action for entry in noted] == ["sign in", "pause study", "resume study"]
+    assert noted[1].actor == "act"
+    assert noted[1].detail == {"study": "small", "reason": "the room is dark"}
+
+
+def test_an_exclusion_needs_a_reason_is_audited_and_can_be_taken_back(site: Site) -> None:
+    episode = played(site)
+    person = site.only("small").id
+    researcher = signed_in(site, "act")
+    game, page = f"/admin/s/small/game/{episode}", f"/admin/s/small/person/{person}"
+    researcher.get(game)
+    assert researcher.post(f"{game}/exclude", reason="because").status_code == 400
+    researcher.get(game)
+    assert "are excluded" in researcher.post(f"{game}/exclude", reason="not attentive", note="phone", next=game).text
+    (held,) = site.database.read_now(decisions.exclusions_of, [person])
+    assert (held.episode_id, held.reason, held.note) == (episode, "not attentive", "phone")
+    assert "not attentive" in researcher.get(page).text
+    researcher.post(f"{page}/restore", exclusion=str(held.id), next=page)
+    assert site.database.read_now(decisions.exclusions_of, [person]) == []
+    actions_noted = [entry.action for entry in site.database.read_now(audit.entries)]
+    assert actions_noted == ["sign in", "exclude game", "restore participant"]
+    assert site.database.read_now(audit.first_forged) is None
+
+
+def test_a_freed_place_is_given_to_the_next(site: Site) -> None:
+    played(site)
+    participant = site.only("small")
+    researcher = signed_in(site, "act")
+    page = f"/admin/s/small/person/{participant.id}"
+    researcher.get(page)
+    assert "free again" in researcher.post(f"{page}/release", note="left the room", next=page).text
+    assert site.only("small").status == "returned"
+    assert "over already" in researcher.post(f"{page}/release", note="again", next=page).text
+
+
+def test_an_export_is_refused_in_blind_mode_and_else_is_the_command_s(site: Site) -> None:
+    import io
+    import zipfile
+
+    played(site)
+    researcher = signed_in(site, "act")
+    researcher.get("/admin/s/small")
+    assert researcher.post("/admin/s/small/export").status_code == 409
+    researcher.get("/admin/s/small")
+    researcher.post("/admin/blind", blind="off", next="/admin/s/small")
+    archive = researcher.post("/admin/s/small/export")
+    assert archive.headers["content-type"] == "application/zip"
+    names = zipfile.ZipFile(io.BytesIO(archive.content)).namelist()
+    assert any(name.endswith("dataset_description.json") for name in names)
+    assert "export" in [entry.action for entry in site.database.read_now(audit.entries)]
