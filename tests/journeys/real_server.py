@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-START_S = 90.0
+START_S = 240.0
 
 # Scripted agents: no weights are needed, and an episode is over in seconds.
 SHORT_STUDY = """

@@ -1,0 +1,103 @@
+"""A researcher in a real browser, on a real server: watches a bot play, steps in, looks at the game again."""
+
+import asyncio
+import re
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Page, expect
+from real_server import ROOT, SHORT_STUDY, RealServer
+
+from server.bots import Bot
+
+STUDY = SHORT_STUDY.replace("horizon: 60", "horizon: 600").replace(", {name: matrix, title: {en: Matrix}}", "")
+PATIENCE_MS = 60_000
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealServer]:
+    with RealServer(tmp_path_factory.mktemp("admin"), speed=2.0, study=STUDY) as running:
+        threading.Thread(target=lambda: asyncio.run(Bot(running.url, "short", 1).walk()), daemon=True).start()
+        yield running
+
+
+@pytest.fixture(scope="module")
+def password(server: RealServer) -> str:
+    """The account is made while the server runs."""
+    line = [sys.executable, str(ROOT / "kitchenmind.py"), "admin", "--database", server.database, "create", "mara"]
+    made = subprocess.run(line, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL)
+    found = re.search(r"password: (\S+)", made.stdout)
+    assert found, made.stdout
+    return found.group(1)
+
+
+@pytest.fixture
+def page(chromium: Browser, server: RealServer, password: str) -> Iterator[Page]:
+    """Signed in, at the dashboard; errors on the console fail the test."""
+    context = chromium.new_context(viewport={"width": 1366, "height": 768})
+    opened = context.new_page()
+    opened.set_default_timeout(PATIENCE_MS)
+    expect.set_options(timeout=PATIENCE_MS)
+    troubles: list[str] = []
+    opened.on("pageerror", lambda error: troubles.append(str(error)))
+    opened.on("console", lambda message: troubles.append(message.text) if message.type == "error" else None)
+    opened.goto(f"{server.url}/admin/s/short")
+    opened.fill("[name=name]", "mara")
+    opened.fill("[name=password]", password)
+    opened.click("form button")
+    opened.wait_for_url("**/admin/s/short")
+    yield opened
+    context.close()
+    assert troubles == []
+
+
+def is_accessible(page: Page) -> None:
+    found = Axe().run(page).response["violations"]
+    assert [(one["id"], [node["html"][:200] for node in one["nodes"]]) for one in found] == []
+
+
+def test_a_running_game_is_seen_paused_and_let_go_on(page: Page) -> None:
+    card = page.locator(".mini").filter(has_text="E1")
+    expect(card).to_have_count(1)
+    expect(page.locator("#people tr")).to_have_count(1)
+    expect(page.locator("#people")).to_contain_text("hidden")
+    is_accessible(page)
+    card.click()
+    page.wait_for_selector("#game[data-ready=yes]", state="attached")
+    expect(page.locator("#now")).to_have_text("Playing")
+    page.click("[data-ask=pause]")
+    page.fill("dialog[open] [name=note]", "to see whether it stands still")
+    page.click("dialog[open] .main")
+    expect(page.locator(".said")).to_have_text("The game is paused.")
+    expect(page.locator("#now")).to_contain_text("Paused")
+    is_accessible(page)
+    page.click("[data-ask=resume]")
+    page.click("dialog[open] .main")
+    expect(page.locator("#now")).to_have_text("Playing")
+    before = int(page.locator("#kitchen").get_attribute("data-timestep") or 0)
+    page.wait_for_function(f"Number(document.querySelector('#kitchen').dataset.timestep) > {before}")
+
+
+def test_a_game_is_looked_at_again_and_taken_along(page: Page, server: RealServer) -> None:
+    page.goto(f"{server.url}/admin/s/short/games")
+    page.click("table a:has-text('Tutorial')")
+    page.wait_for_selector("#game[data-ready=yes]", state="attached")
+    expect(page.locator("#checked")).to_contain_text("are equal to the stored hashes")
+    page.evaluate("location.hash = '#t=7'")
+    expect(page.locator("#at")).to_have_text("t 7")
+    page.keyboard.press("ArrowRight")
+    expect(page.locator("#at")).to_have_text("t 8")
+    assert page.url.endswith("#t=8")
+    with page.expect_download() as picture:
+        page.click("#picture")
+    assert Path(picture.value.path()).read_bytes().startswith(b"\x89PNG")
+    page.click("#video")
+    page.wait_for_timeout(1200)
+    with page.expect_download() as video:
+        page.click("#video")
+    assert Path(video.value.path()).read_bytes().startswith(b"\x1a\x45\xdf\xa3")
