@@ -2,7 +2,7 @@
 
 import { make, percent } from './admin.js';
 
-export const SIGNS = ['↑', '↓', '→', '←', '○', '✋'];
+export const SIGNS = ['↑', '↓', '→', '←', '○', '◆'];
 export const NAMES = ['up', 'down', 'right', 'left', 'wait', 'use'];
 const SVG = 'http://www.w3.org/2000/svg';
 

@@ -60,7 +60,7 @@ function stay() {
 }
 
 function buttons() {
-  find('play').textContent = player.playing ? '⏸' : '▶';
+  find('play').textContent = player.playing ? '❚❚' : '▶';
   find('play').setAttribute('aria-label', player.playing ? 'Pause' : 'Play');
   find('to-live').setAttribute('aria-pressed', String(following));
 }
