@@ -7,7 +7,8 @@ import time
 import numpy as np
 import torch
 
-from models.predictor import PredictorConfig, PredictorNetwork, at_work
+from models.predictor import PredictorConfig, PredictorNetwork
+from models.predictor_at_work import at_work, multiplies_in_half
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
 
@@ -18,7 +19,7 @@ def predictions_per_second(form: str, layout_name: str, games: int, seconds: flo
     """The median over rounds of ten timesteps, each with new states, as a worker is asked."""
     layout = load_layout(layout_name)
     torch.manual_seed(0)
-    predictor = at_work(PredictorNetwork(layout, PredictorConfig(form=form)))
+    predictor = at_work(PredictorNetwork(layout, PredictorConfig(form=form)), multiplies_in_half())
     slots = np.arange(games)
     observations = Kitchens.start(layout, games).encode()[:, 0].copy()
     actions = np.random.default_rng(0).integers(0, 6, (games, 2)).astype(np.int8)

@@ -42,7 +42,7 @@ def _load(name: str, layout: Layout) -> tuple[Predictor, float]:
     if not (folder / "config.json").is_file():
         known = ", ".join([*predictor_names(layout), RANDOM, GUIDE])
         raise UnknownPredictor(f"{layout.name} has no predictor {name!r}. Known there: {known}.")
-    from models.predictor import load_trained_predictor  # the others need no torch
+    from models.predictor_at_work import load_trained_predictor  # the others need no torch
 
     return load_trained_predictor(folder, layout)
 

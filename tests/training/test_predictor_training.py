@@ -11,7 +11,8 @@ import kitchenmind
 from models.catalogue import load_agent
 from models.checkpoint import load_checkpoint
 from models.policy import NetworkConfig, build_network, save_agent
-from models.predictor import PredictorConfig, PredictorNetwork, load_trained_predictor, predictor_network
+from models.predictor import PredictorConfig, PredictorNetwork, predictor_network
+from models.predictor_at_work import load_trained_predictor
 from models.protocols import Mode
 from overcooked.layout import load_layout
 from training.collect import TEST, Partner, Plan, Target, collect
