@@ -69,7 +69,7 @@ export class TimeLine {
     const lane = (name, words, note, cell) => make('tr', { className: name }, make('th', { scope: 'row' }, make('b', { text: words }), ` ${note}`), ...shown.map((at) => this.#cell(cell(at), at, t)));
     const { seat, watched_seat: watched } = record.game;
     const rows = [
-      lane('t', '', '', (at) => ({ text: at % 5 ? '' : at, cut: record.pauses.some((pause) => pause.t === at) })),
+      lane('t', 'Timestep', '', (at) => ({ text: at % 5 ? '' : at, cut: record.pauses.some((pause) => pause.t === at) })),
       lane('did', watched === seat ? 'Person' : 'AI', 'did', (at) => ({ text: SIGNS[done(record, at)] ?? '' })),
       ...[0, 1, 2].map((step) => lane('said', `step ${step + 1}`, step ? `said at t − ${step}` : 'said at t', (at) => {
         const action = at - step < 0 ? null : said(record, at - step, step);
