@@ -42,6 +42,8 @@ function bar(arm) {
   const done = make('i'), playing = make('i', { className: 'p' });
   done.style.width = `${Math.min(100, 100 * arm.completed / most)}%`;
   playing.style.width = `${Math.min(100, 100 * arm.active / most)}%`;
+  done.hidden = !arm.completed;
+  playing.hidden = !arm.active;
   const words = `${arm.completed} completed, ${arm.active} in progress, ${arm.dropped} left${arm.target === null ? '' : `, plan ${arm.target}`}`;
   return make('span', { className: 'bar', role: 'img', 'aria-label': words }, done, playing);
 }

@@ -71,7 +71,7 @@ export class TimeLine {
     const rows = [
       lane('t', 'Timestep', '', (at) => ({ text: at % 5 ? '' : at, cut: record.pauses.some((pause) => pause.t === at) })),
       lane('did', watched === seat ? 'Person' : 'AI', 'did', (at) => ({ text: SIGNS[done(record, at)] ?? '' })),
-      ...[0, 1, 2].map((step) => lane('said', `step ${step + 1}`, step ? `said at t − ${step}` : 'said at t', (at) => {
+      ...[0, 1, 2].map((step) => lane('foretold', `step ${step + 1}`, step ? `said at t − ${step}` : 'said at t', (at) => {
         const action = at - step < 0 ? null : said(record, at - step, step);
         const what = done(record, at);
         return { text: action === null ? '' : SIGNS[action], miss: action !== null && what !== null && action !== what };
