@@ -65,19 +65,18 @@ def with_itself_and_extras(
     target: Target, population: Sequence[Partner], layout: Layout, extras: bool = True
 ) -> list[Partner]:
     """The paper's 31 partners: the target itself and the population; and, if wanted, extras that are only trained on:
-    noisy selves, noisy agents of the training split, the scripted planner, and one who does anything."""
+    noisy selves, noisy agents of the training split at all their skills, the scripted planner, and one who does
+    anything."""
     itself = Partner("itself", "itself", "self", target.policy)
     everybody = [itself, *population]
     if not extras:
         return everybody
     split = split_by_agent(population)
-    best = {partner.agent: partner for partner in population}  # sorted by name: the last skill of an agent is 100
-    best.update({partner.agent: partner for partner in population if partner.name.endswith("_100")})
     noisy = [
         Partner(f"{name}_noise_{share:.0%}".rstrip("%"), "extra", "extra", NoisyPolicy(policy, share), SAMPLED)
         for name, policy, shares in [
             ("itself", target.policy, _NOISES),
-            *((agent, partner.policy, _NOISES[:2]) for agent, partner in best.items() if split[agent] == TRAIN),
+            *((partner.name, partner.policy, _NOISES[:2]) for partner in population if split[partner.agent] == TRAIN),
         ]
         for share in shares
     ]
