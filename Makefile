@@ -4,6 +4,8 @@ BIN := .venv/bin
 # --no-compile: Python compiles what it imports; compiling every file of every dependency would delay the first page.
 PIP := $(BIN)/python -m pip install --quiet --no-compile
 PYTEST_WORKERS ?= 2
+# A real browser or server that was too slow once is no verdict: only time-outs are tried again, everything else fails.
+AGAIN := --reruns 2 --only-rerun Timeout
 # Alone and first, so that pip takes the build that suits the machine and not what another package would draw in.
 TORCH := $(shell sed -n 's/.*"\(torch==[^"]*\)".*/\1/p' pyproject.toml)
 
@@ -24,7 +26,7 @@ serve: .venv/.serving
 	@$(BIN)/kitchenmind serve $(ARGS)
 
 test: lint system
-	$(BIN)/python -m pytest -n $(PYTEST_WORKERS) --dist loadfile -m "not slow" $(ARGS)
+	$(BIN)/python -m pytest -n $(PYTEST_WORKERS) --dist loadfile -m "not slow" $(AGAIN) $(ARGS)
 
 test-slow: .venv/.test system
 	$(BIN)/python -m pytest -m slow --timeout 3600 $(ARGS)
