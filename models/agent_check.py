@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.acting import Stuck, distribution, draw
-from models.blackbox import is_foreign, load_foreign_agent
 from models.catalogue import load_agent
 from models.predictors import load_predictor
 from models.protocols import STEPS, Mode, Observations, Policy, Predictor
@@ -57,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.predictor:
             finding = check_predictor(load_predictor(arguments.name, layout), layout)
         else:
-            policy, mode = _agent(arguments.name, layout)
+            policy, mode = load_agent(arguments.name, layout)
             finding = check_policy(policy, mode, layout)
             _say("acts", f"temperature {mode.temperature:g}, {mode.stuck_mix:.0%} moves after {mode.stuck_after} stuck")
             _say("with itself", f"{points_with_itself(policy, mode, layout)} points in {HORIZON} timesteps")
@@ -163,10 +162,6 @@ def _checked(answer: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.
     if not np.isfinite(given).all() or (given < 0).any() or (np.abs(given.sum(-1) - 1) > ROWS_SUM_TO_ONE).any():
         raise NotFit("its answers are no probabilities: each row must sum to 1, without NaN or negative numbers.")
     return given
-
-
-def _agent(name: str, layout: Layout) -> tuple[Policy, Mode]:
-    return load_foreign_agent(name, layout) if is_foreign(name) else load_agent(name, layout)
 
 
 def _say(what: str, value: str) -> None:

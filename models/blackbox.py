@@ -29,7 +29,7 @@ class BlackBoxError(ValueError):
 
 def is_foreign(name: str) -> bool:
     """Whether a name means somebody else's model: an ONNX file, `module:Class` or an http address."""
-    return ":" in name or name.endswith(".onnx")
+    return ":" in name or name.partition("@")[0].endswith(".onnx")
 
 
 def load_foreign_agent(name: str, layout: Layout) -> tuple[Policy, Mode]:

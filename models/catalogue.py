@@ -1,4 +1,4 @@
-"""The names a study may ask for, and what they load. Foreign agents (`module:Class`, ONNX, HTTP) are `blackbox`'s."""
+"""The names a study may ask for, and what they load: scripted agents, checkpoints, other people's (`blackbox`)."""
 
 from dataclasses import asdict, replace
 from hashlib import sha256
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from models import planner, scripted
-from models.checkpoint import SUMS, CheckpointError, load_checkpoint
+from models.blackbox import is_foreign, load_foreign_agent
 from models.protocols import Mode, Policy
 from overcooked.layout import Layout
 
@@ -38,9 +38,10 @@ def agent_names(layout: str) -> list[str]:
 
 
 def load_agent(name: str, layout: Layout) -> Agent:
-    """The agent of that name, or in that folder, for `layout`; `name@greedy` and `name@sampled` act otherwise than
-    their card says. Raises UnknownAgent or CheckpointError."""
-    base, _, wanted = name.partition("@")
+    """The agent of that name, in that folder, or somebody else's (`module:Class`, an ONNX file, an address), for
+    `layout`; `name@greedy` and `name@sampled` act otherwise than their card says. Raises UnknownAgent, CheckpointError
+    or BlackBoxError."""
+    base, wanted = _parts(name)
     agent = _load(base, layout)
     if not wanted:
         return agent
@@ -49,11 +50,20 @@ def load_agent(name: str, layout: Layout) -> Agent:
     return Agent(agent.policy, replace(agent.mode, temperature=TEMPERATURES[wanted]))
 
 
+def _parts(name: str) -> tuple[str, str]:
+    """An agent's own name, and how it shall act: "" as its card says. An address may have an @ of its own."""
+    base, _, wanted = name.rpartition("@")
+    return (base, wanted) if base and (wanted in TEMPERATURES or not is_foreign(name)) else (name, "")
+
+
 def _load(name: str, layout: Layout) -> Agent:
+    if is_foreign(name):
+        return Agent(*load_foreign_agent(name, layout))
     if name in SCRIPTED:
         policy, mode = SCRIPTED[name]
         return Agent(policy(), mode)
-    from models.policy import NetworkPolicy, network_of  # scripted agents need no torch
+    from models.checkpoint import CheckpointError, load_checkpoint  # the others need no torch
+    from models.policy import NetworkPolicy, network_of
 
     checkpoint = load_checkpoint(agent_folder(name, layout))
     network, trained_on, _ = network_of(checkpoint)
@@ -75,8 +85,13 @@ def agent_folder(name: str, layout: Layout) -> Path:
 
 
 def agent_sha256(name: str, layout: Layout) -> str:
-    """What names exactly this agent in data: its checkpoint's sha256, for a scripted one the hash of name and mode."""
-    base = name.partition("@")[0]
+    """What names exactly this agent in data: its checkpoint's sha256, for a scripted one the hash of name and mode,
+    for a foreign one that of its file or name."""
+    from models.checkpoint import SUMS
+
+    base, _ = _parts(name)
+    if is_foreign(base):
+        return sha256(Path(base).read_bytes() if Path(base).is_file() else base.encode()).hexdigest()
     if base in SCRIPTED:
         return sha256(f"{base} {asdict(SCRIPTED[base][1])}".encode()).hexdigest()
     return sha256((agent_folder(base, layout) / SUMS).read_bytes()).hexdigest()

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.acting import distribution, draw
-from models.blackbox import is_foreign, load_foreign_agent
 from models.breaker import Breaker
+from models.catalogue import load_agent
+from models.predictors import load_predictor
 from models.protocols import HISTORY, STEPS, Mode, Observations, Policy, Predictions, Predictor, Probabilities
 from models.wire import Answer, Ask, Failed, Fault, Forget, Load, Loaded, Name, Row, frame, from_server, receive
 from overcooked.constants import ACTIONS, HORIZON
@@ -72,20 +73,13 @@ class Worker:
 
     def _load_agent(self, name: Name) -> tuple[Policy, Mode]:
         layout = self._layout(name[0])
-        if is_foreign(name[1]):
-            policy, mode = load_foreign_agent(name[1], layout)
-        else:
-            from models.catalogue import load_agent
-
-            policy, mode = load_agent(name[1], layout)
+        policy, mode = load_agent(name[1], layout)
         for observations in _start_states(layout):
             _checked_probabilities(policy.probabilities(observations), len(observations))
         self._breakers[name] = Breaker()
         return policy, mode
 
     def _load_predictor(self, name: Name) -> Predictor:
-        from models.predictors import load_predictor
-
         layout = self._layout(name[0])
         predictor = load_predictor(name[1], layout)
         for observations in _start_states(layout):

@@ -35,9 +35,11 @@ class NoisyPolicy:
 
 
 def load_target(name: str, layout: Layout) -> Target:
-    """The agent to be predicted, by its catalogue name or folder. Raises UnknownAgent or CheckpointError."""
+    """The agent to be predicted, as `load_agent` knows it, under a name that can be a folder's: `mine` for mine.onnx,
+    `kitchen_Cook` for kitchen:Cook. Raises what `load_agent` raises."""
     agent = load_agent(name, layout)
-    return Target(Path(name).name, agent.policy, agent.mode, agent_sha256(name, layout))
+    short = re.sub(r"[^A-Za-z0-9]+", "_", Path(name).name.removesuffix(".onnx")).strip("_")
+    return Target(short, agent.policy, agent.mode, agent_sha256(name, layout))
 
 
 def load_population(folders: Path | Sequence[Path], layout: Layout) -> list[Partner]:
