@@ -61,6 +61,7 @@ def is_accessible(page: Page) -> None:
     assert [(one["id"], [node["html"][:200] for node in one["nodes"]]) for one in found] == []
 
 
+@pytest.mark.slow
 def test_a_running_game_is_seen_paused_and_let_go_on(page: Page) -> None:
     card = page.locator(".mini").filter(has_text="E1")
     expect(card).to_have_count(1)
