@@ -69,13 +69,8 @@ class FakeGameServer:
     """Runs in a thread of its own. `received` are the browser's messages in order, checked by the real decoder."""
 
     def __init__(self, **page: Any) -> None:
-        self.page = {"language": "en", "lessons": [], "away_s": 30, "ready_page": False, **page}
-        self.received: list[messages.Incoming] = []
-        self.welcome: Outgoing | None = welcome()
-        self.on_hello: Callable[[Hello], list[Outgoing]] | None = None
-        self.refusing = False  # no websocket is let in
-        self.hellos = 0
-        self._connection: ServerConnection | None = None
+        self.reset(**page)
+        self.visitor: Any = None  # the browser context that tests share: what it has loaded it need not load again
         self._loop = asyncio.new_event_loop()
         self._started = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -83,6 +78,16 @@ class FakeGameServer:
         self._started.wait(10)
 
     # What tests do
+
+    def reset(self, **page: Any) -> None:
+        """As if newly made, at the same address."""
+        self.page = {"language": "en", "lessons": [], "away_s": 30, "ready_page": False, **page}
+        self.received: list[messages.Incoming] = []
+        self.welcome: Outgoing | None = welcome()
+        self.on_hello: Callable[[Hello], list[Outgoing]] | None = None
+        self.refusing = False  # no websocket is let in
+        self.hellos = 0
+        self._connection: ServerConnection | None = None
 
     @property
     def url(self) -> str:
@@ -190,7 +195,7 @@ def _port(server: Server) -> int:
 
 
 def _response(status: HTTPStatus, body: bytes, kind: str) -> Response:
-    headers = Headers(
-        {"Content-Type": kind, "Content-Length": str(len(body)), "Content-Security-Policy": CSP, "Connection": "close"}
-    )
+    headers = Headers({"Content-Type": kind, "Content-Length": str(len(body)), "Connection": "close"})
+    headers["Content-Security-Policy"] = CSP
+    headers["Cache-Control"] = "no-store" if kind.startswith("text/html") else "max-age=3600"
     return Response(status.value, status.phrase, headers, body)

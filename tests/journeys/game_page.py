@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from fake_game_server import FakeGameServer, kitchen, tick
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, BrowserContext, Page
 
 from server.play.messages import Countdown, Kitchen, Ready
 
@@ -17,11 +17,11 @@ PHONE = {"width": 390, "height": 844}
 
 @contextmanager
 def opened(chromium: Browser, server: FakeGameServer, **context: Any) -> Iterator[Page]:
-    """A fresh visitor on the game's page. Errors on the page fail the test."""
-    context.setdefault("viewport", DESKTOP)
-    visitor = chromium.new_context(**context)
+    """The game's page, opened anew: for a visitor of its own where `context` says something of them, else for the one
+    whom the tests of a module share. Errors on the page fail the test."""
+    visitor = chromium.new_context(**{"viewport": DESKTOP, **context}) if context else shared(chromium, server)
     page = visitor.new_page()
-    page.set_default_timeout(15_000)
+    page.set_default_timeout(30_000)
     errors: list[str] = []
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("console", lambda message: errors.append(message.text) if "Content Security" in message.text else None)
@@ -30,7 +30,18 @@ def opened(chromium: Browser, server: FakeGameServer, **context: Any) -> Iterato
         yield page
         assert not errors, errors
     finally:
-        visitor.close()
+        if context:
+            visitor.close()
+        else:
+            page.close()
+
+
+def shared(chromium: Browser, server: FakeGameServer) -> BrowserContext:
+    """The visitor who has the scripts and drawings already."""
+    if server.visitor is None:
+        server.visitor = chromium.new_context(viewport=DESKTOP)
+    visitor: BrowserContext = server.visitor
+    return visitor
 
 
 def start(page: Page, server: FakeGameServer, state: Kitchen | None = None, **more: Any) -> None:

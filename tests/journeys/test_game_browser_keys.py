@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 from fake_game_server import FakeGameServer, kitchen, tick, welcome
-from game_page import PHONE, opened, start
+from game_page import DESKTOP, PHONE, opened, start
 from playwright.sync_api import Browser, Page
 
 from server.play.messages import Away, Countdown, Ended, Input, Paused, Ready
@@ -12,11 +12,19 @@ from server.play.messages import Away, Countdown, Ended, Input, Paused, Ready
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
 
 
-@pytest.fixture
-def server() -> Iterator[FakeGameServer]:
+@pytest.fixture(scope="module")
+def address() -> Iterator[FakeGameServer]:
     server = FakeGameServer()
     yield server
+    if server.visitor is not None:
+        server.visitor.close()
     server.close()
+
+
+@pytest.fixture
+def server(address: FakeGameServer) -> FakeGameServer:
+    address.reset()
+    return address
 
 
 @pytest.fixture
@@ -126,19 +134,21 @@ def test_the_own_chef_turns_before_the_server_answers(page: Page, server: FakeGa
     assert page.get_attribute(".game", "data-timestep") == "2"
 
 
-def test_own_keys_are_kept_in_this_browser(page: Page, server: FakeGameServer) -> None:
-    page.click("#change-keys")
-    page.click("[data-rebind='0']")
-    page.keyboard.press("KeyI")
-    page.click("#keys-dialog .btn:not(.quiet)")
-    assert page.inner_text(".panel.kb kbd[data-action='0']") == "I"
-    page.keyboard.press("KeyI")
-    page.keyboard.press("ArrowUp")
-    server.wait_for(lambda server: len(server.inputs()) == 2)
-    assert moves(server) == [(0, 0), (None, None)]
-    page.reload()
-    page.wait_for_selector("[data-phase=ready]")
-    assert page.inner_text(".panel.kb kbd[data-action='0']") == "I"
+def test_own_keys_are_kept_in_this_browser(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server, viewport=DESKTOP) as page:
+        start(page, server)
+        page.click("#change-keys")
+        page.click("[data-rebind='0']")
+        page.keyboard.press("KeyI")
+        page.click("#keys-dialog .btn:not(.quiet)")
+        assert page.inner_text(".panel.kb kbd[data-action='0']") == "I"
+        page.keyboard.press("KeyI")
+        page.keyboard.press("ArrowUp")
+        server.wait_for(lambda server: len(server.inputs()) == 2)
+        assert moves(server) == [(0, 0), (None, None)]
+        page.reload()
+        page.wait_for_selector("[data-phase=ready]")
+        assert page.inner_text(".panel.kb kbd[data-action='0']") == "I"
 
 
 def test_two_fingers_walk_and_use_at_once(chromium: Browser, server: FakeGameServer) -> None:

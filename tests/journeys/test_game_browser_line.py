@@ -12,11 +12,19 @@ from server.play.messages import Countdown, Hello, Notice, Paused, Ping, Pong, R
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
 
 
-@pytest.fixture
-def server() -> Iterator[FakeGameServer]:
+@pytest.fixture(scope="module")
+def address() -> Iterator[FakeGameServer]:
     server = FakeGameServer()
     yield server
+    if server.visitor is not None:
+        server.visitor.close()
     server.close()
+
+
+@pytest.fixture
+def server(address: FakeGameServer) -> FakeGameServer:
+    address.reset()
+    return address
 
 
 @pytest.mark.parametrize("code", [1011, 1012])

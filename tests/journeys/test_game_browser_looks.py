@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from fake_game_server import NONE, PRACTICE, RINGS, FakeGameServer, kitchen, tick, welcome
-from game_page import PHONE, is_blue, is_green, opened, picture, pixel, screenshot, start
+from game_page import DESKTOP, PHONE, is_blue, is_green, opened, picture, pixel, screenshot, start
 from playwright.sync_api import Browser, Page
 
 from server.play.messages import Countdown, Ended, Lesson, Paused, Ready, Superseded, Welcome
@@ -32,12 +32,20 @@ def rings(**changes: Any) -> Welcome:
     return welcome(**{"grid": RINGS, "tick_ms": 5000, "state": state, **named, **changes})
 
 
-@pytest.fixture
-def server() -> Iterator[FakeGameServer]:
+@pytest.fixture(scope="module")
+def address() -> Iterator[FakeGameServer]:
     server = FakeGameServer()
-    server.welcome = rings()
     yield server
+    if server.visitor is not None:
+        server.visitor.close()
     server.close()
+
+
+@pytest.fixture
+def server(address: FakeGameServer) -> FakeGameServer:
+    address.reset()
+    address.welcome = rings()
+    return address
 
 
 def shown(page: Page, server: FakeGameServer, state: Any, prediction: Any, **more: Any) -> None:
@@ -299,7 +307,7 @@ def test_the_end_leads_nowhere_outside(chromium: Browser, server: FakeGameServer
 
 
 def test_sound_is_off_until_it_is_wanted_and_the_wish_is_kept(chromium: Browser, server: FakeGameServer) -> None:
-    with opened(chromium, server) as page:
+    with opened(chromium, server, viewport=DESKTOP) as page:
         start(page, server, kitchen(t=195, **MOMENT))
         assert page.get_attribute("#sound", "aria-pressed") == "false"
         page.click("#sound")
