@@ -26,7 +26,7 @@ from server.store.episodes import StoreRecorder
 from server.store.migrate import migrate
 from server.study.loader import StudyError, StudyFile, load_study
 from server.version import code_version
-from server.web import actions, admin, downloads, live, pages, replay, socket
+from server.web import actions, admin, downloads, leaving, live, pages, replay, socket
 from server.web.admin_auth import Tries
 from server.web.auth import Guard
 from server.web.control import Control
@@ -53,8 +53,8 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(SecurityHeaders, secure=guard.secure)
     app.mount("/static", StaticFiles(directory=ROOT / "static"), name="static")
     install_error_pages(app)
-    app.state.tries = Tries()
-    for doors in (pages, socket, admin, live, replay, actions, downloads):
+    app.state.tries, app.state.code_tries = Tries(), Tries()
+    for doors in (pages, leaving, socket, admin, live, replay, actions, downloads):
         app.include_router(doors.router)
     return app
 

@@ -44,7 +44,7 @@ class Recruitment(Part):
 
     @property
     def extra_parameters(self) -> tuple[str, ...]:
-        usual = {"prolific": ("STUDY_ID", "SESSION_ID"), "mturk": ("assignmentId", "hitId")}
+        usual = {"prolific": ("STUDY_ID", "SESSION_ID"), "mturk": ("assignmentId", "hitId", "turkSubmitTo")}
         return usual.get(self.source, ()) if self.extra is None else self.extra
 
 

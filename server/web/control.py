@@ -1,6 +1,8 @@
 """What a researcher does to running games: pause, go on, end, tell, give more time. Its callers write the audit log."""
 
 import asyncio
+from collections.abc import Sequence
+from contextlib import suppress
 from typing import Final
 
 from server.play.game import Game
@@ -77,6 +79,14 @@ class Control:
             return False
         self._games.abort(game, reason)
         return True
+
+    async def end_all(self, episodes: Sequence[str], reason: str = "withdrawn") -> None:
+        """Ends those of the games that run here, and returns when their ends are stored (or the database is away)."""
+        ended = [episode for episode in episodes if await self.end(episode, reason)]
+        with suppress(TimeoutError):
+            async with asyncio.timeout(BUSY_S):
+                while any(self._games.get(episode) is not None for episode in ended):
+                    await asyncio.sleep(0.01)
 
     # Whole studies
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from urllib.parse import urlencode
 
 import jinja2
-from fastapi import Depends, HTTPException, Request
+from fastapi import Depends, HTTPException, Request, Response
 from fastapi.responses import HTMLResponse
 from markdown_it import MarkdownIt
 from markupsafe import Markup
@@ -17,6 +17,8 @@ from server.store.participants import Participant
 from server.study.locale import Locale, best_language, languages, locale
 from server.study.plan import Study
 from server.web.auth import FORM_FIELD, Guard, session_of, token_of
+from server.web.forms import Form, read_form
+from server.web.headers import policy
 from server.web.studies import Studies
 
 TEMPLATES = Path(__file__).parents[2] / "templates"
@@ -52,6 +54,14 @@ def web_of(request: Request) -> Web:
 
 
 WebDep = Annotated[Web, Depends(web_of)]
+
+
+async def own_form(request: Request, web: WebDep) -> Form:
+    """The form that was sent, from our own page only."""
+    return await read_form(request, web.guard)
+
+
+FormDep = Annotated[Form, Depends(own_form)]
 
 
 async def participant_of(request: Request, name: str, web: WebDep) -> Participant | None:
@@ -116,6 +126,11 @@ class Page:
         }
         text = self.web.templates.get_template(template).render(base | context)
         return HTMLResponse(text, status, {"Cache-Control": "no-store"})
+
+    def allow(self, response: Response, **more: str) -> None:
+        """Lets the page do more than others may (see headers.policy)."""
+        host = self.request.headers.get("host", "")
+        response.headers.update(policy(host, self.web.guard.secure, **more))
 
     def _token(self) -> Markup:
         """The hidden field that every form needs (auth.py)."""

@@ -1,16 +1,14 @@
-"""What comes in with a form or a link: read within limits, never trusted. Knows no database."""
+"""What comes in with a form: read within limits, never trusted. Knows no database."""
 
 from collections.abc import Mapping
 from urllib.parse import parse_qs
 
 from fastapi import HTTPException, Request
 
-from server.study.plan import Recruitment
 from server.web.auth import FORM_FIELD, Guard, session_of
 
 LARGEST_FORM_BYTES = 128 * 1024
 MOST_FIELDS = 300
-LONGEST_PARAMETER = 128
 
 Form = Mapping[str, list[str]]
 
@@ -37,19 +35,6 @@ async def read_form(request: Request, guard: Guard, session: str | None = None) 
 def first(form: Form, name: str) -> str:
     """The field's first value, empty where there is none."""
     return form.get(name, [""])[0]
-
-
-def recruitment_of(recruitment: Recruitment, given: Mapping[str, str]) -> tuple[str | None, dict[str, str]]:
-    """The person's id and the other parameters that the study keeps, from a link's query or a form."""
-    person = _parameter(given, recruitment.person_parameter)
-    extra = {name: value for name in recruitment.extra_parameters if (value := _parameter(given, name))}
-    return person, extra
-
-
-def _parameter(given: Mapping[str, str], name: str | None) -> str | None:
-    """A parameter's value; one that is too long or not printable counts as none."""
-    value = given.get(name, "").strip() if name else ""
-    return value if value and len(value) <= LONGEST_PARAMETER and value.isprintable() else None
 
 
 def _clean(value: str) -> str:

@@ -5,8 +5,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; font-src 'self'; "
-    "media-src 'self'; connect-src 'self'{sockets}; worker-src 'self'; manifest-src 'self'; form-action 'self'; "
-    "base-uri 'none'; frame-ancestors 'none'"
+    "media-src 'self'; connect-src 'self'{sockets}; worker-src 'self'; manifest-src 'self'; form-action 'self'{forms}; "
+    "base-uri 'none'; frame-ancestors {framed_by}"
 )
 _FIXED = {
     "X-Content-Type-Options": "nosniff",
@@ -45,8 +45,15 @@ class SecurityHeaders:
 
 def security_headers(host: str, secure: bool) -> dict[str, str]:
     """The headers of an answer to a browser that asked for `host`."""
+    headers = _FIXED | policy(host, secure)
+    return headers | ({"Strict-Transport-Security": f"max-age={_YEAR_S}"} if secure else {})
+
+
+def policy(host: str, secure: bool, form_to: str = "", framed_by: str = "'none'") -> dict[str, str]:
+    """The page's own policy. A recruiter may get its form (`form_to`) or show the page in a frame (`framed_by`, which
+    browsers heed rather than X-Frame-Options)."""
     # Some browsers do not count a websocket of our own address as 'self'.
     plain = all(letter.isalnum() or letter in ".-:[]" for letter in host)
     sockets = f" {'wss' if secure else 'ws'}://{host}" if host and plain else ""
-    headers = _FIXED | {"Content-Security-Policy": _POLICY.format(sockets=sockets)}
-    return headers | ({"Strict-Transport-Security": f"max-age={_YEAR_S}"} if secure else {})
+    forms = f" {form_to}" if form_to else ""
+    return {"Content-Security-Policy": _POLICY.format(sockets=sockets, forms=forms, framed_by=framed_by)}

@@ -5,35 +5,27 @@ import contextlib
 import hashlib
 import hmac
 import secrets
-from typing import Annotated
 
-from fastapi import APIRouter, Depends, HTTPException, Request, Response, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, HTTPException, Request, Response, WebSocket, WebSocketDisconnect
 from fastapi.responses import RedirectResponse
 
-from server.store import participants, withdrawal
+from server.store import participants
 from server.store.participants import Participant
 from server.study.assignment import StudyFullError
 from server.study.plan import Study
 from server.study.questionnaire import Checked, Fault, asked, check_answers, is_attentive, is_correct
 from server.study.steps import Step
 from server.web import walk
-from server.web.auth import forget_cookie, set_cookie
-from server.web.deps import OpenStudyDep, ParticipantDep, Web, WebDep, page
-from server.web.forms import Form, first, read_form, recruitment_of
+from server.web.auth import set_cookie
+from server.web.deps import FormDep, OpenStudyDep, Page, ParticipantDep, Web, WebDep, page
+from server.web.forms import Form, first
+from server.web.recruiting import is_preview, recruitment_of
 from server.web.views import Filled, consent_context, render_step
 
 router = APIRouter()
 SEE_OTHER = 303
 CHECK_S = 15
 MOST_ECHOES = 20
-
-
-async def own_form(request: Request, web: WebDep) -> Form:
-    """The form that was sent, from our own page only."""
-    return await read_form(request, web.guard)
-
-
-FormDep = Annotated[Form, Depends(own_form)]
 
 
 def _to(path: str) -> RedirectResponse:
@@ -56,11 +48,24 @@ async def consent_page(request: Request, opened: OpenStudyDep, web: WebDep, part
     if participant is not None and (person is None or (before is not None and before.id == participant.id)):
         return _to(f"/s/{study.name}/now")
     made = page(request, web, study)
+    if shown := _in_mturk(made, study):
+        return shown
     if person is None and study.recruitment.required:
         return made.render("participant/link_needed.html", 400)
     context = consent_context(study, made.language, person, extra, secrets.token_urlsafe(24))
     template = "participant/welcome_back.html" if before is not None else "participant/consent.html"
     return made.render(template, **context)
+
+
+def _in_mturk(made: Page, study: Study) -> Response | None:
+    """MTurk shows a study in a frame, where browsers keep no cookies and a game is too small: it opens in a tab."""
+    preview = is_preview(study.recruitment, made.request.query_params)
+    framed = made.request.headers.get("sec-fetch-dest") in ("iframe", "frame")
+    if study.recruitment.source != "mturk" or not (preview or framed):
+        return None
+    response = made.render("participant/open.html", preview=preview)
+    made.allow(response, framed_by="https://*.mturk.com")
+    return response
 
 
 @router.post("/s/{name}/consent")
@@ -98,22 +103,6 @@ def _token(web: Web, study: Study, visit: str) -> str:
     """The cookie's token follows from the consent page that was shown, so sending it twice makes nobody twice."""
     key = f"participant\n{study.name}\n{visit}".encode()
     return hmac.new(web.guard.secret, key, hashlib.sha256).hexdigest()
-
-
-@router.get("/s/{name}/declined")
-async def declined(request: Request, opened: OpenStudyDep, web: WebDep) -> Response:
-    """Somebody decided not to take part."""
-    outcome = opened.study.recruitment.declined
-    return page(request, web, opened.study).render("participant/declined.html", code=outcome.code, url=outcome.url)
-
-
-@router.get("/s/{name}/unsuitable")
-async def unsuitable(request: Request, opened: OpenStudyDep, web: WebDep) -> Response:
-    """The device did not pass the entry checks: the screened-out code, before anything was stored."""
-    outcome = opened.study.recruitment.screened_out
-    url = outcome.url.replace("{code}", outcome.code or "") if outcome.url else None
-    made = page(request, web, opened.study)
-    return made.render("participant/unsuitable.html", code=outcome.code, url=url if url and "{" not in url else None)
 
 
 @router.websocket("/s/{name}/check")
@@ -203,27 +192,3 @@ async def language(name: str, web: WebDep, participant: ParticipantDep, form: Fo
     if participant is not None and wish in web.studies.of(participant).languages:
         await web.database.write(participants.set_language, participant.id, wish)
     return _to(f"/s/{name}/now")
-
-
-@router.get("/s/{name}/withdraw")
-async def withdraw_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
-    """Asks whether somebody really wants to leave; without the cookie, by the completion code."""
-    made = page(request, web, opened.study, participant)
-    return made.render("participant/withdraw.html", code="", wrong=False)
-
-
-@router.post("/s/{name}/withdraw")
-async def withdraw(
-    request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep, form: FormDep
-) -> Response:
-    """Deletes everything about the participant; a count remains."""
-    code = first(form, "code").strip().upper()
-    made = page(request, web, opened.study, participant)
-    leaving = participant or await web.database.read(walk.by_code, web.studies, opened.study.name, code)
-    if leaving is None:
-        return made.render("participant/withdraw.html", 422, code=code, wrong=True)
-    await web.database.write(withdrawal.withdraw, leaving.id)
-    response = made.render("participant/ended.html", kind="withdrawn", participant=None)
-    if participant is not None:
-        forget_cookie(response, opened.study.name, secure=web.guard.secure)
-    return response

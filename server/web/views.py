@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
-from urllib.parse import quote
 
 from fastapi import Response
 
@@ -16,6 +15,7 @@ from server.study.steps import PHASES, Step, episodes_of
 from server.web import walk
 from server.web.deps import Page
 from server.web.episodes import layout_of, lessons
+from server.web.recruiting import WayBack, way_back
 
 INTRODUCTION = ("team", "fetch", "fill", "wait", "deliver", "marks")
 
@@ -33,7 +33,7 @@ async def render_step(page: Page, participant: Participant, filled: Filled | Non
     if participant.status not in ("active", "completed"):
         kind = participant.status if participant.status in ("screened_out", "withdrawn") else "timed_out"
         outcome = page.web.studies.of(participant).recruitment.screened_out if kind == "screened_out" else Outcome()
-        return page.render("participant/ended.html", kind=kind, outcome=outcome, url=await _leave(page, outcome))
+        return page.render("participant/ended.html", kind=kind, outcome=outcome, back=await _back(page, outcome))
     way = page.web.studies.way(participant)
     step = page.web.studies.step(participant)
     shown = {one.phase for one in way} | {"consent"}
@@ -51,7 +51,11 @@ async def render_step(page: Page, participant: Participant, filled: Filled | Non
     elif step.kind == "introduction":
         base |= _introduction(page, participant)
     template = "game" if step.is_game else {"quiz": "questionnaire"}.get(step.kind, step.kind)
-    return page.render(f"participant/{template}.html", status, **base)
+    response = page.render(f"participant/{template}.html", status, **base)
+    back = base.get("back")
+    if back is not None and back.fields is not None:
+        page.allow(response, form_to=back.url)
+    return response
 
 
 def consent_context(
@@ -77,23 +81,14 @@ def consent_context(
     }
 
 
-def leave_url(outcome: Outcome, values: Mapping[str, str]) -> str | None:
-    """Where the last page leads, filled in; None where there is no address or a value for it is missing."""
-    if outcome.url is None:
-        return None
-    url = outcome.url
-    for name, value in values.items():
-        url = url.replace(f"{{{name}}}", quote(value, safe=""))
-    return None if "{" in url else url
-
-
-async def _leave(page: Page, outcome: Outcome, code: str = "") -> str | None:
+async def _back(page: Page, outcome: Outcome, code: str = "") -> WayBack | None:
     participant = page.participant
-    if participant is None or outcome.url is None:
+    if participant is None:
         return None
     kept = await page.web.database.read(participants.personal_of, participant.id)
     person = kept.pop(RECRUITMENT_ID, "")
-    return leave_url(outcome, kept | {"person": person, "code": outcome.code or code})
+    values = {name: value for name, value in (("person", person), ("code", outcome.code or code)) if value}
+    return way_back(page.web.studies.of(participant).recruitment, outcome, kept | values)
 
 
 def _questions(page: Page, participant: Participant, step: Step, filled: Filled) -> dict[str, Any]:
@@ -151,7 +146,7 @@ async def _thanks(page: Page, participant: Participant, _step: Step) -> dict[str
     return {
         "code": completed.code or own,
         "own_code": own,
-        "url": await _leave(page, completed, own),
+        "back": await _back(page, completed, own),
         "recruited": study.recruitment.source != "none",
     }
 
@@ -159,5 +154,10 @@ async def _thanks(page: Page, participant: Participant, _step: Step) -> dict[str
 async def _game(page: Page, participant: Participant, step: Step) -> dict[str, Any]:
     study = page.web.studies.of(participant)
     taught = lessons(study, study.condition(participant.condition)) if step.kind == "tutorial" else ()
-    game = {"socket": f"/s/{study.name}/socket", "lessons": taught, "away_s": study.game.pause.each_s}
+    game = {
+        "socket": f"/s/{study.name}/socket",
+        "leave": f"/s/{study.name}/withdraw",
+        "lessons": taught,
+        "away_s": study.game.pause.each_s,
+    }
     return {"game": game | {"ready_page": step.kind == "episode"}}

@@ -23,8 +23,10 @@ from server.store.migrate import migrate
 from server.store.participants import Participant
 from server.study.loader import parse_study
 from server.study.steps import Step
-from server.web import pages
+from server.web import leaving, pages
+from server.web.admin_auth import Tries
 from server.web.auth import Guard
+from server.web.control import Control
 from server.web.deps import Web, templates
 from server.web.episodes import episode_spec
 from server.web.errors import install_error_pages
@@ -50,7 +52,10 @@ class Site:
         self.app.mount("/static", StaticFiles(directory=ROOT / "static"))
         install_error_pages(self.app)
         self.app.include_router(pages.router)
+        self.app.include_router(leaving.router)
         self.app.state.web = Web(self.database, self.studies, Guard(SECRET), templates())
+        self.app.state.code_tries = Tries()
+        self.app.state.control = Control({}, self.database, self.studies)  # type: ignore[arg-type] - no game runs here
         self.clients: list[httpx.Client] = []
         self._listening = socket.create_server(("127.0.0.1", 0))
         self.url = f"http://127.0.0.1:{self._listening.getsockname()[1]}"

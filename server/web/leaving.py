@@ -1,0 +1,72 @@
+"""The routes of those who leave: declined, turned away by the entry checks, withdrawn. Thin, as pages.py is."""
+
+from fastapi import APIRouter, Request, Response
+
+from server.store import overview, withdrawal
+from server.study.plan import Outcome
+from server.web import walk
+from server.web.actions import ControlDep
+from server.web.admin_auth import Tries
+from server.web.auth import forget_cookie
+from server.web.deps import FormDep, OpenStudy, OpenStudyDep, Page, ParticipantDep, WebDep, page
+from server.web.forms import first
+from server.web.recruiting import recruitment_of, way_back
+
+router = APIRouter(prefix="/s/{name}")
+
+
+def _tries_of(request: Request) -> tuple[Tries, str]:
+    """Wrong codes of the last quarter of an hour, and whose count: the address's, as a code has no name."""
+    tries: Tries = request.app.state.code_tries
+    return tries, request.client.host if request.client else "?"
+
+
+@router.get("/declined")
+async def declined(request: Request, opened: OpenStudyDep, web: WebDep) -> Response:
+    """Somebody decided not to take part."""
+    return _turned_away(page(request, web, opened.study), opened, opened.study.recruitment.declined, "declined")
+
+
+@router.get("/unsuitable")
+async def unsuitable(request: Request, opened: OpenStudyDep, web: WebDep) -> Response:
+    """The device did not pass the entry checks: the screened-out code, before anything was stored."""
+    outcome = opened.study.recruitment.screened_out
+    return _turned_away(page(request, web, opened.study), opened, outcome, "unsuitable")
+
+
+def _turned_away(made: Page, opened: OpenStudy, outcome: Outcome, template: str) -> Response:
+    recruitment = opened.study.recruitment
+    person, extra = recruitment_of(recruitment, dict(made.request.query_params))
+    values = extra | {name: value for name, value in (("person", person), ("code", outcome.code)) if value}
+    back = way_back(recruitment, outcome, values)
+    return made.render(f"participant/{template}.html", code=outcome.code, back=back)
+
+
+@router.get("/withdraw")
+async def withdraw_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
+    """Asks whether somebody really wants to leave; without the cookie, by the completion code."""
+    return page(request, web, opened.study, participant).render("participant/withdraw.html", code="", wrong="")
+
+
+@router.post("/withdraw")
+async def withdraw(
+    request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep, form: FormDep, control: ControlDep
+) -> Response:
+    """Deletes everything about the participant; a count remains. Whoever guesses codes has to wait."""
+    code = first(form, "code").strip().upper()
+    made = page(request, web, opened.study, participant)
+    tries, address = _tries_of(request)
+    if participant is None and not tries.left(address, address):
+        return made.render("participant/withdraw.html", 429, code=code, wrong="wait")
+    leaving = participant or await web.database.read(walk.by_code, web.studies, opened.study.name, code)
+    if leaving is None:
+        tries.fail(address, address)
+        return made.render("participant/withdraw.html", 422, code=code, wrong="code_wrong")
+    played = await web.database.read(overview.played_by, leaving.id)
+    await control.end_all([one.id for one in played])  # a running game would go on writing
+    await web.database.write(withdrawal.withdraw, leaving.id)
+    gone = Page(request, web, made.language, opened.study)
+    response = gone.render("participant/ended.html", kind="withdrawn", outcome=Outcome(), back=None)
+    if participant is not None:
+        forget_cookie(response, opened.study.name, secure=web.guard.secure)
+    return response

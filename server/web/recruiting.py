@@ -1,0 +1,68 @@
+"""What a recruiter's link brings and what goes back: parameters in, an address or a form out. Knows no database."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from urllib.parse import quote, urlsplit
+
+from server.study.plan import Outcome, Recruitment
+
+LONGEST_PARAMETER = 128
+PREVIEW = "ASSIGNMENT_ID_NOT_AVAILABLE"  # what MTurk says to somebody who only looks
+
+
+@dataclass(frozen=True)
+class WayBack:
+    """Where the last page leads: a link, or a form with hidden `fields` that is posted to `url`."""
+
+    url: str
+    fields: Mapping[str, str] | None = None
+
+
+def recruitment_of(recruitment: Recruitment, given: Mapping[str, str]) -> tuple[str | None, dict[str, str]]:
+    """The person's id and the other parameters that the study keeps, from a link's query or a form."""
+    person = _parameter(given, recruitment.person_parameter)
+    extra = {name: value for name in recruitment.extra_parameters if (value := _parameter(given, name))}
+    return person, extra
+
+
+def is_preview(recruitment: Recruitment, given: Mapping[str, str]) -> bool:
+    """Whether somebody looks at an MTurk assignment that they have not accepted."""
+    return recruitment.source == "mturk" and given.get("assignmentId") == PREVIEW
+
+
+def leave_url(outcome: Outcome, values: Mapping[str, str]) -> str | None:
+    """The study's own address for this outcome, filled in; None where there is none or a value for it is missing."""
+    if outcome.url is None:
+        return None
+    url = outcome.url
+    for name, value in values.items():
+        url = url.replace(f"{{{name}}}", quote(value, safe=""))
+    return None if "{" in url else url
+
+
+def way_back(recruitment: Recruitment, outcome: Outcome, values: Mapping[str, str]) -> WayBack | None:
+    """How somebody gets back to the recruiter, who learns of a finished assignment. `values`: `code`, `person` and
+    what the link brought."""
+    url = leave_url(outcome, values)
+    if url is not None:
+        return WayBack(url)
+    assignment, home = values.get("assignmentId", PREVIEW), values.get("turkSubmitTo", "")
+    if recruitment.source != "mturk" or outcome is not recruitment.completed or assignment == PREVIEW:
+        return None
+    if not _is_mturk(home):
+        return None
+    fields = {"assignmentId": assignment, "code": values.get("code", "")}
+    return WayBack(f"{home.rstrip('/')}/mturk/externalSubmit", fields)
+
+
+def _is_mturk(address: str) -> bool:
+    """The address comes with the link, so it is held to be MTurk's only if it is."""
+    parts = urlsplit(address)
+    own = parts.hostname is not None and f".{parts.hostname}".endswith(".mturk.com")
+    return own and address.rstrip("/") == f"https://{parts.hostname}"
+
+
+def _parameter(given: Mapping[str, str], name: str | None) -> str | None:
+    """A parameter's value; one that is too long or not printable counts as none."""
+    value = given.get(name, "").strip() if name else ""
+    return value if value and len(value) <= LONGEST_PARAMETER and value.isprintable() else None

@@ -1,0 +1,143 @@
+"""Prolific, MTurk and SONA by the study file alone: what their links bring, what goes back, what is never shown."""
+
+import re
+from collections.abc import Iterator
+from html import unescape
+
+import pytest
+from page_site import SMALL_STUDY, Site, Visitor
+
+from server.store import participants
+from server.web.admin_auth import TRIES
+from server.web.recruiting import way_back
+
+CC = "https://app.prolific.com/submissions/complete?cc={code}"
+SONA = "https://lab.sona-systems.com/webstudy_credit.aspx?experiment_id=7&credit_token=ab&survey_code={person}"
+RECRUITMENTS = {
+    "prolific": f'{{source: prolific, required: true, completed: {{code: DONE1, url: "{CC}"}}, '
+    f'screened_out: {{code: OUT1, url: "{CC}"}}, declined: {{code: NO11, url: "{CC}"}}}}',
+    "sona": f'{{source: sona, required: true, completed: {{url: "{SONA}"}}}}',
+    "mturk": "{source: mturk, required: true}",
+}
+LINKS = {
+    "prolific": "?PROLIFIC_PID=p+7&STUDY_ID=s1&SESSION_ID=x9",
+    "sona": "?survey_code=41%2F7",
+    "mturk": "?workerId=W1&assignmentId=A1&hitId=H1&turkSubmitTo=https%3A%2F%2Fworkersandbox.mturk.com",
+}
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    texts = []
+    for name, recruitment in RECRUITMENTS.items():
+        text = SMALL_STUDY.replace("name: small", f"name: {name}", 1)
+        texts.append(text.replace("seed: 11\n", f"seed: 11\nrecruitment: {recruitment}\n"))
+    with Site(tmp_path_factory.mktemp("recruited"), *texts, SMALL_STUDY) as running:
+        yield running
+
+
+def finished(site: Site, name: str, query: str) -> Visitor:
+    """Somebody who came by this link and is on the last page."""
+    visitor = Visitor(site)
+    visitor.consent(name, query)
+    me = site.everybody(name)[-1]
+    last = len(site.studies.way(me)) - 2  # goodbye, the page before the last
+    site.database.write_now(participants.advance, me.id, me.position, last)
+    visitor.get(f"/s/{name}/now")
+    visitor.submit(name)
+    assert site.everybody(name)[-1].status == "completed"
+    return visitor
+
+
+def links(visitor: Visitor) -> list[str]:
+    return [unescape(one) for one in re.findall(r'<a class="btn"[^>]* href="([^"]*)"', visitor.page.text)]
+
+
+def test_prolific_gets_the_code_of_each_outcome(site: Site) -> None:
+    assert links(finished(site, "prolific", LINKS["prolific"])) == [CC.replace("{code}", "DONE1")]
+    stranger = Visitor(site)
+    stranger.get(f"/s/prolific{LINKS['prolific']}")
+    for page, code in (("declined", "NO11"), ("unsuitable", "OUT1")):
+        stranger.get(f"/s/prolific/{page}{LINKS['prolific']}")
+        assert (links(stranger), code in stranger.page.text) == ([CC.replace("{code}", code)], True)
+
+
+def test_sona_grants_the_credit_to_the_person(site: Site) -> None:
+    assert links(finished(site, "sona", LINKS["sona"])) == [SONA.replace("{person}", "41%2F7")]
+
+
+def test_mturk_gets_the_assignment_by_a_form_to_its_own_address(site: Site) -> None:
+    visitor = finished(site, "mturk", LINKS["mturk"])
+    code = site.everybody("mturk")[-1].completion_code or ""
+    assert visitor.fields("/externalSubmit") == {"assignmentId": "A1", "code": code}
+    assert 'action="https://workersandbox.mturk.com/mturk/externalSubmit"' in visitor.page.text
+    assert (
+        "form-action 'self' https://workersandbox.mturk.com/mturk/externalSubmit;"
+        in (visitor.page.headers["content-security-policy"])
+    )
+
+
+@pytest.mark.parametrize(
+    "home",
+    [
+        "https://evil.example",
+        "https://www.mturk.com.evil.example",
+        "http://www.mturk.com",
+        "https://me@www.mturk.com",
+        "https://www.mturk.com:444",
+        "https://xmturk.com",
+        "https://www.mturk.com/elsewhere",
+        "",
+    ],
+)
+def test_no_form_goes_to_an_address_that_is_not_mturks(site: Site, home: str) -> None:
+    found = site.studies.open("mturk")
+    assert found is not None
+    recruitment = found[1].recruitment
+    values = {"assignmentId": "A1", "code": "KM-2222-2222", "person": "W1"}
+    assert way_back(recruitment, recruitment.completed, values | {"turkSubmitTo": home}) is None
+    good = way_back(recruitment, recruitment.completed, values | {"turkSubmitTo": "https://www.mturk.com/"})
+    assert good is not None
+    assert good.url == "https://www.mturk.com/mturk/externalSubmit"
+
+
+def test_who_only_looks_at_the_assignment_is_told_to_accept_it(site: Site) -> None:
+    page = Visitor(site).get("/s/mturk?assignmentId=ASSIGNMENT_ID_NOT_AVAILABLE&hitId=H1")
+    assert "Please accept the assignment first." in page.text
+    assert "<form" not in page.text.replace('class="tongues"', "")
+    assert "frame-ancestors https://*.mturk.com" in page.headers["content-security-policy"]
+
+
+def test_in_mturks_frame_the_study_opens_in_a_tab_of_its_own(site: Site) -> None:
+    framed = Visitor(site, {"sec-fetch-dest": "iframe"})
+    framed.get(f"/s/mturk{LINKS['mturk']}")
+    assert links(framed) == [f"/s/mturk{LINKS['mturk']}&lang=en"]
+    assert "frame-ancestors https://*.mturk.com" in framed.page.headers["content-security-policy"]
+    other = Visitor(site, {"sec-fetch-dest": "iframe"}).get("/s/small")
+    assert "frame-ancestors 'none'" in other.headers["content-security-policy"]
+
+
+@pytest.mark.parametrize("name", RECRUITMENTS)
+def test_a_link_without_the_person_is_refused_and_the_same_person_is_one_row(site: Site, name: str) -> None:
+    assert Visitor(site).get(f"/s/{name}").status_code == 400
+    query = LINKS[name].replace("p+7", "again").replace("41%2F7", "again").replace("W1", "again")
+    before = len(site.everybody(name))
+    for _ in range(3):
+        Visitor(site).consent(name, query)
+    assert len(site.everybody(name)) == before + 1
+
+
+def test_codes_cannot_be_guessed(site: Site) -> None:
+    right = finished(site, "sona", "?survey_code=leaver")
+    code = site.everybody("sona")[-1].completion_code or ""
+    guessing = Visitor(site)
+    guessing.get("/s/sona/withdraw")
+    fields = guessing.fields("/withdraw")
+    answers = [guessing.send("/s/sona/withdraw", fields | {"code": f"KM-{n}"}).status_code for n in range(TRIES + 1)]
+    assert answers == [422] * TRIES + [429]
+    late = guessing.send("/s/sona/withdraw", fields | {"code": code})
+    assert (late.status_code, "Too many codes were wrong" in late.text) == (429, True)
+    before = len(site.everybody("sona"))
+    right.get("/s/sona/withdraw")
+    right.send("/s/sona/withdraw", right.fields("/withdraw"))
+    assert len(site.everybody("sona")) == before - 1, "who has the cookie needs no code"
