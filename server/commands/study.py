@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import re
 import secrets
 import sys
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
 
 STUDIES = Path(__file__).parents[2] / "studies"
 PATTERN = STUDIES / "quick_look.yaml"
+SCHEMA = STUDIES / "schema.json"
+MOST_PLACES, WIDTH = 20, 20
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,9 +40,8 @@ def _new(name: str, path: Path) -> int:
         return _refuse(f"{name!r} cannot name a study. Use small letters, digits, - and _, a letter first.")
     if path.exists():
         return _refuse(f"{path} is there already. Choose another name, or --out FILE.")
-    text = re.sub(
-        r"\A(#.*\n)+", f"# The study {name}. What can be set: `kitchenmind study schema`.\n", PATTERN.read_text("utf-8")
-    )
+    head = f"# yaml-language-server: $schema={os.path.relpath(SCHEMA, path.parent.resolve())}\n# The study {name}.\n"
+    text = re.sub(r"\A(#.*\n)+", head, PATTERN.read_text("utf-8"))
     text = re.sub(r"(?m)^name: .*$", f"name: {name}", text)
     text = re.sub(r"(?m)^seed: .*$", f"seed: {secrets.randbelow(10**9)}", text)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -69,22 +71,32 @@ def _check(path: Path) -> int:
 
 
 def _summary(file: "StudyFile") -> str:
-    from server.study.checks import balance
     from server.study.steps import episodes_of, steps
 
     study = file.study
     conditions = ", ".join(f"{one.name} x{one.weight}" for one in study.conditions)
     pages = len(steps(study, study.conditions[0].name, study.seed))
+    episodes, languages = episodes_of(study), ", ".join(study.languages)
     lines = [
         f"{file.source} is a study: {study.name}, version {file.sha256[:12]}",
         f"  conditions   {conditions}",
-        f"  way          {pages} steps, {episodes_of(study)} episodes, languages {', '.join(study.languages)}",
-        f"  order        {study.order.rule}; first episodes of 60 simulated participants:",
+        f"  way          {pages} steps, {episodes} episode{'s' * (episodes != 1)}; languages {languages}",
+        f"  order        {study.order.rule}; how many of 60 simulated participants meet what in which episode:",
+        *_balance(file, min(episodes, MOST_PLACES)),
     ]
-    for word, counts in balance(study).items():
-        first = ", ".join(f"{name} {count}" for (name, place), count in sorted(counts.items()) if place == 0)
-        lines.append(f"    {word:<10} {first}")
     return "\n".join(lines)
+
+
+def _balance(file: "StudyFile", places: int) -> list[str]:
+    """A row for each layout and agent, a column for each episode."""
+    from server.study.checks import balance
+
+    lines = ["    " + " " * WIDTH + "".join(f"{place + 1:>4}" for place in range(places))] if places else []
+    for counts in balance(file.study).values():
+        for name in dict.fromkeys(name for name, _ in counts):
+            row = "".join(f"{counts[name, place]:>4}" for place in range(places))
+            lines.append(f"    {name[:WIDTH]:<{WIDTH}}{row}")
+    return lines
 
 
 def _schema() -> int:

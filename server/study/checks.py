@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from server.study.assignment import participant_seed
+from server.study.locale import FALLBACK, languages
 from server.study.order import episode_order
 from server.study.plan import FIXED_PAGES, Study
 from server.study.questionnaire import ChoiceQuestion, MultipleQuestion, Questionnaire, RankingQuestion
@@ -49,7 +50,8 @@ def balance(study: Study, participants: int = 60) -> dict[str, Counter[tuple[str
     layouts: Counter[tuple[str, int]] = Counter()
     agents: Counter[tuple[str, int]] = Counter()
     for number in range(participants):
-        for place, (layout, agent) in enumerate(episode_order(study, participant_seed(study, number), number)):
+        row = number // len(study.conditions)  # as participants count within their condition
+        for place, (layout, agent) in enumerate(episode_order(study, participant_seed(study, number), row)):
             layouts[layout, place] += 1
             agents[agent, place] += 1
     return {"layout": layouts, "agent": agents}
@@ -62,7 +64,7 @@ def _missing_translations(part: Any, languages: tuple[str, ...], path: Path = ()
                 path, f"no words in {language!r}", f"Add `{language}: ...`, or take {language!r} out of `languages`."
             )
     elif isinstance(part, BaseModel):
-        for name in type(part).model_fields:
+        for name in sorted(part.model_fields_set):  # what the file leaves to us is translated by the platform
             yield from _missing_translations(getattr(part, name), languages, (*path, name))
     elif isinstance(part, dict):
         for key, value in part.items():
@@ -78,6 +80,11 @@ def _names(study: Study) -> Iterator[Problem]:
         for index, name in enumerate(names):
             if name in names[:index]:
                 yield Problem((block, index, "name"), f"{name!r} is there twice", "Give each its own name.")
+    for language in study.languages:
+        if language not in languages():
+            reason = f"the platform itself has no words in {language!r}: its buttons will be English"
+            remedy = f"Translate server/study/locales/{FALLBACK}.yaml into locales/{language}.yaml."
+            yield Problem(("languages",), reason, remedy, warning=True)
     if len(set(study.languages)) < len(study.languages):
         yield Problem(("languages",), "a language is there twice", "Name each once.")
     for key in study.questionnaires:

@@ -10,6 +10,7 @@ import yaml
 from pydantic import ValidationError
 
 from server.study.checks import Path, Problem, problems
+from server.study.mistakes import mistakes
 from server.study.plan import Study
 
 LARGEST_BYTES = 1_000_000
@@ -91,9 +92,7 @@ def parse_study(text: str, source: str = "study.yaml") -> StudyFile:
     try:
         study = Study.model_validate(data)
     except ValidationError as error:
-        found = sorted(
-            (_problem(one, places) for one in error.errors(include_url=False)), key=lambda one: places.line(one.path)
-        )
+        found = sorted(mistakes(error, places.nearest), key=lambda one: places.line(one.path))
         raise StudyError([places.describe(problem) for problem in found]) from None
     found = sorted(problems(study), key=lambda one: places.line(places.nearest(one.path)))
     wrong = [places.describe(problem) for problem in found if not problem.warning]
@@ -168,47 +167,3 @@ class _Reader:
 
     def _refuse(self, line: int, reason: str, remedy: str) -> Any:
         raise StudyError([f"{self._places.source}:{line}: {reason}. {remedy}"])
-
-
-# What pydantic calls a fault -> how to mend it; {} are the fault's own numbers.
-_REMEDIES = {
-    "missing": "Add it.",
-    "int_parsing": "Write a whole number.",
-    "int_type": "Write a whole number.",
-    "float_parsing": "Write a number.",
-    "float_type": "Write a number.",
-    "bool_parsing": "Write true or false.",
-    "bool_type": "Write true or false.",
-    "string_type": "Put the value in quotes.",
-    "tuple_type": "Write a list: one `- ...` a line.",
-    "dict_type": "Write a block of `key: value` lines.",
-    "model_type": "Write a block of `key: value` lines.",
-    "model_attributes_type": "Write a block of `key: value` lines.",
-    "union_tag_not_found": "Add `type:`, one of scale, choice, multiple, text, number, ranking.",
-    "string_pattern_mismatch": "It must look like {pattern}",
-    "too_short": "Add at least {min_length}.",
-    "too_long": "Leave at most {max_length}.",
-}
-
-
-def _problem(error: Any, places: Places) -> Problem:
-    path: Path = tuple(error["loc"])
-    context = error.get("ctx", {})
-    kind, message = error["type"], error["msg"]
-    if kind == "unknown_key":
-        return Problem((*places.nearest(path), context["key"]), f"unknown key {context['key']!r}", context["remedy"])
-    if kind == "missing":
-        block, name = places.nearest(path[:-1]), path[-1]
-        return Problem(block, f"{name!r} is missing here", f"Add `{name}: ...`.")
-    if kind in ("literal_error", "union_tag_invalid"):
-        expected = context.get("expected") or context.get("expected_tags")
-        return Problem(
-            places.nearest(path),
-            f"{error['input']!r} is not possible here" if kind == "literal_error" else "unknown type",
-            f"Use {expected}.",
-        )
-    if kind == "value_error":
-        reason, _, remedy = str(context["error"]).rpartition(". ")
-        return Problem(places.nearest(path), reason or remedy, f"{remedy}." if reason else "")
-    remedy = _REMEDIES.get(kind, "").format_map(context) if kind in _REMEDIES else ""
-    return Problem(places.nearest(path), message[0].lower() + message[1:], remedy)

@@ -37,8 +37,7 @@ class Locale:
 def locale(language: str) -> Locale:
     """The words of a language; where a file lacks some, the English ones."""
     words = dict(_words(FALLBACK))
-    if language in languages():
-        words.update(_words(language))
+    words.update(_words(language) if language in languages() else {"name": language})
     return Locale(language, words)
 
 

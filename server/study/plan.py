@@ -4,6 +4,7 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field
 
+from server.study.locale import languages, locale
 from server.study.part import Part
 from server.study.questionnaire import AnyQuestion, Key, Questionnaire
 from server.study.text import Text
@@ -138,10 +139,15 @@ class Game(Part):
     progress: Progress = Progress()
 
 
+def _practice() -> Kitchen:
+    return Kitchen(name="practice", title=Text({each: locale(each)("game.practice") for each in languages()}))
+
+
 class Tutorial(Part):
     """The practice game: endless, passed with a delivery."""
 
-    layout: Kitchen = Kitchen(name="practice", title=Text({"en": "Practice", "zh": "练习"}))
+    layout: Kitchen = Field(default_factory=_practice)
+    """Empty: a small kitchen in which nobody is in the way."""
     agent: Agent = Agent(name="guide", predictor="guide")
     """Who walks beside the participant. The guide paces up and down, so its marks are easy to read."""
     lessons: tuple[Lesson, ...] = LESSONS

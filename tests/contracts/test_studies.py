@@ -149,6 +149,28 @@ def test_check_of_a_file_that_is_not_there_is_refused(tmp_path: Path, capsys: py
     assert (code, "none.yaml: No such file" in err) == (2, True)
 
 
+def test_editors_find_the_schema_of_a_study_where_its_first_line_says(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    new = tmp_path / "deep" / "pilot.yaml"
+    run("new", "pilot", "--out", str(new), capsys=capsys)
+    for file in (path, new):
+        first = file.read_text("utf-8").splitlines()[0]
+        assert first.startswith("# yaml-language-server: $schema=")
+        assert (file.parent / first.partition("=")[2]).resolve() == (STUDIES / "schema.json").resolve()
+
+
+def test_check_shows_how_often_each_layout_and_agent_comes_when(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = run("check", str(path), capsys=capsys)
+    study = load_study(path).study
+    words = [line.split() for line in out.splitlines() if line.startswith("    ")]
+    rows = {name: [int(cell) for cell in cells] for name, *cells in words}
+    episodes = len(study.layouts) * len(study.agents)
+    for part in (study.layouts, study.agents):
+        table = [rows[one.name] for one in part]
+        assert [sum(column) for column in zip(*table, strict=True)] == [60] * episodes
+
+
 def test_new_study_passes_its_check_and_is_never_overwritten(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -167,6 +189,8 @@ def test_schema_describes_every_key_of_a_study(capsys: pytest.CaptureFixture[str
     code, out, _ = run("schema", capsys=capsys)
     schema = json.loads(out)
     assert code == 0
+    kept = STUDIES / "schema.json"
+    assert out == kept.read_text("utf-8"), f"run `kitchenmind study schema > {kept}`"
     assert set(schema["properties"]) == set(Study.model_fields)
     assert schema["additionalProperties"] is False
     assert "null" not in schema["$defs"]["Text"]

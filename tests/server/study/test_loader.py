@@ -22,8 +22,8 @@ def errors(text: str) -> tuple[str, ...]:
 WRONG = [
     # (what stands in the file, what stands there instead, where the message points, what it says)
     ("duration_min: 4", "duration_mn: 4", "duration_mn", "unknown key 'duration_mn'. Did you mean 'duration_min'?"),
-    ("duration_min: 4", "duration_min: soon", "duration_min", "write a whole number"),
-    ("duration_min: 4", "duration_min: 0", "duration_min", "greater than or equal to 1"),
+    ("duration_min: 4", "duration_min: soon", "duration_min", "'soon' is no whole number. Write a whole number."),
+    ("duration_min: 4", "duration_min: 0", "duration_min", "duration_min: 0 is too small. Write 1 or more."),
     ("{rule: paper}", "{rule: papr}", "order:", "'papr' is not possible here. Use 'fixed', 'shuffled', 'latin_sq"),
     ("flow: [everything,", "flow: [evrything, everything,", "flow:", "there is no page 'evrything'"),
     ("goodbye, thanks]", "goodbye]", "flow:", "does not end with thanks"),
@@ -43,12 +43,14 @@ WRONG = [
     ("horizon: 20", "horizon: 20, deadline_ms: 300", "game:", "beyond the tick"),
     ("seed: 11\n", "seed: 11\nseed: 12\n", "seed: 12", "the key 'seed' is there twice"),
     ("seed: 11\n", "", "name: small", "'seed' is missing here. Add `seed: ...`"),
-    ("name: small", "name: Small One", "name: ", "should match pattern"),
+    ("name: small", "name: Small One", "name: ", "'Small One' is not possible here. It must look like ^[a-z]"),
     ("seed: 11\n", "seed: 11\n  wrong: [\n", "  wrong", "this is no YAML"),
-    ("seed: 11\n", "seed: !!python/object/apply:os.system [ls]\n", "seed: !!", "should be a valid integer"),
+    ("seed: 11\n", "seed: !!python/object/apply:os.system [ls]\n", "seed: !!", "['ls'] is no whole number"),
     ("seed: 11\n", "seed: !!binary aGk=\n", "seed: !!", "is not allowed"),
     ("seed: 11\n", "recruitment: {completed: {url: 'https://x.org/?c={cod}'}}\nseed: 1\n", "recr", "placeholder {cod}"),
-    ("seed: 11\n", "recruitment: {completed: {url: 'javascript:alert(1)'}}\nseed: 1\n", "recr", "should match pattern"),
+    ("seed: 11\n", "recruitment: {completed: {url: 'javascript:alert(1)'}}\nseed: 1\n", "recr", "look like ^https"),
+    ("- {name: stay, predictor: random}", "- {nam: stay, predictor: random}", "  - {nam:", "unknown key 'nam'"),
+    ("languages: [en, zh]", "languages: []", "languages", "there are too few. Write at least 1."),
 ]  # fmt: skip
 
 
@@ -64,6 +66,19 @@ def test_wrong_file_is_refused_with_line_reason_and_remedy(old: str, new: str, w
 def test_all_problems_are_told_at_once() -> None:
     text = SMALL_STUDY.replace("duration_min: 4", "duration_min: soon").replace("{rule: paper}", "{rule: none}")
     assert len(errors(text)) == 2
+
+
+def test_list_with_a_wrong_item_is_not_called_empty_too() -> None:
+    assert len(errors(SMALL_STUDY.replace("{name: planner, predictor", "{name: planner, predictr"))) == 1
+
+
+def test_language_that_the_platform_does_not_speak_is_warned_about() -> None:
+    text = SMALL_STUDY.replace("languages: [en, zh]", "languages: [en, zh, tlh]").replace("zh:", "tlh: x, zh:")
+    (warning,) = parse_study(text, "small.yaml").warnings
+    assert warning.startswith(
+        f"small.yaml:{line_of('languages')}: languages: the platform itself has no words in 'tlh'"
+    )
+    assert "locales/tlh.yaml" in warning
 
 
 def test_file_that_is_no_mapping_is_refused() -> None:

@@ -1,0 +1,75 @@
+"""What the validator found wrong with single values, in words for people: reason and remedy. Reads no file."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from pydantic import ValidationError
+
+from server.study.checks import Path, Problem
+
+# What pydantic calls a fault -> (reason, remedy); {} are the value and the fault's own numbers.
+_WORDS = {
+    "int_parsing": ("{input} is no whole number", "Write a whole number."),
+    "int_type": ("{input} is no whole number", "Write a whole number."),
+    "int_from_float": ("{input} is no whole number", "Write a whole number."),
+    "float_parsing": ("{input} is no number", "Write a number."),
+    "float_type": ("{input} is no number", "Write a number."),
+    "bool_parsing": ("{input} is neither true nor false", "Write true or false."),
+    "bool_type": ("{input} is neither true nor false", "Write true or false."),
+    "string_type": ("{input} is no text", "Put the value in quotes."),
+    "tuple_type": ("this is no list", "Write a list: one `- ...` a line."),
+    "dict_type": ("this is no block", "Write a block of `key: value` lines."),
+    "model_type": ("this is no block", "Write a block of `key: value` lines."),
+    "model_attributes_type": ("this is no block", "Write a block of `key: value` lines."),
+    "string_pattern_mismatch": ("{input} is not possible here", "It must look like {pattern}"),
+    "greater_than": ("{input} is too small", "Write more than {gt}."),
+    "greater_than_equal": ("{input} is too small", "Write {ge} or more."),
+    "less_than": ("{input} is too large", "Write less than {lt}."),
+    "less_than_equal": ("{input} is too large", "Write {le} or less."),
+    "too_short": ("there are too few", "Write at least {min_length}."),
+    "too_long": ("there are too many", "Leave at most {max_length}."),
+    "union_tag_invalid": ("unknown type", "Use {expected_tags}."),
+    "union_tag_not_found": (
+        "the type is missing",
+        "Add `type:`, one of scale, choice, multiple, text, number, ranking.",
+    ),
+    "literal_error": ("{input} is not possible here", "Use {expected}."),
+}
+_LONGEST_INPUT = 40
+
+
+def mistakes(error: ValidationError, nearest: Callable[[Path], Path]) -> Iterator[Problem]:
+    """All that is wrong, each told once. `nearest` gives the part of a path that the file has."""
+    found = error.errors(include_url=False)
+    for one in found:
+        if not _follows_from_another(one, found):
+            yield _problem(one, nearest)
+
+
+def _follows_from_another(one: Any, found: list[Any]) -> bool:
+    """A list whose items are wrong is called too short as well."""
+    path = one["loc"]
+    return one["type"] == "too_short" and any(other["loc"][: len(path)] == path for other in found if other is not one)
+
+
+def _problem(error: Any, nearest: Callable[[Path], Path]) -> Problem:
+    path: Path = tuple(error["loc"])
+    context = error.get("ctx", {})
+    kind, message = error["type"], error["msg"]
+    if kind == "unknown_key":
+        return Problem((*nearest(path), context["key"]), f"unknown key {context['key']!r}", context["remedy"])
+    if kind == "missing":
+        return Problem(nearest(path[:-1]), f"{path[-1]!r} is missing here", f"Add `{path[-1]}: ...`.")
+    if kind == "value_error":
+        reason, _, remedy = str(context["error"]).rpartition(". ")
+        return Problem(nearest(path), reason or remedy, f"{remedy}." if reason else "")
+    if kind in _WORDS:
+        numbers = context | {"input": _shortened(error["input"])}
+        reason, remedy = (words.format_map(numbers) for words in _WORDS[kind])
+        return Problem(nearest(path), reason, remedy)
+    return Problem(nearest(path), message[0].lower() + message[1:], "")
+
+
+def _shortened(value: Any) -> str:
+    words = repr(value)
+    return words if len(words) <= _LONGEST_INPUT else f"{words[:_LONGEST_INPUT]} ..."
