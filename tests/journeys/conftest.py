@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Iterator
 
 import pytest
+from fake_game_server import FakeGameServer
 from playwright.sync_api import Browser, sync_playwright
 
 CHROMIUM_ARGUMENTS = [
@@ -28,3 +29,20 @@ def chromium() -> Iterator[Browser]:
         browser = playwright.chromium.launch(executable_path=executable, args=CHROMIUM_ARGUMENTS)
         yield browser
         browser.close()
+
+
+@pytest.fixture(scope="module")
+def game_address(chromium: Browser) -> Iterator[FakeGameServer]:
+    """One address a module, so that what its browser has loaded from there need not be loaded again."""
+    server = FakeGameServer()
+    yield server
+    if server.visitor is not None:
+        server.visitor.close()
+    server.close()
+
+
+@pytest.fixture
+def server(game_address: FakeGameServer) -> FakeGameServer:
+    """A game's server that a test plays itself. Modules with a real one name theirs the same."""
+    game_address.reset()
+    return game_address

@@ -12,21 +12,6 @@ from server.play.messages import Away, Countdown, Ended, Input, Paused, Ready
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
 
 
-@pytest.fixture(scope="module")
-def address() -> Iterator[FakeGameServer]:
-    server = FakeGameServer()
-    yield server
-    if server.visitor is not None:
-        server.visitor.close()
-    server.close()
-
-
-@pytest.fixture
-def server(address: FakeGameServer) -> FakeGameServer:
-    address.reset()
-    return address
-
-
 @pytest.fixture
 def page(chromium: Browser, server: FakeGameServer) -> Iterator[Page]:
     with opened(chromium, server) as page:

@@ -1,7 +1,5 @@
 """The line between page and server: lost, closed, taken over, silent; and what the page tells the researcher."""
 
-from collections.abc import Iterator
-
 import pytest
 from fake_game_server import FakeGameServer, kitchen, tick, welcome
 from game_page import opened, start
@@ -10,21 +8,6 @@ from playwright.sync_api import Browser
 from server.play.messages import Countdown, Hello, Notice, Paused, Ping, Pong, Ready, Superseded, Trouble
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
-
-
-@pytest.fixture(scope="module")
-def address() -> Iterator[FakeGameServer]:
-    server = FakeGameServer()
-    yield server
-    if server.visitor is not None:
-        server.visitor.close()
-    server.close()
-
-
-@pytest.fixture
-def server(address: FakeGameServer) -> FakeGameServer:
-    address.reset()
-    return address
 
 
 @pytest.mark.parametrize("code", [1011, 1012])

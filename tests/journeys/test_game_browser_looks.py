@@ -1,7 +1,6 @@
 """What the game's page shows: pixels of the board, messages over it, sizes, accessibility."""
 
 import re
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -32,20 +31,10 @@ def rings(**changes: Any) -> Welcome:
     return welcome(**{"grid": RINGS, "tick_ms": 5000, "state": state, **named, **changes})
 
 
-@pytest.fixture(scope="module")
-def address() -> Iterator[FakeGameServer]:
-    server = FakeGameServer()
-    yield server
-    if server.visitor is not None:
-        server.visitor.close()
-    server.close()
-
-
 @pytest.fixture
-def server(address: FakeGameServer) -> FakeGameServer:
-    address.reset()
-    address.welcome = rings()
-    return address
+def server(server: FakeGameServer) -> FakeGameServer:
+    server.welcome = rings()
+    return server
 
 
 def shown(page: Page, server: FakeGameServer, state: Any, prediction: Any, **more: Any) -> None:
