@@ -14,6 +14,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "agent": ("models.agent_check", "check an agent or a predictor before a study uses it"),
     "evaluate": ("training.commands.evaluate", "measure agents and predictors"),
     "serve": ("server.commands.serve", "serve a study"),
+    "doctor": ("server.commands.doctor", "is this machine ready to serve? port, disk, TLS, secret, database, weights"),
     "admin": ("server.commands.admin", "make researchers' accounts for the dashboard"),
     "study": ("server.commands.study", "make or check a study file"),
     "export": ("server.commands.export", "write a study's data as CSV and Parquet"),

@@ -41,6 +41,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def settings_of(arguments: argparse.Namespace) -> "Settings":
     """The environment's settings with those of the command line over them. Raises ValueError."""
+    from pydantic import ValidationError
+
     from server.settings import Settings
 
     given: dict[str, Any] = {
@@ -51,7 +53,10 @@ def settings_of(arguments: argparse.Namespace) -> "Settings":
         "model_workers": arguments.model_workers,
         "speed": arguments.speed,
     }
-    return Settings(**{name: value for name, value in given.items() if value is not None})
+    try:
+        return Settings(**{name: value for name, value in given.items() if value is not None})
+    except ValidationError as error:
+        raise ValueError("; ".join(_plain(one) for one in error.errors())) from None
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -148,6 +153,12 @@ def _address(listening: socket.socket) -> str:
     if host in ("0.0.0.0", "::"):  # noqa: S104
         host = "127.0.0.1"
     return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+
+def _plain(error: Any) -> str:
+    """What is wrong with a setting, without the validator's own words."""
+    name = "".join(f"KITCHENMIND_{part.upper()}: " for part in error["loc"][:1])
+    return f"{name}{error['msg'].removeprefix('Value error, ')}"
 
 
 def _refuse(error: Exception, status: int) -> int:

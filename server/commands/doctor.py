@@ -1,0 +1,29 @@
+"""`kitchenmind doctor`: is this machine ready to serve? Says what is not, and what to do about it. Imports late."""
+
+import argparse
+import sys
+
+from server.commands import serve
+
+_SIGNS = {"good": "ok  ", "look": "look", "bad": "BAD "}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    serve.add_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """0: everything is well, perhaps with something to look at; 1: something is not; 2: a setting is wrong."""
+    try:
+        settings = serve.settings_of(arguments)
+    except ValueError as error:
+        sys.stderr.write(f"kitchenmind doctor: {error}\n")
+        return 2
+    from server.doctor import examine
+
+    worst = "good"
+    for finding in examine(settings):
+        print(f"{_SIGNS[finding.grade]}  {finding.about:<9} {finding.text}", flush=True)
+        worst = "bad" if "bad" in (worst, finding.grade) else worst
+    print("not ready: mend what is BAD" if worst == "bad" else "ready: kitchenmind serve")
+    return int(worst == "bad")

@@ -1,0 +1,180 @@
+"""Whether this machine is ready to serve: settings, secret, port, database, disk, studies, weights, TLS.
+
+Looks only: makes no file, starts nothing, asks nobody but the database and the server's own public address.
+"""
+
+import os
+import shutil
+import socket
+import ssl
+import stat
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal
+from urllib.parse import urlsplit
+
+from models.checkpoint import CheckpointError, load_checkpoint
+from server.cast import WEIGHTS, cast_of
+from server.commands.databases import open_stored
+from server.commands.serve import listen
+from server.settings import VAR, Settings
+from server.store.database import DatabaseDown
+from server.store.engines import normal_url
+from server.store.migrate import known_revisions, revision_of
+from server.study.loader import StudyError, StudyFile, load_study
+from server.study_check import stage_problems
+
+LEAST_FREE_GB: Final = 1.0
+SOME_FREE_GB: Final = 5.0
+RENEW_DAYS: Final = 14
+PATIENCE_S: Final = 5.0
+Grade = Literal["good", "look", "bad"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at. `look`: it can be served, but somebody should look at it first."""
+
+    about: str
+    grade: Grade
+    text: str
+
+
+def examine(settings: Settings) -> Iterator[Finding]:
+    """Everything that the server will need with these settings."""
+    checks: tuple[Callable[[Settings], Iterator[Finding]], ...] = (_secret, _port, _database, _disk, _studies, _tls)
+    for check in checks:
+        yield from check(settings)
+
+
+def _secret(settings: Settings) -> Iterator[Finding]:
+    if settings.secret is not None:
+        yield Finding("secret", "good", "KITCHENMIND_SECRET is set")
+        return
+    path = VAR / "secret"
+    if path.is_file() and stat.S_IMODE(path.stat().st_mode) & 0o077:
+        yield Finding("secret", "bad", f"{path} can be read by others. Run `chmod 600 {path}`.")
+    else:
+        yield Finding("secret", "good", f"{'kept in' if path.is_file() else 'will be made in'} {path}")
+
+
+def _port(settings: Settings) -> Iterator[Finding]:
+    try:
+        listen(settings.host, settings.port).close()
+    except OSError as error:
+        yield Finding("port", "bad", str(error))
+    else:
+        yield Finding("port", "good", f"{settings.host}:{settings.port} is free" if settings.port else "any free one")
+
+
+def _database(settings: Settings) -> Iterator[Finding]:
+    url = normal_url(settings.database)
+    shown = url.render_as_string()
+    if url.get_backend_name() == "sqlite" and not Path(str(url.database)).exists():
+        place = _nearest(Path(str(url.database)))
+        if place.is_dir() and os.access(place, os.W_OK):
+            yield Finding("database", "good", f"{url.database} will be made")
+        else:
+            yield Finding("database", "bad", f"{place} cannot be written to. Use another path, or its owner's account.")
+        return
+    try:
+        with open_stored(settings.database) as database:
+            revision = database.read_now(revision_of)
+    except (ValueError, DatabaseDown) as error:
+        yield Finding("database", "bad", str(error))
+        return
+    if revision not in known_revisions():
+        yield Finding("database", "bad", f"{shown} was made by a later kitchenmind. Use that one, or a later one.")
+    elif revision != known_revisions()[0]:
+        yield Finding(
+            "database", "look", f"{shown} is of an earlier version and will be upgraded. Make a backup first."
+        )
+    else:
+        yield Finding("database", "good", f"{shown} is there and up to date")
+
+
+def _disk(settings: Settings) -> Iterator[Finding]:
+    url = normal_url(settings.database)
+    if url.get_backend_name() != "sqlite":
+        return
+    place = _nearest(Path(str(url.database)))
+    free_gb = shutil.disk_usage(place).free / 1e9
+    text = f"{free_gb:.1f} GB free at {place}"
+    if free_gb < LEAST_FREE_GB:
+        yield Finding(
+            "disk", "bad", f"{text}. Make room, or put the database elsewhere: a full disk pauses every game."
+        )
+    else:
+        yield Finding("disk", "good" if free_gb >= SOME_FREE_GB else "look", text)
+
+
+def _studies(settings: Settings) -> Iterator[Finding]:
+    sound: list[StudyFile] = []
+    for path in settings.studies:
+        try:
+            file = load_study(path)
+            problems = [(problem.warning, file.describe(problem)) for problem in stage_problems(file)]
+        except StudyError as error:
+            yield from (Finding("study", "bad", line) for line in error.lines)
+            continue
+        except OSError as error:
+            yield Finding("study", "bad", f"{path}: {error.strerror}. Correct KITCHENMIND_STUDIES or --study.")
+            continue
+        mild: Grade = "bad" if settings.mode == "production" else "look"
+        for warning, line in [*((True, line) for line in file.warnings), *problems]:
+            yield Finding("study", mild if warning else "bad", line)
+        if not any(not warning for warning, _ in problems):
+            yield Finding("study", "good", f"{path} is sound (version {file.sha256[:12]})")
+            sound.append(file)
+    yield from _weights(sound)
+
+
+def _weights(files: list[StudyFile]) -> Iterator[Finding]:
+    cast = cast_of(files)
+    folders = {WEIGHTS / layout / model.partition("@")[0] for layout, model in (*cast.agents, *cast.predictors)}
+    whole = 0
+    for folder in sorted(folder for folder in folders if (folder / "config.json").is_file()):
+        try:
+            load_checkpoint(folder)
+            whole += 1
+        except CheckpointError as error:
+            yield Finding("weights", "bad", str(error))
+    yield Finding("weights", "good", f"{whole} agents and predictors, byte for byte as they were saved")
+
+
+def _tls(settings: Settings) -> Iterator[Finding]:
+    url = urlsplit(settings.public_url)
+    if url.scheme != "https" or url.hostname is None:
+        yield Finding("TLS", "good", f"not needed: only this machine reaches {settings.host}")
+        return
+    try:
+        days = _days_of_certificate(url.hostname, url.port or 443)
+    except ssl.SSLCertVerificationError as error:
+        remedy = "Give the proxy a certificate that browsers trust."
+        yield Finding("TLS", "bad", f"the certificate of {url.hostname} is refused: {error.verify_message}. {remedy}")
+    except OSError as error:
+        remedy = "Start the TLS proxy, or correct KITCHENMIND_PUBLIC_URL."
+        yield Finding("TLS", "bad", f"{settings.public_url} does not answer ({error.strerror or error}). {remedy}")
+    else:
+        grade: Grade = "good" if days >= RENEW_DAYS else "look"
+        yield Finding("TLS", grade, f"the certificate of {url.hostname} is good for {days:.0f} days")
+
+
+def _days_of_certificate(host: str, port: int) -> float:
+    """Raises ssl.SSLCertVerificationError, OSError."""
+    context = ssl.create_default_context()
+    with (
+        socket.create_connection((host, port), PATIENCE_S) as line,
+        context.wrap_socket(line, server_hostname=host) as tls,
+    ):
+        certificate = tls.getpeercert() or {}
+    return (ssl.cert_time_to_seconds(str(certificate["notAfter"])) - time.time()) / 86400
+
+
+def _nearest(path: Path) -> Path:
+    """The path, or what is there already of those above it."""
+    while not path.exists():
+        path = path.parent
+    return path
