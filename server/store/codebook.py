@@ -242,6 +242,16 @@ STUDIES = ExportTable(
         _time("frozen_at", "First consent."),
     ),
 )
+ARRIVALS = ExportTable(
+    "arrivals",
+    "a count of browsers that opened the study's link, or were turned away before consent",
+    (
+        *_STUDY,
+        _text("kind", "opened, declined, unsuitable, or suitable: unsuitable at first and suitable at a later try."),
+        _text("reason", "What was unsuitable: screen, input, latency or websocket."),
+        Column("count", "integer", "How many browsers.", bits=32),
+    ),
+)
 WITHDRAWALS = ExportTable(
     "withdrawals",
     "a participant who withdrew and whose data were deleted",
@@ -264,4 +274,16 @@ EXCLUSIONS = ExportTable(
         _time("restored_at", "When it was taken back; empty: it holds."),
     ),
 )
-TABLES = (STUDIES, PARTICIPANTS, WITHDRAWALS, EPISODES, TICKS, PAUSES, ANSWERS, VISITS, EVENTS, EXCLUSIONS)
+TABLES = (
+    STUDIES,
+    ARRIVALS,
+    PARTICIPANTS,
+    WITHDRAWALS,
+    EPISODES,
+    TICKS,
+    PAUSES,
+    ANSWERS,
+    VISITS,
+    EVENTS,
+    EXCLUSIONS,
+)

@@ -21,6 +21,7 @@ FORMATS = (*TABLE_FORMATS, "overcooked_ai")
 ROWS = 20_000  # of a chunk
 _ROWS: dict[str, Callable[[Selection], Rows]] = {
     "studies": exported.study_rows,
+    "arrivals": exported.arrival_rows,
     "withdrawals": exported.withdrawal_rows,
     "episodes": exported.episode_rows,
     "pauses": exported.pause_rows,

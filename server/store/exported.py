@@ -15,6 +15,7 @@ from server.store import ticks as tick_rows
 from server.store.codebook import WIDE, Column
 from server.store.tables import (
     answers,
+    arrivals,
     episodes,
     events,
     exclusions,
@@ -53,6 +54,12 @@ def study_rows(chosen: Selection) -> Rows:
     gone = select(func.count()).where(withdrawals.c.study_id == s.id).scalar_subquery()
     query = select(*_STUDY, s.sha256, s.started, gone, s.created_at, s.frozen_at).order_by(s.id)
     return (tuple(row) for row in chosen.rows(query, s.id))
+
+
+def arrival_rows(chosen: Selection) -> Rows:
+    a = arrivals.c
+    query = select(*_STUDY, a.kind, a.reason, a.count).join_from(arrivals, studies)
+    return (tuple(row) for row in chosen.rows(query.order_by(a.study_id, a.kind, a.reason), a.study_id))
 
 
 def withdrawal_rows(chosen: Selection) -> Rows:

@@ -42,6 +42,7 @@ def import_export(connection: Connection, folder: Path) -> dict[str, int]:
         raise ImportRefused("the database is not empty. Import into a new one.")
     studies = _studies(connection, folder)
     counted = {"studies": len(studies)}
+    counted["arrivals"] = _fill(connection, tables.arrivals, _of_study(folder, "arrivals", studies))
     counted["participants"] = _fill(connection, tables.participants, _participants(folder, studies))
     counted["withdrawals"] = _fill(connection, tables.withdrawals, _of_study(folder, "withdrawals", studies))
     counted["episodes"] = _fill(connection, tables.episodes, _episodes(folder, studies))

@@ -90,11 +90,12 @@ def minutes(connection: Connection, study_ids: Sequence[int], most: int = 500) -
     return sorted((row.completed_at - row.started_at).total_seconds() / 60 for row in rows)
 
 
-def excluded(connection: Connection, study_ids: Sequence[int], status: str = "completed") -> int:
-    """How many participants of this status are excluded whole."""
-    query = select(func.count(func.distinct(_p.id))).join_from(participants, exclusions)
+def excluded(connection: Connection, study_ids: Sequence[int], status: str = "completed") -> dict[str, int]:
+    """How many participants of this status are excluded whole, by condition."""
+    query = select(_p.condition, func.count(func.distinct(_p.id))).join_from(participants, exclusions)
     held = (exclusions.c.restored_at.is_(None), exclusions.c.episode_id.is_(None))
-    return int(connection.execute(query.where(_p.study_id.in_(study_ids), _p.status == status, *held)).scalar_one())
+    query = query.where(_p.study_id.in_(study_ids), _p.status == status, *held)
+    return {row[0]: int(row[1]) for row in connection.execute(query.group_by(_p.condition))}
 
 
 def people(connection: Connection, study_ids: Sequence[int], tab: str, most: int = 200) -> list[Person]:

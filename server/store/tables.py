@@ -102,6 +102,15 @@ Index(
     postgresql_where=personal.c.key == RECRUITMENT_ID,
 )
 
+arrivals = Table(
+    "arrivals",
+    metadata,
+    column("study_id", Integer, ForeignKey("studies.id"), primary_key=True, meaning="Study version."),
+    column("kind", String(16), primary_key=True, meaning="opened, declined, unsuitable or suitable (at a later try)."),
+    column("reason", String(16), primary_key=True, meaning="What was unsuitable: screen, input, latency or websocket."),
+    column("count", Integer, meaning="Browsers. Nothing else is kept of somebody who does not consent."),
+)
+
 withdrawals = Table(
     "withdrawals",
     metadata,

@@ -7,12 +7,12 @@ from fastapi import APIRouter, HTTPException, Request, Response
 from server.store import admins, audit, decisions, overview
 from server.store.overview import Played
 from server.study.plan import Study
-from server.study.steps import steps
 from server.web import admin_auth
 from server.web.admin_auth import ActDep, AdminFormDep, OwnDep, Tries, WatchDep
 from server.web.admin_page import AdminPage, arm_names, back_to, own_path, study_at
 from server.web.deps import Web, WebDep
-from server.web.figures import arms_of, flow_of, step_name, way_of
+from server.web.figures import step_name, way_of
+from server.web.flow import arms_of, flow_of, stock
 from server.web.forms import first
 from server.web.live import who
 
@@ -69,8 +69,7 @@ async def studies(request: Request, admin: WatchDep, web: WebDep) -> Response:
     rows = []
     for name in web.studies.names():
         versions, study = study_at(web, name)
-        counts = await web.database.read(overview.flow, versions)
-        arms = arms_of(study, counts, arm_names(study, blind=True), blind=True)
+        arms = arms_of(study, await web.database.read(stock, versions), arm_names(study, blind=True), blind=True)
         quotas = [condition.quota for condition in study.conditions if condition.quota is not None]
         rows.append(
             {
@@ -172,15 +171,9 @@ async def consort(name: str, admin: WatchDep, web: WebDep) -> Response:
 async def consort_of(web: Web, name: str, blind: bool) -> dict[str, Any]:
     """What the diagram shows: the flow, and how it splits into arms."""
     study_ids, study = study_at(web, name)
-    counts = await web.database.read(overview.flow, study_ids)
-    excluded = await web.database.read(overview.excluded, study_ids)
-    way = steps(study, study.conditions[0].name, study.seed)
-    names = arm_names(study, blind)
-    return {
-        "title": study.title.of("en"),
-        "flow": flow_of(way, counts, excluded),
-        "arms": arms_of(study, counts, names, blind),
-    }
+    held = await web.database.read(stock, study_ids)
+    arms = arms_of(study, held, arm_names(study, blind), blind)
+    return {"title": study.title.of("en"), "flow": flow_of(study, held), "arms": arms}
 
 
 def _game(study: Study, played: Played) -> dict[str, Any]:

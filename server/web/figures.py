@@ -3,7 +3,6 @@
 import asyncio
 import shutil
 import time
-from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -12,27 +11,16 @@ from sqlalchemy import Connection
 
 from server.store import decisions, overview
 from server.store.accuracy import Accuracy, wilson
-from server.store.overview import Counts, Person
+from server.store.overview import Person
 from server.study.plan import Study
-from server.study.steps import PHASES, Step, steps
+from server.study.steps import Step, steps
 from server.web.admin_page import arm_names
+from server.web.flow import GONE, arms_of, flow_of, stock
 from server.web.live import Live
 from server.web.studies import Studies
 
 FRESH_S = 1.8
 ACCURACY_EVERY_S = 10.0
-_REACHED = {
-    "introduction": "Consented",
-    "practice": "Began practice",
-    "rounds": "Began episodes",
-    "finish": "Last pages",
-}
-_GONE = {
-    "timed_out": "not seen for too long",
-    "returned": "place released",
-    "screened_out": "screened out",
-    "withdrawn": "withdrew",
-}
 
 
 class Figures:
@@ -66,10 +54,9 @@ class Figures:
     def _read(
         self, connection: Connection, study_ids: tuple[int, ...], study: Study, tab: str, blind: bool
     ) -> dict[str, Any]:
-        counts = overview.flow(connection, study_ids)
+        held = stock(connection, study_ids)
         names = arm_names(study, blind)
         took = overview.minutes(connection, study_ids)
-        way = steps(study, study.conditions[0].name, study.seed)
         rows = overview.people(connection, study_ids, tab)
         shown = {} if blind else names
         return {
@@ -77,8 +64,8 @@ class Figures:
             "tab": tab,
             "here": overview.here_now(connection, study_ids),
             "minutes": [round(_quantile(took, part), 1) for part in (0.25, 0.5, 0.75)] if took else None,
-            "arms": arms_of(study, counts, names, blind),
-            "flow": flow_of(way, counts, overview.excluded(connection, study_ids)),
+            "arms": arms_of(study, held, names, blind),
+            "flow": flow_of(study, held),
             "stored": overview.stored(connection, study_ids),
             "paused": study.name in decisions.paused_studies(connection),
             "troubles": [
@@ -95,7 +82,7 @@ class Figures:
             "id": person.id,
             "who": f"{'B' if person.simulated else 'P'}-{person.number:03d}",
             "status": person.status,
-            "now": step_name(step) if person.status == "active" else _GONE.get(person.status, "completed"),
+            "now": step_name(step) if person.status == "active" else GONE.get(person.status, "completed"),
             "done": person.position if person.status != "completed" else len(way),
             "steps": len(way),
             "seen_s": max(0, round((datetime.now(UTC) - person.last_seen_at).total_seconds())),
@@ -139,47 +126,6 @@ def step_name(step: Step) -> str:
     return words.get(step.kind, (step.page or step.kind).replace("_", " ").capitalize())
 
 
-def arms_of(study: Study, counts: Counts, names: dict[str, str], blind: bool) -> list[dict[str, Any]]:
-    """Each condition against its plan."""
-    rows = []
-    for condition in study.conditions:
-        mine = {key: count for key, count in counts.items() if key[0] == condition.name}
-        rows.append(
-            {
-                "name": names[condition.name],
-                "kind": "" if blind else condition.predictor,
-                "completed": _sum(mine, lambda status, _: status == "completed"),
-                "active": _sum(mine, lambda status, _: status == "active"),
-                "dropped": _sum(mine, lambda status, _: status in overview.DROPPED),
-                "target": condition.quota,
-            }
-        )
-    return sorted(rows, key=lambda row: str(row["name"])) if blind else rows
-
-
-def flow_of(way: tuple[Step, ...], counts: Counts, excluded: int) -> list[dict[str, Any]]:
-    """From consent to the analysis: how many got so far, who is there now, who left and why. Consent comes first."""
-    phases = [phase for phase in PHASES if any(step.phase == phase for step in way)]
-    nodes: list[dict[str, Any]] = []
-    for phase in phases:
-        inside = [index for index, step in enumerate(way) if step.phase == phase and step.kind != "thanks"]
-        if not inside:
-            continue
-        first, last = (0 if not nodes else min(inside)), max(inside)
-        here = {key: count for key, count in counts.items() if first <= min(key[2], len(way) - 1) <= last}
-        lost = {
-            word: _sum(here, lambda found, _, status=status: found == status)  # type: ignore[misc]
-            for status, word in _GONE.items()
-        }
-        reached = _sum(counts, lambda status, position, first=first: status == "completed" or position >= first)  # type: ignore[misc]
-        active = _sum(here, lambda status, _: status == "active")
-        nodes.append({"name": _REACHED.get(phase, phase), "reached": reached, "here": active, "lost": _some(lost)})
-    completed = _sum(counts, lambda status, _: status == "completed")
-    nodes.append({"name": "Completed", "reached": completed, "here": 0, "lost": _some({"excluded": excluded})})
-    nodes.append({"name": "Analysable", "reached": completed - excluded, "here": 0, "lost": {}})
-    return nodes
-
-
 def accuracy_of(accuracy: Accuracy) -> dict[str, Any]:
     """Shares with intervals, per agent and layout, each over its three steps and for each step alone."""
     rows = []
@@ -192,14 +138,6 @@ def accuracy_of(accuracy: Accuracy) -> dict[str, Any]:
     asked = sum(sum(hits.asked) for hits in accuracy.hits.values())
     overall = [round(value, 4) for value in wilson(right, asked)] if asked else None
     return {"rows": rows, "overall": overall, "n": asked, "waiting": accuracy.waiting}
-
-
-def _sum(counts: Counts, wanted: Callable[[str, int], bool]) -> int:
-    return sum(count for (_, status, position), count in counts.items() if wanted(status, position))
-
-
-def _some(counts: dict[str, int]) -> dict[str, int]:
-    return {word: count for word, count in counts.items() if count}
 
 
 def _quantile(ordered: list[float], part: float) -> float:

@@ -15,7 +15,7 @@ from server.study.assignment import StudyFullError
 from server.study.plan import Study
 from server.study.questionnaire import Checked, Fault, asked, check_answers, is_attentive, is_correct
 from server.study.steps import Step
-from server.web import walk
+from server.web import arrivals, walk
 from server.web.auth import set_cookie
 from server.web.deps import FormDep, OpenStudyDep, Page, ParticipantDep, Web, WebDep, page
 from server.web.forms import Form, first
@@ -23,6 +23,7 @@ from server.web.recruiting import is_preview, recruitment_of
 from server.web.views import Filled, consent_context, render_step
 
 router = APIRouter()
+router.include_router(arrivals.router)
 SEE_OTHER = 303
 CHECK_S = 15
 MOST_ECHOES = 20
@@ -52,9 +53,17 @@ async def consent_page(request: Request, opened: OpenStudyDep, web: WebDep, part
         return shown
     if person is None and study.recruitment.required:
         return made.render("participant/link_needed.html", 400)
+    if before is None and await web.database.read(walk.is_paused, study.name):
+        return _paused(made)
     context = consent_context(study, made.language, person, extra, secrets.token_urlsafe(24))
     template = "participant/welcome_back.html" if before is not None else "participant/consent.html"
     return made.render(template, **context)
+
+
+def _paused(made: Page) -> Response:
+    response = made.render("participant/paused.html", 503)
+    response.headers["Retry-After"] = "60"
+    return response
 
 
 def _in_mturk(made: Page, study: Study) -> Response | None:
@@ -92,6 +101,8 @@ async def consent(request: Request, opened: OpenStudyDep, web: WebDep, form: For
     arrival = walk.Arrival(study.name, token, made.language, person, extra, first(form, "simulated") == "yes")
     try:
         await web.database.write(walk.enrol, web.studies, arrival)
+    except walk.StudyPaused:
+        return _paused(made)
     except StudyFullError:
         return made.render("participant/full.html", 409)
     response = _to(f"/s/{study.name}/now")

@@ -75,7 +75,7 @@ def enrol(connection: Connection, all_studies: Studies, arrival: Arrival) -> Par
     if opened is None:
         raise KeyError(arrival.study)
     study_id, study = opened
-    if study.name in decisions.paused_studies(connection):
+    if is_paused(connection, study.name):
         raise StudyPaused(study.name)
     release(connection, study_id, study)
     row = studies.get(connection, study_id)
@@ -91,6 +91,11 @@ def enrol(connection: Connection, all_studies: Studies, arrival: Arrival) -> Par
         personal=arrival.extra,
     )
     return participants.create(connection, new)
+
+
+def is_paused(connection: Connection, study: str) -> bool:
+    """Whether a researcher has paused the study."""
+    return study in decisions.paused_studies(connection)
 
 
 def held(connection: Connection, study_id: int) -> dict[str, Count]:

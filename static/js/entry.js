@@ -1,10 +1,38 @@
-// Checks before consent whether the game will run on this device. Sends nothing about it: the page alone decides.
+// Checks before consent whether the game will run on this device. The page alone decides; the server only counts, and
+// learns nothing about who came.
 
 const TRIES = 7, PATIENCE_MS = 8000;
 const box = document.getElementById('entry');
 const [text, faults, agree, again, unsuitable, decline] = ['entry-text', 'entry-faults', 'agree', 'again', 'unsuitable', 'decline'].map((id) => document.getElementById(id));
 const wanted = JSON.parse(box.dataset.checks);
 const words = JSON.parse(box.dataset.words);
+
+const counting = `arrival ${box.dataset.count}`;
+
+/** How this tab was counted last; a browser that keeps nothing is counted anew at each visit. */
+function counted(now) {
+  try {
+    const before = sessionStorage.getItem(counting);
+    if (now) sessionStorage.setItem(counting, now);
+    return before;
+  } catch {
+    return null;
+  }
+}
+
+function count(kind, reason = '') {
+  const token = document.querySelector('#consent [name=form_token]').value;
+  navigator.sendBeacon(box.dataset.count, new URLSearchParams({ form_token: token, kind, reason }));
+}
+
+/** Each tab counts once as opened, and as unsuitable for one reason as long as it is. */
+function countCheck(reason) {
+  const before = counted(reason || 'good');
+  if (before === null) count('opened');
+  const failed = before !== null && before !== 'good' && before !== 'declined';
+  if (reason && !failed) count('unsuitable', reason);
+  if (!reason && failed) count('suitable', before);
+}
 
 const fill = (key, numbers) => words[key].replace(/\{(\w+)\}/g, (_, name) => numbers[name]);
 
@@ -42,14 +70,16 @@ function roundTrips() {
   });
 }
 
+/** What is wrong with the connection, as [reason, words]; no words where nothing is. */
 async function connectionFault() {
-  if (!wanted.websocket && !wanted.latency_ms) return null;
+  if (!wanted.websocket && !wanted.latency_ms) return ['latency', null];
   try {
     const times = (await roundTrips()).sort((a, b) => a - b);
     const latency = Math.round(times[times.length >> 1]);
-    return wanted.latency_ms && latency > wanted.latency_ms ? fill('latency', { latency, limit: wanted.latency_ms }) : null;
+    const slow = wanted.latency_ms && latency > wanted.latency_ms;
+    return ['latency', slow ? fill('latency', { latency, limit: wanted.latency_ms }) : null];
   } catch {
-    return words.websocket;
+    return ['websocket', words.websocket];
   }
 }
 
@@ -57,11 +87,12 @@ async function check() {
   box.dataset.state = 'waiting';
   text.textContent = words.wait;
   faults.hidden = true;
-  const found = [screenFault(), inputFault(), await connectionFault()].filter(Boolean);
+  const found = [['screen', screenFault()], ['input', inputFault()], await connectionFault()].filter(([, fault]) => fault);
   const good = found.length === 0;
+  countCheck(good ? '' : found[0][0]);
   box.dataset.state = good ? 'good' : 'bad';
   text.textContent = good ? words.good : words.unsuitable_title;
-  faults.replaceChildren(...found.map((fault) => Object.assign(document.createElement('li'), { textContent: fault })));
+  faults.replaceChildren(...found.map(([, fault]) => Object.assign(document.createElement('li'), { textContent: fault })));
   faults.hidden = good;
   agree.disabled = !good;
   agree.hidden = !good;
@@ -71,4 +102,5 @@ async function check() {
 }
 
 again.addEventListener('click', check);
+decline.addEventListener('click', () => { if (counted('declined') !== 'declined') count('declined'); });
 await check();

@@ -6,7 +6,7 @@ def test_arrivals_are_counted_by_kind_and_reason(url: str) -> None:
     with Database(url) as database:
         study = database.write_now(studies.register, "ring", "name: ring").id
         other = database.write_now(studies.register, "matrix", "name: matrix").id
-        for kind, reason in (("opened", ""), ("opened", ""), ("opened", ""), ("unsuitable", "screen"), ("declined", "")):
+        for kind, reason in (*[("opened", "")] * 3, ("unsuitable", "screen"), ("declined", "")):
             database.write_now(arrivals.count, study, kind, reason)
         database.write_now(arrivals.count, other, "opened")
         found = database.read_now(arrivals.of_study, (study,))

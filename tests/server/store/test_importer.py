@@ -7,7 +7,7 @@ import pytest
 from study_data import SPEC, fill, new_participant, played
 
 import kitchenmind
-from server.store import answers, decisions, episodes, events, participants, studies, ticks
+from server.store import answers, arrivals, decisions, episodes, events, participants, studies, ticks
 from server.store.database import Database
 from server.store.withdrawal import withdraw
 
@@ -35,6 +35,8 @@ def export(url: str, tmp_path: Path) -> Iterator[Path]:
         database.write_now(decisions.restore, 1, "anna")
         when = database.read_now(participants.of_study, study)[0].started_at
         database.write_now(events.add, events.Event("server_started", when))
+        database.write_now(arrivals.count, study, "opened")
+        database.write_now(arrivals.count, study, "unsuitable", "screen")
         assert kitchenmind.main(["export", "--database", url, "--out", str(tmp_path / "first")]) == 0
         yield tmp_path / "first"
 
@@ -51,7 +53,7 @@ def test_imported_export_exports_to_the_same_files(export: Path, kept: str, tmp_
     paths = [
         path.relative_to(export) for path in export.rglob("*") if path.parent.name in ("data", "parquet", "studies")
     ]
-    assert len(paths) == 10 + 10 + 3
+    assert len(paths) == 11 + 11 + 3
     same, different, missing = filecmp.cmpfiles(export, tmp_path / "second", map(str, paths), shallow=False)
     assert (different, missing) == ([], [])
     assert len(same) == len(paths)

@@ -8,6 +8,7 @@ from html import unescape
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
+from xml.etree import ElementTree
 
 import httpx
 import pytest
@@ -28,6 +29,7 @@ from server.web.admin_auth import Tries
 from server.web.control import Control
 from server.web.episodes import episode_spec, layout_of
 from server.web.figures import Figures
+from server.web.flow import flow_of, stock
 from server.web.live import Live
 from server.web.socket import Sockets
 
@@ -266,6 +268,26 @@ def test_a_blinded_researcher_is_sent_neither_conditions_nor_marks(site: Site) -
     assert [entry.action for entry in site.database.read_now(audit.entries)][-1] == "blind mode off"
 
 
+def test_the_flow_begins_with_the_links_that_were_opened(site: Site) -> None:
+    visitor = Visitor(site)
+    visitor.get("/s/small")
+    form = visitor.fields("/consent")
+    for kind, reason in (("opened", ""), ("opened", ""), ("opened", ""), ("unsuitable", "screen"), ("declined", "")):
+        assert visitor.send("/s/small/arrivals", form | {"kind": kind, "reason": reason}).status_code == 204
+    assert visitor.send("/s/small/arrivals", form | {"kind": "hello"}).status_code == 400
+    assert visitor.send("/s/small/arrivals", {"kind": "opened"}).status_code == 403
+    Visitor(site).consent("small")
+    numbers = site.studies.versions("small")
+    nodes = flow_of(site.studies.of(site.only("small")), site.database.read_now(stock, numbers))
+    assert [(node["name"], node["reached"], node["lost"]) for node in nodes][:2] == [
+        ("Opened the link", 3, {"screen too small": 1, "declined": 1}),
+        ("Consented", 1, {}),
+    ]
+    diagram = signed_in(site, "watch").get("/admin/s/small/consort.svg").text
+    assert "Not enrolled (n = 2)" in diagram
+    assert ElementTree.fromstring(diagram).tag.endswith("svg")
+
+
 def test_a_replay_says_whether_every_state_is_the_stored_one(site: Site) -> None:
     episode = played(site, timesteps=12)
     researcher = signed_in(site, "watch")
@@ -290,10 +312,17 @@ def test_the_accuracy_of_a_replay_counts_what_was_done_in_the_timestep_foretold(
 
 
 def test_a_paused_study_lets_nobody_in_until_it_is_resumed(site: Site) -> None:
+    waiting = Visitor(site)
+    boxes = dict.fromkeys(re.findall(r'name="(box_\d+)"', waiting.get("/s/small").text), "yes")
+    form = waiting.fields("/consent") | boxes
     researcher = signed_in(site, "act")
     researcher.get("/admin/s/small")
     assert "is paused" in researcher.post("/admin/s/small/pause", note="the room is dark").text
-    assert Visitor(site).consent("small").status_code == 409
+    assert waiting.send("/s/small/consent", form).status_code == 503, "whoever reads the consent page has to wait too"
+    newcomer = Visitor(site).get("/s/small?lang=en&PROLIFIC_PID=x")
+    assert newcomer.status_code == 503
+    assert "paused this study for a while" in newcomer.text
+    assert "PROLIFIC_PID=x" in newcomer.text, "the link stays whole"
     assert site.everybody("small") == []
     researcher.get("/admin/s/small")
     researcher.post("/admin/s/small/resume", note="light again")
