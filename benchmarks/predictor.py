@@ -2,13 +2,17 @@
 
 import argparse
 import json
+import os
 import time
+
+os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
 
 import numpy as np
 import torch
 
-from models.predictor import PredictorConfig, PredictorNetwork
-from models.predictor_at_work import at_work, multiplies_in_half
+from models.network_config import PredictorConfig
+from models.predictor import PredictorNetwork
+from models.predictor_at_work import at_work
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
 
@@ -19,7 +23,9 @@ def predictions_per_second(form: str, layout_name: str, games: int, seconds: flo
     """The median over rounds of ten timesteps, each with new states, as a worker is asked."""
     layout = load_layout(layout_name)
     torch.manual_seed(0)
-    predictor = at_work(PredictorNetwork(layout, PredictorConfig(form=form)), multiplies_in_half())
+    config = PredictorConfig(form=form)
+    tensors = {name: tensor.numpy() for name, tensor in PredictorNetwork(layout, config).state_dict().items()}
+    predictor = at_work(config, tensors, layout)
     slots = np.arange(games)
     observations = Kitchens.start(layout, games).encode()[:, 0].copy()
     actions = np.random.default_rng(0).integers(0, 6, (games, 2)).astype(np.int8)
@@ -40,7 +46,6 @@ def main() -> None:
     parser.add_argument("--layout", default="coordination_ring")
     parser.add_argument("--seconds", type=float, default=2.0, help="measured for each figure")
     arguments = parser.parse_args()
-    torch.set_num_threads(1)
     rows = [
         {
             "form": form,

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 from models import planner, scripted
 from models.blackbox import is_foreign, load_foreign_agent
+from models.checkpoint import SUMS, CheckpointError, load_checkpoint
+from models.policy_at_work import policy_at_work
 from models.protocols import Mode, Policy
 from overcooked.layout import Layout
 
@@ -60,19 +62,16 @@ def _load(name: str, layout: Layout) -> Agent:
     if is_foreign(name):
         return Agent(*load_foreign_agent(name, layout))
     if name in SCRIPTED:
-        policy, mode = SCRIPTED[name]
-        return Agent(policy(), mode)
-    from models.checkpoint import CheckpointError, load_checkpoint  # the others need no torch
-    from models.policy import NetworkPolicy, network_of
-
+        scripted_policy, mode = SCRIPTED[name]
+        return Agent(scripted_policy(), mode)
     checkpoint = load_checkpoint(agent_folder(name, layout))
-    network, trained_on, _ = network_of(checkpoint)
+    policy, trained_on = policy_at_work(checkpoint)
     if trained_on.text != layout.text:
         raise CheckpointError(
             f"{checkpoint.folder}: this agent was trained on another grid ({trained_on.name}) and cannot play "
             f"{layout.name}. Choose one of: {', '.join(agent_names(layout.name))}."
         )
-    return Agent(NetworkPolicy(network), Mode(**checkpoint.config["mode"]))
+    return Agent(policy, Mode(**checkpoint.config["mode"]))
 
 
 def agent_folder(name: str, layout: Layout) -> Path:
@@ -87,8 +86,6 @@ def agent_folder(name: str, layout: Layout) -> Path:
 def agent_sha256(name: str, layout: Layout) -> str:
     """What names exactly this agent in data: its checkpoint's sha256, for a scripted one the hash of name and mode,
     for a foreign one that of its file or name."""
-    from models.checkpoint import SUMS
-
     base, _ = _parts(name)
     if is_foreign(base):
         return sha256(Path(base).read_bytes() if Path(base).is_file() else base.encode()).hexdigest()

@@ -1,18 +1,20 @@
 """A network on disk: one folder with config.json, weights.safetensors, card.md and sha256. A changed byte is refused.
 
-It knows nothing of what the network is; `policy` and the predictors say that in the config. No pickle.
+It knows nothing of what the network is; `policy` and the predictors say that in the config. No pickle, no torch.
 """
 
 import hashlib
 import json
 import os
 import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import torch
-from safetensors.torch import load, save
+import numpy as np
+from numpy.typing import NDArray
+from safetensors.numpy import load, save
 
 CONFIG, WEIGHTS, CARD, SUMS = "config.json", "weights.safetensors", "card.md", "sha256"
 FILES = (CONFIG, WEIGHTS, CARD)
@@ -28,25 +30,23 @@ class Checkpoint:
 
     folder: Path
     config: dict[str, Any]
-    tensors: dict[str, torch.Tensor]
+    tensors: dict[str, NDArray[Any]]
     card: str
     sha256: str
 
 
 def save_checkpoint(
-    folder: Path, config: dict[str, Any], tensors: dict[str, torch.Tensor], card: str, half: bool = False
+    folder: Path, config: dict[str, Any], tensors: Mapping[str, Any], card: str, half: bool = False
 ) -> str:
     """Writes the folder (all or nothing: an old one is replaced at the end) and returns its sha256.
 
-    `half` stores floating tensors as 16 bits, half the bytes; check that the network still does what its card says.
+    `tensors`: arrays, or torch's without a gradient. `half` stores floating ones as 16 bits, half the bytes; check that
+    the network still does what its card says.
     """
     new = folder.with_name(f".{folder.name}.new-{os.getpid()}")
     shutil.rmtree(new, ignore_errors=True)
     new.mkdir(parents=True)
-    stored = {
-        name: (tensor.half() if half and tensor.is_floating_point() else tensor).detach().contiguous()
-        for name, tensor in tensors.items()
-    }
+    stored = {name: _stored(np.asarray(tensor), half) for name, tensor in tensors.items()}
     (new / WEIGHTS).write_bytes(save(stored))
     (new / CONFIG).write_text(json.dumps(config, indent=2) + "\n", encoding="utf-8")
     (new / CARD).write_text(card.rstrip() + "\n", encoding="utf-8")
@@ -66,7 +66,7 @@ def load_checkpoint(folder: Path | str) -> Checkpoint:
     try:
         config = json.loads(content[CONFIG])
         tensors = {
-            name: tensor.float() if tensor.dtype == torch.half else tensor
+            name: tensor.astype(np.float32 if tensor.dtype == np.float16 else tensor.dtype)
             for name, tensor in load(content[WEIGHTS]).items()
         }
     except Exception as error:
@@ -74,6 +74,10 @@ def load_checkpoint(folder: Path | str) -> Checkpoint:
             f"{folder}: unreadable though its sums are right ({error}). Train or fetch it again."
         ) from error
     return Checkpoint(folder, config, tensors, content[CARD].decode(), _digest((folder / SUMS).read_bytes()))
+
+
+def _stored(tensor: NDArray[Any], half: bool) -> NDArray[Any]:
+    return tensor.astype(np.float16 if half and tensor.dtype.kind == "f" else tensor.dtype, order="C")
 
 
 def _expected(folder: Path) -> dict[str, str]:

@@ -4,33 +4,21 @@
 `mlp` reads the flat encoding, but only the entries that can change in its layout: small, quick, bound to that layout.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, cast
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from models.checkpoint import Checkpoint, CheckpointError, load_checkpoint, save_checkpoint
+from models.columns import varying_columns
+from models.network_config import LEAK, NetworkConfig
 from models.protocols import Mode, Observations, Probabilities
-from overcooked.constants import ACTIONS, COOKING, DISH, FLOOR, HORIZON, ONION, ONIONS_PER_SOUP, READY, SOUP
+from overcooked.constants import ACTIONS
 from overcooked.layout import Layout, parse_layout
 from overcooked.observe import PLANES
-from overcooked.state import Kitchens
-
-LEAK = 0.01  # of the leaky ReLU below zero
-
-
-@dataclass(frozen=True)
-class NetworkConfig:
-    """Which network; frozen with the weights."""
-
-    kind: str = "mlp"  # "cnn" (the paper's) or "mlp"
-    filters: int = 25  # of each convolution (cnn)
-    hidden: tuple[int, ...] = (128, 64, 64)  # widths of the fully connected layers; the paper's CNN has (64, 64, 64)
 
 
 class Head(nn.Module):
@@ -129,37 +117,6 @@ class MlpPolicy(nn.Module):
         return first.weight * self.scale, first.bias
 
 
-def varying_columns(layout: Layout, distinct: bool = True) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Which entries of the flat encoding (width * height * 26) ever change in a layout, and the largest value of each.
-
-    Found by looking: one state for every chef's cell, facing and hand, every item on every counter, every pot's
-    contents and the end of the episode. `distinct` keeps one of entries that are always equal (the urgency plane).
-    """
-    seen = _all_single_changes(layout).encode(horizon=HORIZON)[:, 0].reshape(-1, layout.width * layout.height * PLANES)
-    changes = (seen != seen[0]).any(axis=0)
-    columns = np.flatnonzero(changes)
-    if distinct:
-        _, first = np.unique(seen[:, columns], axis=1, return_index=True)
-        columns = columns[np.sort(first)]
-    return columns.astype(np.int64), seen[:, columns].max(axis=0).astype(np.float32)
-
-
-def _all_single_changes(layout: Layout) -> Kitchens:
-    """States that differ from the start in one thing each (two chefs may share a cell: only the encoding looks)."""
-    floor = np.argwhere(layout.tiles == FLOOR)
-    chefs = [(k, x, y, f, h) for k in range(2) for x, y in floor.tolist() for f in range(4) for h in range(4)]
-    pots = [c for c in range(1, READY + 1) if c not in (ONIONS_PER_SOUP, COOKING)]
-    things = [(x, y, c) for x, y in layout.pots.tolist() for c in pots]
-    things += [(x, y, c) for x, y in layout.counters.tolist() for c in (ONION, DISH, SOUP)]
-    states = Kitchens.start(layout, 2 + len(chefs) + len(things))
-    states.timestep[1] = HORIZON - 1
-    for game, (k, *row) in enumerate(chefs, start=2):
-        states.players[game, k] = row
-    for game, (x, y, inside) in enumerate(things, start=2 + len(chefs)):
-        states.contents[game, x, y] = inside
-    return states
-
-
 Network = CnnPolicy | MlpPolicy
 
 
@@ -206,7 +163,7 @@ def network_of(checkpoint: Checkpoint) -> tuple[Network, Layout, NetworkConfig]:
         layout = parse_layout(config["grid"], config["layout"])
         settings = NetworkConfig(**{**config["network"], "hidden": tuple(config["network"]["hidden"])})
         network = build_network(settings, layout)
-        network.load_state_dict(checkpoint.tensors)
+        network.load_state_dict({name: torch.from_numpy(array) for name, array in checkpoint.tensors.items()})
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise CheckpointError(f"{checkpoint.folder}: this is no agent that I understand ({error}).") from error
     return network, layout, settings

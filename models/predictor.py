@@ -6,7 +6,7 @@ one token where keys and values are kept (models.predictor_at_work). It must not
 """
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -17,36 +17,15 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from models.checkpoint import Checkpoint, CheckpointError, save_checkpoint
-from models.policy import ConvolutionalFeatures, varying_columns
+from models.columns import varying_columns
+from models.network_config import ROTARY_BASE, PredictorConfig
+from models.policy import ConvolutionalFeatures
 from models.protocols import HISTORY, STEPS
 from overcooked.constants import ACTIONS, PLAYERS
 from overcooked.layout import Layout, parse_layout
 from overcooked.observe import PLANES
 
 JOINT = PLAYERS * ACTIONS  # a joint action, one-hot
-_ROTARY_BASE = 100.0
-
-
-@dataclass(frozen=True)
-class PredictorConfig:
-    """Which transformer; frozen with the weights. Numbers without a comment are the paper's."""
-
-    form: str = "stream"  # or "window"
-    eyes: str = "columns"  # "columns": the entries of the encoding that can change; "cnn": lent convolutions, frozen
-    filters: int = 25  # of each lent convolution
-    hidden: int = 128
-    layers: int = 4
-    heads: int = 8
-    feed_forward: int = 512  # the paper is silent
-    state_width: int = 256  # between the eyes and the tokens; the paper is silent
-    action_width: int = 32  # of a joint action's embedding; the paper is silent
-    look_back: int = 16  # stream: timesteps that a layer sees, the current one included
-    dropout: float = 0.1  # while training
-
-    @property
-    def memory(self) -> int:
-        """How many timesteps can matter to an answer."""
-        return HISTORY if self.form == "window" else self.layers * (self.look_back - 1) + 1
 
 
 class Eyes(nn.Module):
@@ -175,7 +154,7 @@ def banded_attention(q: Tensor, k: Tensor, v: Tensor, look_back: int) -> Tensor:
 
 def rotations(timesteps: Tensor, dim: int) -> Tensor:
     """(T, dim / 2, 2): cosine and sine by which a query or key of each timestep is turned. [rotary positions]"""
-    speeds = torch.exp(-math.log(_ROTARY_BASE) * torch.arange(dim // 2) / (dim // 2))
+    speeds = torch.exp(-math.log(ROTARY_BASE) * torch.arange(dim // 2) / (dim // 2))
     angles = timesteps[:, None] * speeds
     return torch.stack([angles.cos(), angles.sin()], -1)
 
@@ -214,7 +193,7 @@ def predictor_network(checkpoint: Checkpoint) -> tuple[PredictorNetwork, Layout]
     try:
         layout = parse_layout(config["grid"], config["layout"])
         network = PredictorNetwork(layout, PredictorConfig(**config["network"]))
-        network.load_state_dict(checkpoint.tensors)
+        network.load_state_dict({name: torch.from_numpy(array) for name, array in checkpoint.tensors.items()})
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise CheckpointError(f"{checkpoint.folder}: this is no predictor that I understand ({error}).") from error
     return network.eval(), layout

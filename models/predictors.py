@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.blackbox import is_foreign, load_foreign_predictor
+from models.predictor_at_work import load_trained_predictor
 from models.protocols import STEPS, Observations, Predictions, Predictor
 from models.scripted import GuidePredictor
 from overcooked.constants import ACTIONS
@@ -42,8 +43,6 @@ def _load(name: str, layout: Layout) -> tuple[Predictor, float]:
     if not (folder / "config.json").is_file():
         known = ", ".join([*predictor_names(layout), RANDOM, GUIDE])
         raise UnknownPredictor(f"{layout.name} has no predictor {name!r}. Known there: {known}.")
-    from models.predictor_at_work import load_trained_predictor  # the others need no torch
-
     return load_trained_predictor(folder, layout)
 
 

@@ -26,7 +26,6 @@ LONG_FUNCTIONS = {
     "training.commands.predictor.run": "one command from top to bottom: what it reads, trains and ships",
 }
 MANY_ARGUMENTS = {
-    "models.predictor_at_work._attention": "part of a graph that is exported: tensors one by one",
     "training.ppo.ppo_loss": "what the formula has, by name",
 }
 

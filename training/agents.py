@@ -9,7 +9,8 @@ import torch
 from safetensors.torch import load_file
 
 from models.checkpoint import load_checkpoint
-from models.policy import Network, NetworkConfig, build_network, save_agent
+from models.network_config import NetworkConfig
+from models.policy import Network, build_network, save_agent
 from models.protocols import Mode
 from overcooked.layout import Layout, parse_layout
 from training.config import AgentConfig, changed, differences

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from torch.nn import functional
 
 from models.catalogue import WEIGHTS
-from models.policy import MlpPolicy, NetworkConfig, build_network, save_agent
+from models.network_config import NetworkConfig
+from models.policy import MlpPolicy, build_network, save_agent
 from models.protocols import Mode
 from overcooked.layout import Layout, load_layout
 from overcooked.state import Kitchens

@@ -12,7 +12,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from models.policy import LEAK, CnnPolicy, MlpPolicy, Network, varying_columns
+from models.columns import varying_columns
+from models.network_config import LEAK
+from models.policy import CnnPolicy, MlpPolicy, Network
 from overcooked.layout import Layout
 
 

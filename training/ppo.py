@@ -15,7 +15,8 @@ from numba import njit
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from models.policy import Network, NetworkConfig, build_network
+from models.network_config import NetworkConfig
+from models.policy import Network, build_network
 from overcooked.constants import PLAYERS, USEFUL_DISH_PICKUP
 from overcooked.layout import Layout
 from overcooked.score import DISH_REWARD

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from models.predictor import PredictorConfig
+from models.network_config import PredictorConfig
 from training.config import ConfigError
 
 

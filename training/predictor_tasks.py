@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from models.predictor import PredictorConfig
+from models.network_config import PredictorConfig
 from overcooked.layout import Layout
 from training.collect import TEST, Plan, Target, collect
 from training.dataset import load_episodes

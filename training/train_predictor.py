@@ -16,8 +16,9 @@ from torch import Tensor
 from torch.nn import functional
 
 from models.checkpoint import load_checkpoint
+from models.network_config import PredictorConfig
 from models.policy import CnnPolicy, load_network
-from models.predictor import PredictorConfig, PredictorNetwork, predictor_network
+from models.predictor import PredictorNetwork, predictor_network
 from models.protocols import STEPS
 from overcooked.constants import ACTIONS
 from overcooked.layout import Layout

@@ -5,14 +5,10 @@ import pytest
 import torch
 
 from models.checkpoint import CheckpointError
-from models.predictor import (
-    PredictorConfig,
-    PredictorNetwork,
-    one_hot,
-    predictor_network,
-    save_predictor,
-)
-from models.predictor_at_work import at_work, load_trained_predictor
+from models.network_config import PredictorConfig
+from models.predictor import PredictorNetwork, one_hot, predictor_network, save_predictor
+from models.predictor_at_work import at_work as at_work_of
+from models.predictor_at_work import load_trained_predictor
 from models.protocols import HISTORY
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
@@ -27,6 +23,11 @@ def network(form, eyes="columns", seed=0):
         for parameter in made.parameters():
             parameter += 0.05 * torch.randn_like(parameter)
     return made.eval()
+
+
+def at_work(made):
+    tensors = {name: tensor.numpy() for name, tensor in made.state_dict().items()}
+    return at_work_of(made.config, tensors, RING)
 
 
 def played(games, timesteps, seed=0):
@@ -75,14 +76,6 @@ def test_timestep_by_timestep_equals_one_piece(form, eyes):
     expected = in_one_piece(made, observations, actions)
     assert np.abs(step_by_step(at_work(made), observations, actions) - expected).max() < 1e-4
     assert expected.std(axis=1).max() > 0.01
-
-
-@pytest.mark.parametrize("form", ["stream", "window"])
-def test_products_in_16_bits_say_nearly_the_same(form):
-    observations, actions = played(20, 15)
-    exact = step_by_step(at_work(network(form)), observations, actions)
-    quick = step_by_step(at_work(network(form), half=True), observations, actions)
-    assert 0 < np.abs(exact - quick).max() < 0.03
 
 
 @pytest.mark.parametrize("form", ["stream", "window"])

@@ -5,7 +5,7 @@ import pytest
 
 from models.catalogue import SCRIPTED, UnknownAgent, agent_names, agent_sha256, load_agent
 from models.checkpoint import CheckpointError
-from models.policy import varying_columns
+from models.columns import varying_columns
 from models.predictors import load_predictor
 from models.sight import sight
 from overcooked.constants import COOKING, FACING, HELD, ITEM_NAMES, NOTHING

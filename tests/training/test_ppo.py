@@ -7,7 +7,8 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from models.policy import NetworkConfig, build_network
+from models.network_config import NetworkConfig
+from models.policy import build_network
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
 from training.agents import snapshot_network, train_agent

@@ -7,8 +7,9 @@ import pytest
 import torch
 
 from models.catalogue import load_agent
-from models.policy import NetworkConfig, NetworkPolicy, build_network, save_agent
-from models.predictor import Eyes, PredictorConfig
+from models.network_config import NetworkConfig, PredictorConfig
+from models.policy import NetworkPolicy, build_network, save_agent
+from models.predictor import Eyes
 from models.protocols import Mode
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens

@@ -10,8 +10,9 @@ import torch
 import kitchenmind
 from models.catalogue import load_agent
 from models.checkpoint import load_checkpoint
-from models.policy import NetworkConfig, build_network, save_agent
-from models.predictor import PredictorConfig, PredictorNetwork, predictor_network
+from models.network_config import NetworkConfig, PredictorConfig
+from models.policy import build_network, save_agent
+from models.predictor import PredictorNetwork, predictor_network
 from models.predictor_at_work import load_trained_predictor
 from models.protocols import Mode
 from overcooked.layout import load_layout

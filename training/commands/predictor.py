@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """0 done, 1 time is over (the same command goes on). Raises ValueError or OSError for wrong input."""
     from models.checkpoint import load_checkpoint
-    from models.predictor import PredictorConfig
+    from models.network_config import PredictorConfig
     from overcooked.layout import load_layout
     from training.collect import TEST, read_manifest
     from training.dataset import load_episodes

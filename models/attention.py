@@ -1,0 +1,111 @@
+"""The parts of the transformers at work that numpy has no one call for, compiled: norms and attention over few tokens.
+
+Arrays are float32 and C-contiguous. It knows neither weights nor games.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+# Sums may be taken in any order (that is what lets them run in vectors); NaN and infinity stay what they are.
+_kernel = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "arcp", "nsz"})
+_NORM_EPSILON = 1e-5
+
+
+@_kernel
+def norm(x, weight, bias):
+    """Layer norm of each row of `x` (rows, hidden)."""
+    rows, hidden = x.shape
+    out = np.empty_like(x)
+    for row in range(rows):
+        total = np.float32(0)
+        for k in range(hidden):
+            total += x[row, k]
+        mean = total / np.float32(hidden)
+        squares = np.float32(0)
+        for k in range(hidden):
+            away = x[row, k] - mean
+            squares += away * away
+        scale = np.float32(1) / np.float32(math.sqrt(squares / np.float32(hidden) + np.float32(_NORM_EPSILON)))
+        for k in range(hidden):
+            out[row, k] = (x[row, k] - mean) * scale * weight[k] + bias[k]
+    return out
+
+
+@_kernel
+def look_back(qkv, ring, slots, timesteps, cosine, sine):
+    """One new token a game looks at itself and at what the ring keeps; its key and value join the ring.
+
+    `qkv` (games, 3, heads, dim), `ring` (slots, look_back, 2, heads, dim), `cosine`, `sine` (games, dim / 2): the
+    rotation of each game's timestep. Gives (games, heads * dim).
+    """
+    games, _, heads, dim = qkv.shape
+    kept, half = ring.shape[1], dim // 2
+    seen = np.zeros((games, heads * dim), np.float32)
+    query = np.empty(dim, np.float32)
+    weights = np.empty(kept, np.float32)
+    scale = np.float32(1 / math.sqrt(dim))
+    for game in range(games):
+        slot, now = slots[game], timesteps[game]
+        place, count = now % kept, min(now + 1, kept)
+        for head in range(heads):
+            for k in range(half):
+                c, s = cosine[game, k], sine[game, k]
+                first, second = qkv[game, 0, head, k], qkv[game, 0, head, k + half]
+                query[k], query[k + half] = (first * c - second * s) * scale, (first * s + second * c) * scale
+                first, second = qkv[game, 1, head, k], qkv[game, 1, head, k + half]
+                ring[slot, place, 0, head, k] = first * c - second * s
+                ring[slot, place, 0, head, k + half] = first * s + second * c
+            ring[slot, place, 1, head] = qkv[game, 2, head]
+            for past in range(count):
+                score = np.float32(0)
+                for k in range(dim):
+                    score += query[k] * ring[slot, past, 0, head, k]
+                weights[past] = score
+            _soften(weights, count)
+            for past in range(count):
+                for k in range(dim):
+                    seen[game, head * dim + k] += weights[past] * ring[slot, past, 1, head, k]
+    return seen
+
+
+@_kernel
+def look_around(qkv, present, first_query):
+    """Every token from `first_query` on looks at the last `present` (games,) tokens of its game, itself among them.
+
+    `qkv` (games, tokens, 3, heads, dim). Gives (games, tokens - first_query, heads * dim); zero for absent tokens.
+    """
+    games, tokens, _, heads, dim = qkv.shape
+    seen = np.zeros((games, tokens - first_query, heads * dim), np.float32)
+    weights = np.empty(tokens, np.float32)
+    scale = np.float32(1 / math.sqrt(dim))
+    for game in range(games):
+        begin = tokens - present[game]
+        for head in range(heads):
+            for token in range(max(begin, first_query), tokens):
+                for other in range(begin, tokens):
+                    score = np.float32(0)
+                    for k in range(dim):
+                        score += qkv[game, token, 0, head, k] * qkv[game, other, 1, head, k]
+                    weights[other - begin] = score * scale
+                _soften(weights, tokens - begin)
+                for other in range(begin, tokens):
+                    for k in range(dim):
+                        share = weights[other - begin] * qkv[game, other, 2, head, k]
+                        seen[game, token - first_query, head * dim + k] += share
+    return seen
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _soften(scores, count):
+    """Softmax of the first `count` scores, in place."""
+    most = scores[0]
+    for k in range(1, count):
+        most = max(most, scores[k])
+    total = np.float32(0)
+    for k in range(count):
+        scores[k] = np.exp(scores[k] - most)
+        total += scores[k]
+    for k in range(count):
+        scores[k] /= total

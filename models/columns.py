@@ -1,0 +1,40 @@
+"""Which entries of the encoding can change in a layout: what small networks look at. Numpy only, knows no network."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overcooked.constants import COOKING, DISH, FLOOR, HORIZON, ONION, ONIONS_PER_SOUP, READY, SOUP
+from overcooked.layout import Layout
+from overcooked.observe import PLANES
+from overcooked.state import Kitchens
+
+
+def varying_columns(layout: Layout, distinct: bool = True) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Which entries of the flat encoding (width * height * 26) ever change in a layout, and the largest value of each.
+
+    Found by looking: one state for every chef's cell, facing and hand, every item on every counter, every pot's
+    contents and the end of the episode. `distinct` keeps one of entries that are always equal (the urgency plane).
+    """
+    seen = _all_single_changes(layout).encode(horizon=HORIZON)[:, 0].reshape(-1, layout.width * layout.height * PLANES)
+    changes = (seen != seen[0]).any(axis=0)
+    columns = np.flatnonzero(changes)
+    if distinct:
+        _, first = np.unique(seen[:, columns], axis=1, return_index=True)
+        columns = columns[np.sort(first)]
+    return columns.astype(np.int64), seen[:, columns].max(axis=0).astype(np.float32)
+
+
+def _all_single_changes(layout: Layout) -> Kitchens:
+    """States that differ from the start in one thing each (two chefs may share a cell: only the encoding looks)."""
+    floor = np.argwhere(layout.tiles == FLOOR)
+    chefs = [(k, x, y, f, h) for k in range(2) for x, y in floor.tolist() for f in range(4) for h in range(4)]
+    pots = [c for c in range(1, READY + 1) if c not in (ONIONS_PER_SOUP, COOKING)]
+    things = [(x, y, c) for x, y in layout.pots.tolist() for c in pots]
+    things += [(x, y, c) for x, y in layout.counters.tolist() for c in (ONION, DISH, SOUP)]
+    states = Kitchens.start(layout, 2 + len(chefs) + len(things))
+    states.timestep[1] = HORIZON - 1
+    for game, (k, *row) in enumerate(chefs, start=2):
+        states.players[game, k] = row
+    for game, (x, y, inside) in enumerate(things, start=2 + len(chefs)):
+        states.contents[game, x, y] = inside
+    return states

@@ -1,0 +1,39 @@
+"""The shapes of our networks, frozen with their weights. Only numbers: no torch."""
+
+from dataclasses import dataclass
+
+from models.protocols import HISTORY
+
+LEAK = 0.01  # of the agents' leaky ReLU below zero
+ROTARY_BASE = 100.0  # of the predictors' rotary positions
+
+
+@dataclass(frozen=True)
+class NetworkConfig:
+    """Which network; frozen with the weights."""
+
+    kind: str = "mlp"  # "cnn" (the paper's) or "mlp"
+    filters: int = 25  # of each convolution (cnn)
+    hidden: tuple[int, ...] = (128, 64, 64)  # widths of the fully connected layers; the paper's CNN has (64, 64, 64)
+
+
+@dataclass(frozen=True)
+class PredictorConfig:
+    """Which transformer; frozen with the weights. Numbers without a comment are the paper's."""
+
+    form: str = "stream"  # or "window"
+    eyes: str = "columns"  # "columns": the entries of the encoding that can change; "cnn": lent convolutions, frozen
+    filters: int = 25  # of each lent convolution
+    hidden: int = 128
+    layers: int = 4
+    heads: int = 8
+    feed_forward: int = 512  # the paper is silent
+    state_width: int = 256  # between the eyes and the tokens; the paper is silent
+    action_width: int = 32  # of a joint action's embedding; the paper is silent
+    look_back: int = 16  # stream: timesteps that a layer sees, the current one included
+    dropout: float = 0.1  # while training
+
+    @property
+    def memory(self) -> int:
+        """How many timesteps can matter to an answer."""
+        return HISTORY if self.form == "window" else self.layers * (self.look_back - 1) + 1

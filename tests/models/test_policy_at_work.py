@@ -1,0 +1,64 @@
+"""An agent as it is served equals the network that was trained."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import torch
+
+from models.catalogue import load_agent
+from models.checkpoint import CheckpointError, save_checkpoint
+from models.network_config import NetworkConfig
+from models.policy import NetworkPolicy, build_network, load_network, save_agent
+from models.protocols import Mode
+from overcooked.layout import load_layout
+from overcooked.state import Kitchens
+
+RING = load_layout("coordination_ring")
+
+
+def states(games=30):
+    kitchens, draws = Kitchens.start(RING, games), np.random.default_rng(0)
+    for _ in range(60):
+        kitchens.step(draws.integers(0, 6, (games, 2)).astype(np.int8), np.zeros((games, 2), np.int32))
+    return kitchens.encode()[:, 1].copy()
+
+
+@pytest.mark.parametrize("kind", ["mlp", "cnn"])
+def test_a_served_agent_says_what_its_network_says(tmp_path, kind):
+    torch.manual_seed(0)
+    config = NetworkConfig(kind, hidden=(64, 64, 64))
+    network = build_network(config, RING)
+    torch.nn.init.normal_(network.head.policy.weight)
+    save_agent(tmp_path / "agent", network, config, RING, Mode(), "# Card", agent="sp")
+    expected = NetworkPolicy(load_network(tmp_path / "agent")).probabilities(states())
+    served = load_agent(str(tmp_path / "agent"), RING).policy.probabilities(states())
+    assert served.dtype == np.float32
+    assert np.abs(served - expected).max() < 1e-5
+    assert expected.std(axis=0).max() > 0.01
+
+
+def test_a_folder_with_other_weights_is_no_agent(tmp_path):
+    config = {
+        "format": "kitchenmind agent 1",
+        "grid": RING.text,
+        "layout": "x",
+        "network": {"kind": "mlp", "hidden": [4]},
+    }
+    save_checkpoint(tmp_path / "a", config, {"x": np.zeros(1, np.float32)}, "A card.")
+    with pytest.raises(CheckpointError, match="no agent that I understand"):
+        load_agent(str(tmp_path / "a"), RING)
+
+
+def test_shipped_agents_and_predictors_are_served_without_torch():
+    """It takes seconds to load and hundreds of megabytes to keep."""
+    code = """
+import sys
+from models.worker import Worker
+from models.wire import Load
+ring = "coordination_ring"
+Worker(Load(((ring, "sp"), (ring, "fcp")), ((ring, "sp_predictor_stream"),)))
+sys.exit("torch" in sys.modules)
+"""
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
