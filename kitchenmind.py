@@ -21,6 +21,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "verify": ("server.commands.verify", "re-simulate every stored episode and compare the hashes"),
     "backup": ("server.commands.backup", "copy a SQLite database while the server goes on"),
     "import": ("server.commands.importer", "read an export back into an empty database"),
+    "bots": ("server.commands.bots", "let simulated participants walk a study, and check every promise"),
     "report": ("analysis.commands.report", "analyse an exported study: a page, figures and a table of results"),
     "power": ("analysis.commands.power", "say how many participants a study needs"),
 }

@@ -12,12 +12,14 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Origin
 
-from models.planner import PlannerPolicy
 from models.protocols import Policy
 from overcooked.constants import INTERACT, ITEM_NAMES, STAY
 from overcooked.layout import Layout, parse_layout
 from overcooked.state import Kitchens
+from server.bot_cook import Cook, Impression, Traits
 from server.play import messages
+from server.play.overlay import NOTHING_SHOWN
+from server.study.order import derived_seed
 
 _decoder = msgspec.json.Decoder(messages.Outgoing)
 _encoder = msgspec.json.Encoder()
@@ -29,12 +31,16 @@ _FINAL: Final = frozenset({1008, 4001, 4004})  # close codes after which there i
 class Journal:
     """What one participant sent and saw, to be held against the database afterwards."""
 
-    inputs: list[tuple[str, int, int | None]] = field(default_factory=list)  # episode, seq, tap
+    inputs: list[tuple[str, int, int]] = field(default_factory=list)  # episode, timestep seen, action
     states: dict[tuple[str, int], str] = field(default_factory=dict)  # (episode, timestep) -> hash of the state seen
     ended: dict[str, dict[str, Any]] = field(default_factory=dict)  # episode -> its Ended message
     pages: list[str] = field(default_factory=list)  # step keys in the order in which they were shown
+    answers: list[tuple[str, dict[str, Any]]] = field(default_factory=list)  # step key, what was sent
+    games: dict[str, messages.Welcome] = field(default_factory=dict)  # episode -> how it was introduced
+    impressions: list[Impression] = field(default_factory=list)  # of the episodes played to their end
     violations: list[str] = field(default_factory=list)
     reconnects: int = 0
+    reloads: int = 0
     code: str | None = None
 
 
@@ -58,29 +64,43 @@ class Kitchen:
         )
         return self._state.hash()
 
+    @property
+    def now(self) -> Kitchens:
+        """The state shown last, to keep."""
+        return self._state.copy()
+
     def decide(self, policy: Policy) -> int:
         """What a cook with this policy would do now."""
         seen = self._state.encode(horizon=self.horizon)[:, max(0, self.seat)]
         return int(np.argmax(policy.probabilities(seen)[0]))
 
 
+class GameDropped(Exception):
+    """The participant closed the browser in the middle of a game."""
+
+
 class BotGame:
     """Plays whatever game the participant's current step is. One object a game page."""
 
-    def __init__(self, url: str, cookie: str, journal: Journal, chance: random.Random, idle: float = 0.1) -> None:
-        """`url`: ws://host/s/study/socket; `idle`: the share of timesteps in which the bot does nothing."""
+    def __init__(self, url: str, cookie: str, journal: Journal, traits: Traits) -> None:
+        """`url`: ws://host/s/study/socket."""
         self.url, self.cookie = url, cookie
-        self._journal, self._chance, self._idle = journal, chance, idle
+        self.reload_at: int | None = None  # the timestep at which the page is loaded again
+        self.drop_at: int | None = None  # the timestep at which the browser is closed
+        self._journal, self._traits = journal, traits
         self._origin = "http" + url.removeprefix("ws").split("/s/")[0]
-        self._policy: Policy = PlannerPolicy()
-        self._tab = f"bot-{chance.getrandbits(64):016x}"
+        self._wait = random.Random()  # noqa: S311 - when to come back is nobody's choice
+        self._tab = f"bot-{traits.seed:016x}"
         self._kitchen: Kitchen | None = None
-        self._episode = ""
+        self._cook: Cook | None = None
+        self._welcome: messages.Welcome | None = None
+        self._settling = False  # just counted down: the hands are not on the keys yet
         self._seq = 0
         self._lesson = ""
 
     async def play(self) -> messages.Ended | None:
-        """Until the episode is over, across lost connections; None if there is no game to be played here."""
+        """Until the episode is over, across lost connections; None if there is no game to be played here. Raises
+        GameDropped."""
         for attempt in range(MOST_RECONNECTS):
             try:
                 headers = {"Cookie": self.cookie}
@@ -93,29 +113,39 @@ class BotGame:
             except (InvalidHandshake, OSError, TimeoutError):
                 pass  # the server is away: again
             self._journal.reconnects += 1
-            await asyncio.sleep(min(1.0, 0.05 * 2**attempt) * self._chance.uniform(0.5, 1.0))
+            await asyncio.sleep(min(1.0, 0.05 * 2**attempt) * self._wait.uniform(0.5, 1.0))
         raise ConnectionError(f"{self.url}: no game after {MOST_RECONNECTS} tries")
 
     async def _talk(self, socket: ClientConnection) -> messages.Ended:
-        """Until the episode is over. Raises ConnectionClosed."""
+        """Until the episode is over. Raises ConnectionClosed, GameDropped."""
+        self._seq = 0
         await self._send(socket, messages.Hello(messages.PROTOCOL, self._tab))
         while True:
             message: messages.Outgoing = _decoder.decode(await socket.recv())
             if isinstance(message, messages.Ended):
-                self._journal.ended[self._episode] = asdict_of(message)
+                self._over(message)
                 return message
             with suppress(ConnectionClosed):  # what the server said before it closed is still to be read
                 await self._answer(socket, message)
 
+    def _over(self, ended: messages.Ended) -> None:
+        if self._welcome is not None:
+            self._journal.ended[self._welcome.episode] = asdict_of(ended)
+        if self._cook is not None:
+            self._journal.impressions.append(self._cook.impression)
+
     async def _answer(self, socket: ClientConnection, message: messages.Outgoing) -> None:
         match message:
             case messages.Welcome():
-                self._kitchen, self._episode = Kitchen(message), message.episode
+                self._begin(message)
                 self._saw(message.state)
                 await self._send(socket, messages.Ready())
+            case messages.Countdown():
+                self._settling = True
             case messages.Tick():
                 self._saw(message.state)
-                await self._act(socket)
+                await self._leave(socket, message.state.t)
+                await self._act(socket, message)
             case messages.Paused(reason=reason) if reason not in ("database", "researcher", "partner"):
                 await self._send(socket, messages.Ready())
             case messages.Lesson():
@@ -125,23 +155,50 @@ class BotGame:
             case messages.Refused(code="bad_message"):
                 self._journal.violations.append(f"refused: {message.reason}")
 
+    def _begin(self, welcome: messages.Welcome) -> None:
+        if self._welcome is not None and self._welcome.episode == welcome.episode:
+            return  # back in the same game: what was seen of it is remembered
+        self._welcome, self._kitchen = welcome, Kitchen(welcome)
+        self._journal.games[welcome.episode] = welcome
+        if welcome.seat >= 0:
+            seed = derived_seed("bot", welcome.kind, welcome.number)
+            self._cook = Cook(self._kitchen.layout, welcome.seat, self._traits, seed)
+
     def _saw(self, state: messages.Kitchen) -> None:
         """A state never changes once it was shown."""
-        if self._kitchen is None:
+        if self._kitchen is None or self._welcome is None:
             return self._journal.violations.append("a state came before the welcome")
         seen = self._kitchen.show(state)
-        place = (self._episode, state.t)
+        place = (self._welcome.episode, state.t)
         if self._journal.states.setdefault(place, seen) != seen:
-            self._journal.violations.append(f"episode {self._episode} timestep {state.t} was shown in two ways")
+            self._journal.violations.append(f"episode {place[0]} timestep {state.t} was shown in two ways")
 
-    async def _act(self, socket: ClientConnection) -> None:
-        if self._kitchen is None or self._kitchen.seat < 0 or self._chance.random() < self._idle:
+    async def _leave(self, socket: ClientConnection, timestep: int) -> None:
+        """Closes the browser, or loads the page again: the socket just ends."""
+        if self.drop_at is not None and timestep >= self.drop_at:
+            socket.transport.abort()
+            raise GameDropped
+        if self.reload_at is not None and timestep >= self.reload_at:
+            self.reload_at = None
+            self._journal.reloads += 1
+            socket.transport.abort()
+            await socket.wait_closed()
+            raise OSError("the page was loaded again")
+
+    async def _act(self, socket: ClientConnection, tick: messages.Tick) -> None:
+        """Says every timestep what the hands do, also when they rest: who simulates need not wait any longer then."""
+        if self._kitchen is None or self._cook is None or self._welcome is None:
             return
-        action = INTERACT if self._lesson == "marks" else self._kitchen.decide(self._policy)
-        if action != STAY:
-            self._seq += 1
-            self._journal.inputs.append((self._episode, self._seq, action))
-            await self._send(socket, messages.Input(self._seq, None, action, float(self._seq)))
+        arrow = tick.prediction[0][0] if tick.prediction else NOTHING_SHOWN
+        shown = None if arrow == NOTHING_SHOWN or self._welcome.watched_seat == self._welcome.seat else arrow
+        state, now = tick.state, self._kitchen.now
+        action = self._cook.act(now, state.soups, tick.actions, shown, self._welcome.horizon)
+        action = INTERACT if self._lesson == "marks" else action
+        action, self._settling = (STAY, False) if self._settling else (action, False)
+        self._seq += 1
+        self._journal.inputs.append((self._welcome.episode, state.t, action))
+        tap = None if action == STAY else action
+        await self._send(socket, messages.Input(self._seq, None, tap, float(self._seq)))
 
     @staticmethod
     async def _send(socket: ClientConnection, message: messages.Incoming) -> None:

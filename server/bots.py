@@ -1,14 +1,21 @@
-"""Simulated participants: they walk a whole study over real HTTP and sockets, as a browser would."""
+"""A simulated participant: walks a whole study over real HTTP and sockets, as a browser would. Knows no database."""
 
-import random
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from html.parser import HTMLParser
+from random import Random
 from typing import Any, Final
 
 import httpx
 
-from server.bot_game import BotGame, Journal
+from server.bot_answers import Field, Fields, Respondent
+from server.bot_cook import Traits
+from server.bot_game import BotGame, GameDropped, Journal
 
 MOST_PAGES: Final = 200
+_RELOADS_A_PAGE: Final = 0.05
+_RELOADS_A_GAME: Final = 0.15
+_LAST_RELOAD: Final = 300
 
 
 class Page(HTMLParser):
@@ -16,7 +23,8 @@ class Page(HTMLParser):
 
     def __init__(self, text: str) -> None:
         super().__init__()
-        self.forms: list[tuple[str, dict[str, list[tuple[str, str]]]]] = []  # action, field -> (kind, value)
+        self.forms: list[tuple[str, Fields]] = []  # action, field -> its inputs
+        self.faults: frozenset[str] = frozenset()
         self.is_game = False
         self.code: str | None = None
         self._in_code = False
@@ -27,43 +35,86 @@ class Page(HTMLParser):
         if values.get("id") == "game-config":
             self.is_game = True
         self._in_code = tag == "output" and values.get("id") == "code"
+        if tag == "fieldset" and "missing" in values.get("class", "").split():
+            self.faults |= {values.get("id", "").removeprefix("q-")}
         if tag == "form" and values.get("method", "").lower() == "post":
             self.forms.append((values.get("action", ""), {}))
         elif tag in ("input", "textarea", "select", "button") and values.get("name") and self.forms:
             kind = values.get("type", "text") if tag == "input" else tag
-            self.forms[-1][1].setdefault(values["name"], []).append((kind, values.get("value", "")))
+            new = Field(kind, values.get("value", ""), values)
+            self.forms[-1][1].setdefault(values["name"], []).append(new)
 
     def handle_data(self, data: str) -> None:
         if self._in_code and data.strip():
             self.code = data.strip()
 
-    def form(self, path: str) -> dict[str, list[tuple[str, str]]] | None:
+    def form(self, path: str) -> Fields | None:
         return next((fields for action, fields in self.forms if action == path), None)
+
+    def step(self, path: str) -> str:
+        """The key of the step that this page is; empty for one that is none."""
+        fields = self.form(path) or {}
+        return fields["step"][0].value if "step" in fields else ""
+
+
+@dataclass(frozen=True)
+class Habits:
+    """What a simulated participant is given besides its seed."""
+
+    known: Mapping[str, str] = field(default_factory=dict)  # question -> the right answer, from the study file
+    drop_after: int | None = None  # gives up at the page after so many; in a game, in the middle of it
+    reloads: bool = True
+    arrival: str = ""  # the recruitment parameters of the link
+    simulated: bool = True
 
 
 class Bot:
     """One simulated participant. `walk` goes from the consent page to the completion code."""
 
-    def __init__(self, base_url: str, study: str, seed: int, simulated: bool = True) -> None:
+    def __init__(self, base_url: str, study: str, seed: int, habits: Habits | None = None) -> None:
         self.journal = Journal()
-        self._base, self._study, self._simulated = base_url.rstrip("/"), study, simulated
-        self._chance = random.Random(seed)  # noqa: S311 - a seed makes a run repeatable
+        self.dropped = False
+        self._base, self._study = base_url.rstrip("/"), study
+        self._habits = habits or Habits()
+        self._traits = Traits.drawn(seed)
+        self._respondent = Respondent(self._traits, self._habits.known)
+        self._chance = Random(f"habits {seed}")  # noqa: S311 - a seed makes a run repeatable
         self._client = httpx.AsyncClient(
             base_url=self._base,
             follow_redirects=True,
             headers={"Accept": "text/html", "Origin": self._base},
-            timeout=30,
+            timeout=60,
         )
+
+    @property
+    def now(self) -> str:
+        return f"/s/{self._study}/now"
+
+    @property
+    def token(self) -> str:
+        """What the cookie carries; empty before consent."""
+        return next((cookie.value or "" for cookie in self._client.cookies.jar), "")
 
     async def walk(self) -> Journal:
         """The whole way; what was seen, with the completion code. Raises RuntimeError where there is no way on."""
         async with self._client:
-            page = await self.consent()
-            for _ in range(MOST_PAGES):
-                if page.code is not None:
-                    self.journal.code = page.code
-                    return self.journal
-                page = await self._play() if page.is_game else await self.submit(page)
+            return await self.go_on(await self.consent())
+
+    async def go_on(self, page: Page) -> Journal:
+        """From this page to the code, or to where the participant gives up."""
+        for count in range(MOST_PAGES):
+            if page.code is not None:
+                self.journal.code = page.code
+                return self.journal
+            gives_up = self._habits.drop_after is not None and count >= self._habits.drop_after
+            if gives_up and not page.is_game:
+                self.dropped = True
+                return self.journal
+            try:
+                page = await self._play(gives_up) if page.is_game else await self.submit(await self._reloaded(page))
+            except GameDropped:
+                self.dropped = True
+                return self.journal
         raise RuntimeError(f"no completion code after {MOST_PAGES} pages: {self.journal.pages[-5:]}")
 
     async def close(self) -> None:
@@ -74,48 +125,52 @@ class Bot:
         """A game connection with this participant's cookie."""
         cookie = "; ".join(f"{name}={value}" for name, value in self._client.cookies.items())
         url = f"ws{self._base.removeprefix('http')}/s/{self._study}/socket"
-        return BotGame(url, cookie, self.journal, self._chance)
+        return BotGame(url, cookie, self.journal, self._traits)
 
     async def consent(self) -> Page:
         """Agrees; the page after it."""
-        page = await self._get(f"/s/{self._study}")
+        page = await self._get(f"/s/{self._study}{self._habits.arrival}")
         fields = page.form(f"/s/{self._study}/consent")
         if fields is None:
             raise RuntimeError("the consent page has no form")
-        extra = {"simulated": "yes"} if self._simulated else {}
-        return await self._post(f"/s/{self._study}/consent", self._filled(fields) | extra)
+        extra = {"simulated": "yes"} if self._habits.simulated else {}
+        filled = self._respondent.fill(fields, None, frozenset())
+        return await self._post(f"/s/{self._study}/consent", filled | extra)
 
-    async def _play(self) -> Page:
+    async def _play(self, gives_up: bool) -> Page:
         self.journal.pages.append("game")
-        await self.game().play()
-        return await self._get(f"/s/{self._study}/now")
+        game = self.game()
+        moment = self._chance.randrange(1, _LAST_RELOAD)
+        if gives_up:
+            game.drop_at = moment
+        elif self._habits.reloads and self._chance.random() < _RELOADS_A_GAME:
+            game.reload_at = moment
+        await game.play()
+        return await self._get(self.now)
+
+    async def _reloaded(self, page: Page) -> Page:
+        """Now and then a page is loaded again: it must be the same one."""
+        if not self._habits.reloads or page.faults or self._chance.random() >= _RELOADS_A_PAGE:
+            return page
+        self.journal.reloads += 1
+        again = await self._get(self.now)
+        if again.step(self.now) != page.step(self.now):
+            self.journal.violations.append(f"a reload led from {page.step(self.now)} to {again.step(self.now)}")
+        return again
 
     async def submit(self, page: Page) -> Page:
         """Fills the page in and sends it; the page after it."""
-        fields = page.form(f"/s/{self._study}/now")
+        fields = page.form(self.now)
         if fields is None:
             raise RuntimeError("a page has neither form nor game nor code")
-        filled = self._filled(fields)
-        self.journal.pages.append(str(filled.get("step", "?")))
-        return await self._post(f"/s/{self._study}/now", filled)
-
-    def _filled(self, fields: dict[str, list[tuple[str, str]]]) -> dict[str, Any]:
-        """An answer to everything: hidden fields as they are, boxes ticked, one of each choice."""
-        filled: dict[str, Any] = {}
-        for name, options in fields.items():
-            kind = options[0][0]
-            values = [value for _, value in options]
-            if kind in ("radio", "select"):
-                filled[name] = self._chance.choice(values)
-            elif kind == "checkbox":
-                filled[name] = values
-            elif kind == "number":
-                filled[name] = "30"
-            elif kind in ("hidden", "button"):
-                filled[name] = values[0]
-            else:
-                filled[name] = "-"
-        return filled
+        last = self.journal.impressions[-1] if self.journal.impressions else None
+        filled = self._respondent.fill(fields, last, page.faults)
+        step = str(filled.get("step", "?"))
+        if step in self.journal.pages and not page.faults:
+            self.journal.violations.append(f"page {step} came twice")
+        self.journal.pages.append(step)
+        self.journal.answers.append((step, {k: v for k, v in filled.items() if fields[k][0].kind != "hidden"}))
+        return await self._post(self.now, filled)
 
     async def _get(self, path: str) -> Page:
         return self._page(await self._client.get(path))
@@ -125,6 +180,7 @@ class Bot:
 
     @staticmethod
     def _page(response: httpx.Response) -> Page:
-        if response.status_code >= 400:
+        page = Page(response.text)
+        if response.status_code >= 400 and not page.faults:
             raise RuntimeError(f"{response.request.method} {response.url.path} answered {response.status_code}")
-        return Page(response.text)
+        return page

@@ -115,7 +115,7 @@ def _games(settings: Settings, database: Database, models: ModelServer) -> Games
         except DatabaseDown as down:
             raise RecorderDown(str(down)) from down
 
-    return Games(Clock(settings.speed), models, StoreRecorder(database), load)
+    return Games(Clock(settings.speed, settings.patience_s), models, StoreRecorder(database), load)
 
 
 def _sockets(app: FastAPI, database: Database, studies: Studies) -> Sockets:

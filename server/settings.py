@@ -41,6 +41,8 @@ class Settings(BaseSettings):
     """Processes that run agents and predictors."""
     speed: float = Field(default=1.0, gt=0, le=100)
     """How fast the games' clock runs: 1 for people, more for tests and simulated participants."""
+    patience_s: float = Field(default=0.0, ge=0, le=60)
+    """For simulated participants: a timestep waits so long for its players, and is made once they have acted."""
 
     @model_validator(mode="after")
     def _safe_in_production(self) -> Self:
@@ -63,8 +65,10 @@ class Settings(BaseSettings):
                 "production needs KITCHENMIND_PUBLIC_URL=https://..., the address of the TLS proxy in front: "
                 "participants' cookies must not travel in the clear"
             )
-        if self.speed != 1.0:
-            raise ValueError("production needs KITCHENMIND_SPEED=1: people play in real time")
+        if self.speed != 1.0 or self.patience_s:
+            raise ValueError(
+                "production needs KITCHENMIND_SPEED=1 and no KITCHENMIND_PATIENCE_S: people play in real time"
+            )
         return self
 
     def signing_key(self) -> bytes:

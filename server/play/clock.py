@@ -6,12 +6,16 @@ from datetime import UTC, datetime
 
 
 class Clock:
-    """`now()` grows by `speed` seconds a second. Setting the machine's wall clock does not move it."""
+    """`now()` grows by `speed` seconds a second. Setting the machine's wall clock does not move it.
 
-    def __init__(self, speed: float = 1.0) -> None:
+    `patience_s` over 0 is for simulated participants: a timestep is made as soon as its players have sent their keys,
+    and waits for them so many real seconds; so games are as quick as the machine, and everybody acts in every timestep.
+    """
+
+    def __init__(self, speed: float = 1.0, patience_s: float = 0.0) -> None:
         if speed <= 0:
             raise ValueError(f"a clock must run forward; speed = {speed}")
-        self.speed = speed
+        self.speed, self.patience_s = speed, patience_s
 
     def now(self) -> float:
         """Seconds since some fixed moment; only differences mean something."""

@@ -16,10 +16,11 @@ from server.play.clock import Clock
 from server.play.game import Game
 from server.play.holds import DATABASE
 from server.play.recorder import Recorder, RecorderDown, TickRecord
-from server.play.session import COUNTDOWN_S
+from server.play.session import COUNTDOWN_S, Session
 
 log = logging.getLogger(__name__)
 SLOT_MS: Final = 10
+PATIENT_SLOTS: Final = 3  # a patient clock has no moments to spread over: models and database like large batches
 COMMIT_S: Final = 1.0  # a commit that takes longer counts as RecorderDown
 PROBE_S: Final = 0.5
 STALLED_S: Final = 1.0  # a server that slept so long counts down anew instead of rushing through what it missed
@@ -64,7 +65,8 @@ class Loop:
         """Counts down and plays on, in the emptiest slot."""
         tick_ms = game.session.spec.tick_ms
         if tick_ms not in self._slots:
-            self._slots[tick_ms] = [Slot(tick_ms, index) for index in range(max(1, tick_ms // SLOT_MS))]
+            count = PATIENT_SLOTS if self.clock.patience_s else max(1, tick_ms // SLOT_MS)
+            self._slots[tick_ms] = [Slot(tick_ms, index) for index in range(count)]
         self.stop(game)
         slot = min(self._slots[tick_ms], key=lambda slot: len(slot.games))
         now = self.clock.now()
@@ -106,16 +108,28 @@ class Loop:
     async def _drive(self, slot: Slot) -> None:
         while slot.games:
             slot.asleep = True
-            await self.clock.sleep_until(min(game.session.next_deadline for game in slot.games))
+            if not self.clock.patience_s:
+                await self.clock.sleep_until(min(game.session.next_deadline for game in slot.games))
             slot.asleep = False
             now = self.clock.now()
-            due = [game for game in slot.games if not game.busy and game.session.next_deadline <= now]
+            due = [game for game in slot.games if not game.busy and self._is_due(game.session, now)]
             if self.clock.speed == 1:
                 due = [game for game in due if not self._stalled(game, now)]
             if due:
                 await self._play(due, now)
             else:
                 await self.clock.sleep(0.001)
+
+    def _is_due(self, session: Session, now: float) -> bool:
+        """Whether the next timestep is to be made; with a patient clock it is due as soon as all have acted."""
+        late_s = now - session.next_deadline
+        if not self.clock.patience_s:
+            return late_s >= 0
+        given_up = late_s >= self.clock.patience_s * self.clock.speed
+        if late_s < -session.tick_s or not (given_up or session.heard_from_all):
+            return False
+        session.start_at(now - session.tick_s)
+        return True
 
     def _stalled(self, game: Game, now: float) -> bool:
         if now - game.session.next_deadline < STALLED_S:
@@ -151,7 +165,7 @@ class Loop:
         for game, questions in begun:
             mine, decisions = decisions[: len(questions)], decisions[len(questions) :]
             try:
-                made.append((game, game.session.finish_tick(mine, models_ms)))
+                made.append((game, game.session.finish_tick(mine, models_ms, self.clock.patience_s * 1000)))
             except Exception as error:  # noqa: BLE001 - as above
                 self._broken(game, error)
         await self._store(made)
@@ -161,7 +175,7 @@ class Loop:
         if not questions:
             return [], 0.0
         began = time.perf_counter()
-        deadline_ms = max(game.session.spec.deadline_ms for game, _ in begun)
+        deadline_ms = max(game.session.spec.deadline_ms for game, _ in begun) + self.clock.patience_s * 1000
         try:
             decisions = await self._models.ask(questions, float(deadline_ms))
         except Exception:

@@ -76,6 +76,11 @@ class Session:
     # When
 
     @property
+    def heard_from_all(self) -> bool:
+        """Whether every person has sent keys since the timestep before."""
+        return all(keys.seq != self._applied[seat] for seat, keys in self.keys.items())
+
+    @property
     def tick_s(self) -> float:
         return self.spec.tick_ms / 1000
 
@@ -172,9 +177,10 @@ class Session:
         self._keys_used = tuple(used)
         return actions[0], actions[1]
 
-    def finish_tick(self, decisions: Sequence[Decision | None], models_ms: float) -> TickRecord:
-        """What there is to store about the state that `begin_tick` or `begin_start` made."""
-        if models_ms > self.spec.deadline_ms:
+    def finish_tick(self, decisions: Sequence[Decision | None], models_ms: float, grace_ms: float = 0.0) -> TickRecord:
+        """What there is to store about the state that `begin_tick` or `begin_start` made. `grace_ms`: how much longer
+        than in a study the models may take, where no person waits."""
+        if models_ms > self.spec.deadline_ms + grace_ms:
             decisions = [None] * len(self._asked)
         answers = partner.answers(self._asked, decisions)
         timestep, step = self.trace.timestep, self._step

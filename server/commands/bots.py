@@ -1,0 +1,156 @@
+"""`kitchenmind bots`: simulated participants walk a study over real HTTP and sockets, and every promise is checked."""
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from contextlib import ExitStack
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from server.bot_crowd import Crowd, Outcome
+    from server.bots import Bot
+
+MOST = 2000
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("number", type=int, metavar="N", help="how many participants")
+    parser.add_argument("--study", type=Path, metavar="FILE", help="the study file (studies/quick_look.yaml)")
+    parser.add_argument("--url", help="a server that runs already; without it one is started for the time being")
+    parser.add_argument(
+        "--database", metavar="URL", help="where the data stay, sqlite:///path; with --url: the server's own"
+    )
+    parser.add_argument(
+        "--dropout", type=float, default=0.0, metavar="P", help="the share that gives up on the way (0)"
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="the same seed, the same participants (0)")
+    parser.add_argument("--fast", action="store_true", help="a quick clock: as fast as this machine can")
+    parser.add_argument("--json", action="store_true", help="the outcome as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """0: every promise was kept; 1: some were broken, or the server failed; 2: wrong input."""
+    from server.own_server import ServerFailed
+    from server.store.database import DatabaseDown
+    from server.study.loader import StudyError
+
+    try:
+        _check(arguments)
+        outcome = _simulate(arguments)
+    except (ValueError, StudyError, FileNotFoundError) as error:
+        return _refuse(error, 2)
+    except (ServerFailed, DatabaseDown, OSError) as error:
+        return _refuse(error, 1)
+    print(json.dumps(asdict(outcome)) if arguments.json else _table(outcome))
+    return 1 if outcome.violations else 0
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    """Raises ValueError with the remedy."""
+    if not 1 <= arguments.number <= MOST:
+        raise ValueError(f"{arguments.number} participants cannot be simulated. Give a number from 1 to {MOST}.")
+    if not 0 <= arguments.dropout <= 1:
+        raise ValueError(f"--dropout {arguments.dropout:g} is no share. Give a number from 0 to 1.")
+    if arguments.url and not arguments.url.startswith(("http://", "https://")):
+        raise ValueError(
+            f"--url {arguments.url} is no address. Give it as the browser shows it: http://127.0.0.1:8000."
+        )
+    if arguments.database:
+        from server.store.engines import normal_url
+
+        normal_url(arguments.database)
+
+
+def _simulate(arguments: argparse.Namespace) -> "Outcome":
+    from server.own_server import QUICK, OwnServer
+    from server.settings import ROOT
+
+    study = arguments.study or ROOT / "studies" / "quick_look.yaml"
+    crowd = _crowd(arguments, study)
+    if arguments.url:
+        if arguments.fast:
+            _say(arguments, "the server that runs there keeps its own clock: --fast is for a server of one's own")
+        return _walk(arguments, crowd, arguments.url, arguments.database)
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="kitchenmind-bots-"))
+        database = arguments.database or f"sqlite:///{Path(folder) / 'bots.sqlite3'}"
+        _say(arguments, "starting a server ...")
+        server = stack.enter_context(OwnServer(database, study, QUICK if arguments.fast else {}))
+        return _walk(arguments, crowd, server.url, database)
+
+
+def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
+    """Raises StudyError, FileNotFoundError; ValueError where a server has no study."""
+    from server.bot_crowd import Crowd
+    from server.study.loader import load_study
+
+    if arguments.url and not arguments.study:
+        return Crowd(arguments.number, _offered(arguments.url), None, arguments.dropout, arguments.seed)
+    study = load_study(study_file).study
+    return Crowd(arguments.number, study.name, study, arguments.dropout, arguments.seed)
+
+
+def _offered(url: str) -> str:
+    """The first study that a server offers."""
+    import re
+
+    import httpx
+
+    try:
+        page = httpx.get(url, headers={"Accept": "text/html"}, follow_redirects=True, timeout=10)
+    except httpx.HTTPError as error:
+        raise ValueError(f"there is no server at {url} ({error}). Start it with `kitchenmind serve`.") from None
+    found = re.search(r'href="/s/([a-z][a-z0-9_-]*)', page.text)
+    if found is None:
+        raise ValueError(f"{url} offers no study. Name it with --study FILE.")
+    return found.group(1)
+
+
+def _walk(arguments: argparse.Namespace, crowd: "Crowd", url: str, database_url: str | None) -> "Outcome":
+    """Everybody through the study, then the judgement."""
+    import asyncio
+
+    import uvloop
+
+    from server.bot_crowd import judge, simulate
+    from server.commands.databases import open_stored
+
+    with ExitStack() as stack:
+        database = stack.enter_context(open_stored(database_url)) if database_url else None
+        began = time.monotonic()
+        with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+            bots: list[Bot] = runner.run(simulate(crowd, url, database, lambda *done: _progress(arguments, *done)))
+        _say(arguments, f"\n{len(bots)} participants in {time.monotonic() - began:.0f} s; checking what they leave ...")
+        return judge(bots, database)
+
+
+def _progress(arguments: argparse.Namespace, done: int, number: int) -> None:
+    if not arguments.json and sys.stderr.isatty():
+        sys.stderr.write(f"\r{done} of {number} are through")
+
+
+def _say(arguments: argparse.Namespace, words: str) -> None:
+    if not arguments.json:
+        print(words, file=sys.stderr, flush=True)
+
+
+def _table(outcome: "Outcome") -> str:
+    lines = [
+        f"{'started':<12}{outcome.started:>6}",
+        f"{'completed':<12}{outcome.completed:>6}",
+        f"{'dropped':<12}{outcome.dropped:>6}",
+        f"{'episodes':<12}{outcome.episodes:>6}",
+    ]
+    lines += [f"  {condition:<10}{count:>6}  completed" for condition, count in outcome.by_condition.items()]
+    lines.append(f"{'violations':<12}{len(outcome.violations):>6}")
+    lines += [f"  {violation}" for violation in outcome.violations]
+    return "\n".join(lines)
+
+
+def _refuse(error: Exception, status: int) -> int:
+    print(f"kitchenmind bots: {error}", file=sys.stderr)
+    return status

@@ -1,0 +1,87 @@
+"""A `kitchenmind serve` of one's own: started on a free port, ended, killed, started again at the same address."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+from server.settings import ROOT
+
+START_WITHIN_S: Final = 240.0
+STOP_WITHIN_S: Final = 60.0
+QUICK: Final = {"KITCHENMIND_SPEED": "10", "KITCHENMIND_PATIENCE_S": "2"}
+
+
+class ServerFailed(Exception):
+    """The server did not start; the text is what it said."""
+
+
+class OwnServer:
+    """`with OwnServer(...) as server:` serves until the end of the block."""
+
+    def __init__(self, database: str, study: Path, environment: Mapping[str, str] | None = None) -> None:
+        self.url = ""
+        self._words = ["--study", str(study), "--database", database]
+        self._environment = {**os.environ, **(environment or {})}
+        self._port = 0
+        self._process: subprocess.Popen[bytes] | None = None
+        self._log = Path(tempfile.mkstemp(prefix="kitchenmind-", suffix=".log")[1])
+
+    def start(self) -> None:
+        """Returns when pages can be opened; after the first time at the same address. Raises ServerFailed."""
+        words = [sys.executable, str(ROOT / "kitchenmind.py"), "serve", "--port", str(self._port), *self._words]
+        with self._log.open("wb") as log:
+            self._process = subprocess.Popen(words, stdout=log, stderr=log, env=self._environment)  # noqa: S603
+        deadline = time.monotonic() + START_WITHIN_S
+        while not (found := re.search(r"http://127\.0\.0\.1:(\d+)", self.said)):
+            if self._process.poll() is not None or time.monotonic() > deadline:
+                raise ServerFailed(self.said.strip() or "the server does not start")
+            time.sleep(0.05)
+        self.url, self._port = found.group(0), int(found.group(1))
+
+    @property
+    def said(self) -> str:
+        """Everything on the server's standard output and error since it was last started."""
+        return self._log.read_text(encoding="utf-8", errors="replace")
+
+    def end(self, how: signal.Signals = signal.SIGTERM) -> int:
+        """Sends the signal and waits; the exit status."""
+        if self._process is None:
+            return 0
+        self._process.send_signal(how)
+        return self._process.wait(STOP_WITHIN_S)
+
+    def __enter__(self) -> Self:
+        try:
+            self.start()
+        except BaseException:
+            self._clear_away()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._clear_away()
+
+    def _clear_away(self) -> None:
+        if self._process is not None and self._process.poll() is None:
+            self._process.terminate()
+            try:
+                self._process.wait(STOP_WITHIN_S)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+        self._log.unlink(missing_ok=True)
+
+
+def kitchenmind(*words: str) -> Sequence[str]:
+    """The command line of another verb, in this Python."""
+    return [sys.executable, str(ROOT / "kitchenmind.py"), *words]

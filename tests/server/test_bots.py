@@ -1,0 +1,217 @@
+"""Simulated participants walk every study that is shipped, act alike when repeated, and notice every broken promise."""
+
+import asyncio
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import Connection, delete, select, update
+
+import kitchenmind
+from server.bot_crowd import Crowd, judge, simulate
+from server.bot_promises import Claim, broken_at_code
+from server.bots import Bot
+from server.own_server import QUICK, OwnServer
+from server.own_server import kitchenmind as command_line
+from server.store.database import Database
+from server.store.tables import answers, episodes, participants, ticks
+from server.study.loader import load_study
+
+ROOT = Path(__file__).parents[2]
+STUDIES = sorted((ROOT / "studies").glob("*.yaml"))
+SCRIPTED = ROOT / "tests" / "data" / "small_study.yaml"
+
+
+def shortened(study: Path, folder: Path, horizon: int = 25) -> Path:
+    text = study.read_text(encoding="utf-8")
+    if "\ngame:" in text:
+        text = re.sub(r"horizon: \d+", f"horizon: {horizon}", text)
+    else:
+        text += f"\ngame: {{horizon: {horizon}}}\n"
+    short = folder / study.name
+    short.write_text(text, encoding="utf-8")
+    return short
+
+
+def command(*words: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(command_line(*words), capture_output=True, text=True, check=False, timeout=240)
+
+
+def simulated(*words: str) -> tuple[int, dict[str, Any]]:
+    ended = command("bots", *words, "--json")
+    assert ended.stdout, ended.stderr
+    return ended.returncode, json.loads(ended.stdout)
+
+
+@pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.stem)
+def test_every_shipped_study_is_walked_to_its_end_and_its_data_can_be_exported(study: Path, tmp_path: Path) -> None:
+    database = f"sqlite:///{tmp_path / 'kept.sqlite3'}"
+    status, outcome = simulated("2", "--study", str(shortened(study, tmp_path)), "--database", database, "--fast")
+    assert outcome["violations"] == []
+    assert status == 0
+    assert (outcome["started"], outcome["completed"], outcome["dropped"]) == (2, 2, 0)
+    assert sum(outcome["by_condition"].values()) == 2
+    plan = load_study(study).study
+    assert outcome["episodes"] == 2 * len(plan.layouts) * len(plan.agents)
+    exported = command("export", "--database", database, "--out", str(tmp_path / "export"))
+    assert exported.returncode == 0, exported.stderr
+
+
+def changed(connection: Connection, statement: Any) -> int:
+    return connection.execute(statement).rowcount
+
+
+@dataclass
+class Walked:
+    """What some simulated participants saw, and the database that they left."""
+
+    bots: list[Bot]
+    path: Path
+
+    def tampered(self, folder: Path, *changes: Any) -> list[str]:
+        """The violations that are found after these statements have changed the database."""
+        copy = shutil.copy(self.path, folder / "tampered.sqlite3")
+        with Database(f"sqlite:///{copy}") as database:
+            for change in changes:
+                asyncio.run(database.write(changed, change))
+            return judge(self.bots, database).violations
+
+
+def walk(folder: Path, seed: int = 3, dropout: float = 0.0) -> Walked:
+    path = folder / f"{seed}.sqlite3"
+    with (
+        OwnServer(f"sqlite:///{path}", SCRIPTED, QUICK) as server,
+        Database(f"sqlite:///{path}", read_only=True) as kept,
+    ):
+        crowd = Crowd(4, "small", load_study(SCRIPTED).study, dropout, seed)
+        bots = asyncio.run(simulate(crowd, server.url, kept))
+    return Walked(bots, path)
+
+
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory: pytest.TempPathFactory) -> Walked:
+    return walk(tmp_path_factory.mktemp("walked"))
+
+
+def choices(bots: list[Bot]) -> list[Any]:
+    """All that the participants did, by what does not depend on a random id."""
+    return [
+        (
+            bot.journal.answers,
+            [(bot.journal.games[episode].number, timestep, action) for episode, timestep, action in bot.journal.inputs],
+            list(bot.journal.states.values()),
+        )
+        for bot in bots
+    ]
+
+
+def test_a_repeat_with_the_same_seed_makes_the_same_choices(walked: Walked, tmp_path: Path) -> None:
+    again = walk(tmp_path)
+    assert all(bot.journal.code for bot in walked.bots)
+    assert choices(again.bots) == choices(walked.bots)
+
+
+def test_kept_promises_are_no_violations(walked: Walked, tmp_path: Path) -> None:
+    assert walked.tampered(tmp_path) == []
+
+
+def an_episode(walked: Walked) -> str:
+    return next(episode for episode, game in walked.bots[1].journal.games.items() if game.kind == "episode")
+
+
+def test_a_lost_timestep_is_found(walked: Walked, tmp_path: Path) -> None:
+    here = (ticks.c.episode_id == an_episode(walked), ticks.c.timestep == 7)
+    found = walked.tampered(tmp_path, delete(ticks).where(*here))
+    assert any("lost timesteps [7]" in violation for violation in found)
+
+
+def test_a_state_that_was_stored_otherwise_than_shown_is_found(walked: Walked, tmp_path: Path) -> None:
+    here = (ticks.c.episode_id == an_episode(walked), ticks.c.timestep == 9)
+    found = walked.tampered(tmp_path, update(ticks).where(*here).values(state_hash=bytes(8)))
+    assert any("state shown at timestep 9 is stored as another one" in violation for violation in found)
+    assert any("does not re-simulate" in violation for violation in found)
+
+
+def test_an_episode_in_another_condition_is_found(walked: Walked, tmp_path: Path) -> None:
+    here = episodes.c.id == an_episode(walked)
+    found = walked.tampered(tmp_path, update(episodes).where(here).values(condition="another"))
+    assert any("in another" in violation for violation in found)
+
+
+def test_a_lost_episode_is_found(walked: Walked, tmp_path: Path) -> None:
+    gone = an_episode(walked)
+    statements = (
+        update(answers).where(answers.c.episode_id == gone).values(episode_id=None),
+        delete(ticks).where(ticks.c.episode_id == gone),
+        delete(episodes).where(episodes.c.id == gone),
+    )
+    assert f"episode {gone} was played and is not stored" in walked.tampered(tmp_path, *statements)
+
+
+def test_another_code_than_the_stored_one_is_found(walked: Walked, tmp_path: Path) -> None:
+    found = walked.tampered(tmp_path, update(participants).values(completion_code="KM-AAAA-AAAA"))
+    assert any("not the code that is stored" in violation for violation in found)
+
+
+def test_a_code_before_everything_is_stored_is_found(walked: Walked, tmp_path: Path) -> None:
+    copy = shutil.copy(walked.path, tmp_path / "early.sqlite3")
+    bot = walked.bots[0]
+    claim = Claim(bot.token, bot.journal)
+
+    def too_early(connection: Connection) -> list[str]:
+        assert broken_at_code(connection, claim) == []
+        (mine,) = connection.execute(select(participants.c.id).where(participants.c.number == 1)).one()
+        connection.execute(update(episodes).where(episodes.c.participant_0 == mine).values(status="running"))
+        connection.execute(delete(answers).where(answers.c.participant_id == mine))
+        return broken_at_code(connection, claim)
+
+    with Database(f"sqlite:///{copy}") as database:
+        found = asyncio.run(database.write(too_early))
+    assert any("before the end of episode" in violation for violation in found)
+    assert any("before the answers of everything" in violation for violation in found)
+
+
+def test_what_a_participant_sees_itself_is_found_without_a_database(walked: Walked) -> None:
+    kept = judge(walked.bots, None)
+    assert kept.violations == []
+    journal = walked.bots[2].journal
+    journal.pages.append("everything")
+    journal.violations.append("page everything came twice")
+    shown_otherwise = judge(walked.bots, None)
+    journal.violations.pop()
+    assert shown_otherwise.violations == ["page everything came twice"]
+
+
+@pytest.mark.parametrize(
+    ("words", "remedy"),
+    [
+        (["0"], "from 1 to"),
+        (["3", "--dropout", "1.5"], "from 0 to 1"),
+        (["3", "--url", "ftp://x"], "http://"),
+        (["3", "--study", "no_such_file.yaml"], "no_such_file.yaml"),
+        (["3", "--database", "somewhere"], "sqlite:///"),
+    ],
+)
+def test_wrong_input_is_told_with_its_remedy_and_exit_code_2(
+    words: list[str], remedy: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert kitchenmind.main(["bots", *words]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("kitchenmind bots: ")
+    assert remedy in told
+
+
+@pytest.mark.slow
+def test_thirty_participants_of_whom_some_give_up_break_no_promise(tmp_path: Path) -> None:
+    study = shortened(ROOT / "studies" / "external_predictor.yaml", tmp_path, 60)
+    status, outcome = simulated("30", "--study", str(study), "--fast", "--dropout", "0.3", "--seed", "7")
+    assert outcome["violations"] == []
+    assert status == 0
+    assert outcome["started"] == 30
+    assert outcome["completed"] + outcome["dropped"] == 30
+    assert 3 <= outcome["dropped"] <= 15
