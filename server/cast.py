@@ -58,7 +58,11 @@ def fingerprint(layout: str, model: str) -> str | None:
 
 def _is_there(name: Name) -> bool:
     layout, model = name
-    return model in WITHOUT_WEIGHTS or is_foreign(model) or (WEIGHTS / layout / _base(model) / "config.json").is_file()
+    return (
+        _base(model) in WITHOUT_WEIGHTS
+        or is_foreign(model)
+        or (WEIGHTS / layout / _base(model) / "config.json").is_file()
+    )
 
 
 def _base(model: str) -> str:

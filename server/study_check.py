@@ -3,8 +3,9 @@
 import json
 from collections.abc import Iterator
 
+from models.blackbox import is_foreign
 from overcooked.layout import LayoutError
-from server.cast import WEIGHTS, cast_of
+from server.cast import WEIGHTS, Cast, cast_of
 from server.study.checks import Path, Problem
 from server.study.loader import StudyFile
 from server.study.plan import Kitchen
@@ -39,6 +40,7 @@ def _weight_problems(file: StudyFile, grids: dict[str, str]) -> Iterator[Problem
         models = ", ".join(model for at, model in cast.missing if at == layout)
         remedy = f"Train them (`kitchenmind train --help`), or name models that are there: {_there(layout)}."
         yield Problem(place, f"there are no weights for {layout} of: {models}", remedy, warning=True)
+    yield from _degraded_problems(cast)
     for layout, model in sorted({*cast.agents, *cast.predictors}):
         config = WEIGHTS / layout / model.partition("@")[0] / "config.json"
         if config.is_file() and layout in grids and json.loads(config.read_text("utf-8")).get("grid") != grids[layout]:
@@ -46,6 +48,24 @@ def _weight_problems(file: StudyFile, grids: dict[str, str]) -> Iterator[Problem
             yield Problem(
                 place, f"{model!r} was trained on another grid named {layout}", "Give the own grid an own name."
             )
+
+
+def _degraded_problems(cast: Cast) -> Iterator[Problem]:
+    """A predictor is made worse by leaving what it is right about, so it must be known how often it is right."""
+    for layout, model in cast.predictors:
+        name, _, wanted = model.rpartition("@")
+        if not wanted.replace(".", "").isdigit() or (layout, model) in cast.missing:
+            continue
+        place: Path = ("conditions",)
+        config = WEIGHTS / layout / name / "config.json"
+        if is_foreign(name):
+            reason = f"nobody knows how often {name!r} is right, so it cannot be made worse"
+            yield Problem(place, reason, "Name a predictor of ours in the agent's `predictor`, or drop the condition.")
+        elif config.is_file():
+            reached = json.loads(config.read_text("utf-8")).get("accuracy", {}).get("mean", 1.0)
+            if float(wanted) > 100 * reached:
+                reason = f"{name} reaches {reached:.0%} on {layout}, so {wanted} % cannot be had by making it worse"
+                yield Problem(place, reason, f"Write `accuracy: {int(100 * reached) / 100}` or less.")
 
 
 def _there(layout: str) -> str:

@@ -121,6 +121,8 @@ def _read(text: str, places: Places) -> Any:
 def _yaml_remedy(problem: str) -> str:
     if "\\t" in problem or "tab" in problem:
         return "Indent with spaces, not tabs."
+    if "but got '?'" in problem or "expected ',' or '}'" in problem:
+        return "Put words that hold one of : ? , { } [ ] in quotes."
     return "Check indentation, colons and quotes in this line and the one above."
 
 

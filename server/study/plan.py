@@ -152,6 +152,7 @@ class Tutorial(Part):
     """Who walks beside the participant. The guide paces up and down, so its marks are easy to read."""
     lessons: tuple[Lesson, ...] = LESSONS
     skippable: bool = False
+    """A button leads past the practice; that somebody pressed it is in the data."""
 
 
 class EntryChecks(Part):

@@ -64,11 +64,12 @@ def layout_of(kitchen: Kitchen) -> Layout:
 
 
 def predictor_of(study: Study, agent: Agent, condition: Condition) -> str:
-    """The catalogue's name of what foretells the agent; in a degraded condition, of its worse self."""
-    if agent.predictor is not None:
-        return agent.predictor
-    name = f"{agent.model or agent.name}_predictor_{study.predictor.form}"
-    return f"{name}@{100 * condition.accuracy:g}" if condition.accuracy is not None else name
+    """The catalogue's name of what foretells the agent; in a degraded condition, of its worse self (but for the
+    tutorial's, from whose marks everybody learns to read them)."""
+    name = agent.predictor or f"{agent.model or agent.name}_predictor_{study.predictor.form}"
+    if condition.accuracy is None or agent is study.tutorial.agent:
+        return name
+    return f"{name}@{100 * condition.accuracy:g}"
 
 
 def models_of(study: Study) -> tuple[set[tuple[str, str]], set[tuple[str, str]]]:

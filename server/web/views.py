@@ -160,4 +160,5 @@ async def _game(page: Page, participant: Participant, step: Step) -> dict[str, A
         "lessons": taught,
         "away_s": study.game.pause.each_s,
     }
-    return {"game": game | {"ready_page": step.kind == "episode"}}
+    skip = step.key if step.kind == "tutorial" and study.tutorial.skippable else None
+    return {"game": game | {"ready_page": step.kind == "episode", "skip": skip}}

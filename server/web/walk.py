@@ -136,7 +136,9 @@ def submit(connection: Connection, all_studies: Studies, participant_id: str, su
     if step.key != submission.step.key or step.kind == "thanks":
         return False
     if step.is_game and not _is_over(connection, participant, step):
-        return False
+        if step.kind != "tutorial" or not all_studies.of(participant).tutorial.skippable:
+            return False
+        note(connection, participant_id, {"tutorial_skipped": {}})
     took_ms = answers.leave(connection, participant_id, step.key)
     episode = episodes.of_step(connection, participant_id, f"episode-{step.number:02d}") if step.number else None
     about = episode.id if episode is not None and step.kind == "questionnaire" else None

@@ -50,6 +50,7 @@ WRONG = [
     ("seed: 11\n", "recruitment: {completed: {url: 'https://x.org/?c={cod}'}}\nseed: 1\n", "recr", "placeholder {cod}"),
     ("seed: 11\n", "recruitment: {completed: {url: 'javascript:alert(1)'}}\nseed: 1\n", "recr", "look like ^https"),
     ("- {name: stay, predictor: random}", "- {nam: stay, predictor: random}", "  - {nam:", "unknown key 'nam'"),
+    ("{en: Goodbye, zh", "{en: Goodbye?, zh", "  goodbye:", "Put words that hold one of : ? , { } [ ] in quotes."),
     ("languages: [en, zh]", "languages: []", "languages", "there are too few. Write at least 1."),
 ]  # fmt: skip
 
