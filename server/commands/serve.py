@@ -97,8 +97,10 @@ def serve(settings: "Settings", listening: socket.socket) -> int:
 
 
 async def _serve(settings: "Settings", listening: socket.socket) -> None:
+    from server.connections import raise_descriptor_limit
     from server.main import create_app, wired
 
+    raise_descriptor_limit()
     app = create_app(settings)
     async with wired(app):
         server = _server(app, settings)
@@ -111,6 +113,7 @@ async def _serve(settings: "Settings", listening: socket.socket) -> None:
 def _server(app: "FastAPI", settings: "Settings") -> "uvicorn.Server":
     import uvicorn
 
+    from server.connections import PatientProtocol
     from server.play.messages import MAX_FRAME_BYTES
 
     class Server(uvicorn.Server):
@@ -134,6 +137,7 @@ def _server(app: "FastAPI", settings: "Settings") -> "uvicorn.Server":
         uvicorn.Config(
             app,
             lifespan="off",
+            http=PatientProtocol,
             ws="websockets-sansio",
             ws_max_size=MAX_FRAME_BYTES,
             ws_per_message_deflate=False,

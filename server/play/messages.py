@@ -185,7 +185,7 @@ def decode(frame: str | bytes) -> Incoming:
     """The message in a text frame. Raises BadMessage."""
     try:
         message: Incoming = _decoder.decode(frame)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:  # the last: brackets in brackets
         raise BadMessage(str(error)) from None
     return message
 

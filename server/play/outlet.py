@@ -9,7 +9,7 @@ from server.play.messages import Outgoing, Ping, Tick, encode
 
 PING_EVERY_S: Final = 1.0
 SLOW_AFTER_S: Final = 0.5  # an unanswered Ping this old: the reader is behind, no state is sent but the newest
-DEAD_AFTER_S: Final = 6.0  # an unanswered Ping this old: nobody is there
+DEAD_AFTER_S: Final = 4.5  # an unanswered Ping this old: nobody is there
 _MOST_WAITING: Final = 16  # messages other than states
 
 

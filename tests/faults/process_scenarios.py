@@ -1,0 +1,205 @@
+"""Faults of the server's process (rows 1 to 3, 24, 28): a real `kitchenmind serve` that is killed and restarted."""
+
+import asyncio
+import os
+import random
+import signal
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from crowd import LONG_STUDY, Crowd
+from invariants import Holdings, held_against, p99
+from real_server import RealServer
+from row import Row, rounded
+from sqlalchemy import func, select
+from witness import Witness
+
+from server.store.database import Database
+from server.store.tables import pauses, ticks
+
+
+def children(pid: int) -> list[int]:
+    """The processes that a process has started, and theirs."""
+    try:
+        found = [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    except OSError:
+        return []
+    return [one for child in found for one in (child, *children(child))]
+
+
+def last_timesteps(url: str) -> dict[str, int]:
+    """How far each episode is stored."""
+    query = select(ticks.c.episode_id, func.max(ticks.c.timestep)).group_by(ticks.c.episode_id)
+    with Database(url, read_only=True) as database:
+        return {row[0]: row[1] for row in database.read_now(lambda connection: connection.execute(query).all())}
+
+
+def elsewhere(crowd: Crowd, stood: dict[str, int], after: float) -> list[str]:
+    """Games that did not go on at the timestep where they are stored."""
+    found = []
+    for one in crowd.witnesses:
+        welcome = one.testimony.first("welcome", after)
+        episode = max(one.testimony.states, key=lambda place: place[1])[0]
+        if welcome is not None and stood.get(episode, 0) != welcome.detail:
+            found.append(f"{episode} stood at {stood.get(episode)} and was taken up at {welcome.detail}")
+    return found
+
+
+async def kills(folder: Path, tries: int, games: int, seed: int = 0, budget_s: float = 1e9) -> Row:
+    """Row 1: `kill -9` at random instants, restarted each time; at most `budget_s` seconds of it."""
+    chance, ends = random.Random(seed), time.monotonic() + budget_s
+    opened: list[float] = []
+    welcomed: list[float] = []
+    moving: list[float] = []
+    wrong: list[str] = []
+    orphans = done = 0
+    with RealServer(folder, speed=2.0, study=LONG_STUDY) as server:
+        async with Crowd(server.url, games, seed, idle=0.9) as crowd:
+            while done < tries and time.monotonic() < ends:
+                await asyncio.sleep(chance.uniform(0.0, 2.0))
+                workers = children(server.pid)
+                await asyncio.to_thread(server.end, signal.SIGKILL)
+                done += 1
+                stood, began = last_timesteps(server.database), time.monotonic()
+                await asyncio.to_thread(server.start)
+                opened.append(time.monotonic() - began)
+                orphans += sum(Path(f"/proc/{pid}").exists() for pid in workers)
+                if chance.random() < 0.3 and done < tries:
+                    continue  # the next kill comes while games are being taken up
+                welcomed += await crowd.told("welcome", began)
+                moving += await crowd.moving(began)
+                wrong += elsewhere(crowd, stood, began)
+        await asyncio.to_thread(server.end, signal.SIGTERM)
+        found = held_against(server.database, crowd.witnesses, silence_s=10)
+    figure = found.figures() | {"games": games, "elsewhere": len(wrong), "orphans": orphans, "seed": seed}
+    figure |= {"pages_open_p50_s": rounded(sorted(opened)[len(opened) // 2]), "pages_open_most_s": rounded(max(opened))}
+    figure |= {"games_back_p99_s": rounded(p99(welcomed)), "games_moving_p99_s": rounded(p99(moving))}
+    figure |= {"back_after_open_p99_s": rounded(p99(_after(welcomed, opened)))}
+    return Row(1, "kill -9 of the server", done, found.ok and not wrong and not orphans and found.compared > 0, figure)
+
+
+def _after(moments: Sequence[float], opened: Sequence[float]) -> list[float]:
+    """How long after the pages could be opened, the median of which stands for all."""
+    middle = sorted(opened)[len(opened) // 2]
+    return [max(0.0, moment - middle) for moment in moments]
+
+
+async def stops(folder: Path, tries: int, games: int) -> Row:
+    """Row 2: SIGTERM under games: everybody is told, sockets close with 1012, games go on in the next process."""
+    took, codes = [], []
+    with RealServer(folder, speed=2.0, study=LONG_STUDY) as server:
+        async with Crowd(server.url, games, idle=0.9) as crowd:
+            for _ in range(tries):
+                began = time.monotonic()
+                status = await asyncio.to_thread(server.end, signal.SIGTERM)
+                took.append(time.monotonic() - began)
+                assert status == 0, status
+                await crowd.told("closed", began)
+                codes += [told.detail for told in crowd.since("closed", began) if told.detail]
+                back = time.monotonic()
+                await asyncio.to_thread(server.start)
+                await crowd.moving(back)
+        await asyncio.to_thread(server.end, signal.SIGTERM)
+        found = held_against(server.database, crowd.witnesses, silence_s=10)
+        query = select(func.count()).where(pauses.c.duration_ms.is_(None), pauses.c.reason != "server")
+        with Database(server.database, read_only=True) as database:
+            open_pauses = database.read_now(lambda connection: connection.execute(query).scalar_one())
+    figure = found.figures() | {"stop_most_s": rounded(max(took)), "other_codes": sum(code != 1012 for code in codes)}
+    passed = found.ok and bool(codes) and not figure["other_codes"]
+    return Row(2, "stop and start again", tries, passed, figure | {"pauses_without_end": open_pauses})
+
+
+async def kills_while_starting(folder: Path, tries: int, seed: int = 0) -> Row:
+    """Row 3: the server is killed again and again while it comes up, then left alone."""
+    chance = random.Random(seed)
+    with RealServer(folder, speed=4.0, study=LONG_STUDY) as server:
+        async with Crowd(server.url, 3, seed) as crowd:
+            await asyncio.to_thread(server.end, signal.SIGKILL)
+            stood = last_timesteps(server.database)
+            for _ in range(tries):
+                starting = asyncio.create_task(asyncio.to_thread(_try_to_start, server))
+                await asyncio.sleep(chance.uniform(0.05, 5.0))
+                await asyncio.to_thread(server.end, signal.SIGKILL)
+                await starting
+            began = time.monotonic()
+            await asyncio.to_thread(server.start)
+            await crowd.moving(began)
+        await asyncio.to_thread(server.end, signal.SIGTERM)
+        found = held_against(server.database, crowd.witnesses, silence_s=10)
+    went_back = [episode for episode, last in stood.items() if last_timesteps(server.database)[episode] < last]
+    figure = found.figures() | {"went_back": len(went_back), "seed": seed}
+    return Row(3, "kill -9 while starting", tries, found.ok and not went_back, figure)
+
+
+def _try_to_start(server: RealServer) -> None:
+    with suppress(AssertionError):  # killed before it could be opened, as it is meant to be
+        server.start()
+
+
+async def worker_kills(folder: Path, tries: int, games: int) -> Row:
+    """Row 24: the process that runs the models is killed under the games; none ends."""
+    gone: list[float] = []
+    with RealServer(folder, speed=1.0, study=LONG_STUDY) as server:
+        async with Crowd(server.url, games, idle=0.9) as crowd:
+            for _ in range(tries):
+                before = set(children(server.pid))
+                await asyncio.sleep(4.0)  # a spare is there
+                killed = time.monotonic()
+                _kill_a_model_worker(server.pid)
+                await asyncio.sleep(2.0)
+                await crowd.moving(time.monotonic())
+                gone.append(await _late_until(server.database, killed))
+                assert before
+        found = held_against(server.database, crowd.witnesses)
+        aborted = [one for witness in crowd.witnesses for one in witness.testimony.ended]
+    figure = found.figures() | {"games_ended": len(aborted), "without_models_most_s": rounded(max(gone))}
+    passed = found.ok and not aborted and max(gone) <= 1.0
+    return Row(24, "model worker killed", tries, passed, figure)
+
+
+def _kill_a_model_worker(pid: int) -> None:
+    """The one that answers: the oldest."""
+    workers = [child for child in children(pid) if b"models.worker" in Path(f"/proc/{child}/cmdline").read_bytes()]
+    os.kill(min(workers), signal.SIGKILL)
+
+
+async def _late_until(url: str, _killed: float) -> float:
+    """Seconds of game time in which the partner had to wait, of the worst game, in the last 20 timesteps."""
+    query = select(ticks.c.episode_id, ticks.c.timestep, ticks.c.late).order_by(ticks.c.episode_id, ticks.c.timestep)
+    with Database(url, read_only=True) as database:
+        rows = database.read_now(lambda connection: connection.execute(query).all())
+    worst = 0
+    for episode in {row.episode_id for row in rows}:
+        worst = max(worst, sum(row.late for row in [one for one in rows if one.episode_id == episode][-20:]))
+    return worst * 0.2
+
+
+async def soak(folder: Path, seconds: float, games: int) -> Row:
+    """Row 28: games and participants that come and go; memory and descriptors stay where they are."""
+    with RealServer(folder, speed=1.0, study=LONG_STUDY) as server:
+        async with Crowd(server.url, games, idle=0.9) as crowd:
+            await asyncio.sleep(min(30.0, seconds / 4))  # caches fill
+            samples, churned, ends = [Holdings.of(server.pid)], 0, time.monotonic() + seconds
+            visitors: list[Witness] = []
+            while time.monotonic() < ends:
+                visitor = Witness(server.url, "short", 10_000 + churned)
+                visitors.append(visitor)
+                await visitor.to_the_game()
+                game = visitor.game()
+                playing = asyncio.create_task(game.play())
+                await asyncio.sleep(min(5.0, seconds / 10))
+                playing.cancel()
+                await asyncio.gather(playing, return_exceptions=True)
+                await visitor.close()
+                churned += 1
+                samples.append(Holdings.of(server.pid))
+        found = held_against(server.database, [*crowd.witnesses, *visitors])
+    hours = seconds / 3600
+    early, late = samples[: max(1, len(samples) // 4)], samples[-max(1, len(samples) // 4) :]
+    slope = (min(one.rss_kib for one in late) - min(one.rss_kib for one in early)) / 1024 / hours
+    left = min(one.descriptors for one in late) - min(one.descriptors for one in early)
+    figure = found.figures() | {"seconds": seconds, "visitors": churned, "descriptors_left": left}
+    figure |= {"rss_mib": rounded(samples[-1].rss_kib / 1024), "rss_mib_per_hour": rounded(slope)}
+    return Row(28, "soak with people who come and go", churned, found.ok and left <= 2, figure)

@@ -1,0 +1,37 @@
+"""Rows 1 to 3, 24 and 28 of docs/faults.md: a server killed, stopped, killed while it starts, left running."""
+
+from pathlib import Path
+
+import process_scenarios as process
+import pytest
+
+
+async def test_a_killed_server_goes_on_where_everybody_was(tmp_path: Path) -> None:
+    (await process.kills(tmp_path, tries=1, games=4, seed=1)).hold()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+async def test_many_kills_under_fifty_games_lose_and_double_nothing(tmp_path: Path) -> None:
+    (await process.kills(tmp_path, tries=20, games=50, seed=2)).hold()
+
+
+@pytest.mark.slow
+async def test_a_stopped_server_says_so_and_goes_on_after_it(tmp_path: Path) -> None:
+    (await process.stops(tmp_path, tries=3, games=10)).hold()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+async def test_a_server_killed_while_it_starts_comes_up_at_last(tmp_path: Path) -> None:
+    (await process.kills_while_starting(tmp_path, tries=15)).hold()
+
+
+@pytest.mark.slow
+async def test_a_killed_model_worker_is_back_within_a_second_and_no_game_ends(tmp_path: Path) -> None:
+    (await process.worker_kills(tmp_path, tries=3, games=5)).hold()
+
+
+@pytest.mark.slow
+async def test_memory_and_descriptors_stay_flat(tmp_path: Path) -> None:
+    (await process.soak(tmp_path, seconds=60, games=20)).hold()
