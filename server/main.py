@@ -3,10 +3,11 @@
 import asyncio
 import gc
 import logging
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from fastapi import FastAPI
 from fastapi.staticfiles import StaticFiles
@@ -28,6 +29,7 @@ from server.study.loader import StudyError, StudyFile, load_study
 from server.version import code_version
 from server.web import actions, admin, downloads, leaving, live, pages, replay, socket
 from server.web.admin_auth import Tries
+from server.web.alerts import Alert, Alerts, message_of
 from server.web.auth import Guard
 from server.web.control import Control
 from server.web.deps import Web, templates
@@ -39,6 +41,7 @@ from server.web.live import Live
 from server.web.seats import Seats
 from server.web.socket import Sockets
 from server.web.studies import Studies
+from server.webhook import Webhook
 
 log = logging.getLogger(__name__)
 _GARBAGE_THRESHOLDS = (50_000, 20, 20)  # a full collection costs milliseconds, and a game makes hardly any cycles
@@ -82,6 +85,7 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
         stack.push_async_callback(app.state.games.stop)
         app.state.sockets = _sockets(app, database, studies)
         stack.push_async_callback((await _researchers(app, settings)).stop)
+        stack.push_async_callback(_alarm(app, settings))
         _warm(files)
         gc.collect()
         gc.freeze()
@@ -140,6 +144,26 @@ async def _researchers(app: FastAPI, settings: Settings) -> Control:
     app.state.control = control = Control(app.state.games, web.database, web.studies)
     await control.begin()
     return control
+
+
+def _alarm(app: FastAPI, settings: Settings) -> Callable[[], Coroutine[Any, Any, None]]:
+    """Looks for alerts and posts them where the settings say; returns what stops it."""
+    hook = Webhook(settings.alert_webhook.get_secret_value()) if settings.alert_webhook else None
+
+    def tell(alert: Alert, over: bool) -> None:
+        log.log(logging.INFO if alert.study else logging.WARNING, "alert%s: %s", " over" if over else "", alert.text)
+        if hook is not None:
+            hook.send(message_of(alert, over, settings.public_url))
+
+    app.state.alerts = Alerts(app.state.live, app.state.figures.file, tell)
+    tasks = [asyncio.create_task(work.run()) for work in (app.state.alerts, hook) if work is not None]
+
+    async def stop() -> None:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    return stop
 
 
 def _warm(files: Sequence[StudyFile]) -> None:

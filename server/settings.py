@@ -44,6 +44,17 @@ class Settings(BaseSettings):
     patience_s: float = Field(default=0.0, ge=0, le=60)
     """For simulated participants: a timestep waits so long for its players, and is made once they have acted."""
 
+    alert_webhook: SecretStr | None = None
+    """Where alerts are posted as JSON, e.g. a chat's incoming webhook. Whoever knows the address may post there."""
+
+    @model_validator(mode="after")
+    def _address_can_be_posted_to(self) -> Self:
+        if self.alert_webhook is not None:
+            url = urlsplit(self.alert_webhook.get_secret_value())
+            if url.scheme not in ("http", "https") or not url.hostname:
+                raise ValueError("KITCHENMIND_ALERT_WEBHOOK must be an address like https://chat.example.org/hooks/...")
+        return self
+
     @model_validator(mode="after")
     def _safe_in_production(self) -> Self:
         if self.mode == "local":

@@ -27,7 +27,7 @@ class Figures:
     """One for the server: keeps what was read lately, and the running count of hits of each study."""
 
     def __init__(self, live: Live, database_file: Path | None) -> None:
-        self._live, self._file = live, database_file
+        self._live, self.file = live, database_file
         self._kept: dict[tuple[str, str, bool], tuple[float, dict[str, Any]]] = {}
         self._accuracy: dict[str, tuple[float, Accuracy]] = {}
         self._reading = asyncio.Lock()
@@ -103,10 +103,10 @@ class Figures:
             "moving": live.games.loop.moving,
             "sockets": len(live.sockets),
         }
-        if self._file is not None and self._file.exists():
-            parts = [self._file, self._file.with_name(self._file.name + "-wal")]
+        if self.file is not None and self.file.exists():
+            parts = [self.file, self.file.with_name(self.file.name + "-wal")]
             found["database_mb"] = round(sum(part.stat().st_size for part in parts if part.exists()) / 1e6, 1)
-            found["disk_free_gb"] = round(shutil.disk_usage(self._file.parent).free / 1e9, 1)
+            found["disk_free_gb"] = round(shutil.disk_usage(self.file.parent).free / 1e9, 1)
         return found
 
 

@@ -48,7 +48,6 @@ class Live:
     def __init__(self, web: Web, games: Games, sockets: Sockets) -> None:
         self.web, self.games, self.sockets = web, games, sockets
         self.models_ms: deque[float] = deque(maxlen=_SAMPLES)  # sampled while somebody watches
-        self.late = 0  # of the samples in `models_ms`
         self._attention = Attention()
         self._played: dict[str, Played] = {}
         self._cards: tuple[float, list[Card]] = (-1e9, [])
@@ -237,5 +236,6 @@ async def _tell(socket: WebSocket, watching: Watching) -> None:
             if now - told >= FIGURES_EVERY_S or tab != watching.tab:
                 told, tab = now, watching.tab
                 news = await figures.of(watching.study_ids, watching.study, watching.tab, watching.admin.blind)
-                await socket.send_text(json.dumps({"type": "figures", **news}, separators=(",", ":")))
+                news = {"type": "figures", **news, "alerts": socket.app.state.alerts.shown(watching.study.name)}
+                await socket.send_text(json.dumps(news, separators=(",", ":")))
         await asyncio.sleep(CARDS_EVERY_S)

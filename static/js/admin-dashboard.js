@@ -14,6 +14,7 @@ const find = (name) => document.querySelector(`#${name}`);
 const sprites = new Sprites('/static/sprites/');
 const cards = new Map(); // episode -> {item, parts, card, board}
 let send = () => {};
+let figures = null; // the last message of figures
 let order = 'attention', tab = 'active', sortedMs = 0, spokenMs = 0, spoken = '';
 
 const seen = new IntersectionObserver((entries) => {
@@ -90,17 +91,20 @@ function sort(now) {
   sorted.forEach(({ item }, place) => { if (list.children[place] !== item) list.insertBefore(item, list.children[place] ?? null); });
 }
 
+/** What is wrong with the server comes first, then the games that need a look. */
 function alerts(all) {
   const urgent = all.filter((card) => card.level).sort(ORDERS.attention);
+  const wrong = figures?.alerts ?? [];
   find('attention').textContent = urgent.length ? `${urgent.length} need${urgent.length === 1 ? 's' : ''} attention` : 'all calm';
-  find('alerts-count').textContent = `${urgent.length} open`;
-  const rows = urgent.slice(0, 12).map((card) => make('li', { className: LEVELS[card.level] },
+  find('alerts-count').textContent = `${wrong.length + urgent.length} open`;
+  const ofServer = wrong.map(({ text, since_s: since }) => make('li', { className: 'bad' }, make('div', { text }), make('time', { text: clock(since) })));
+  const rows = ofServer.concat(urgent.slice(0, 12).map((card) => make('li', { className: LEVELS[card.level] },
     make('div', {}, make('b', {}, make('a', { href: `/admin/s/${study}/game/${card.id}`, text: card.who })), ` ${card.flag.toLowerCase()}`),
-    make('time', { text: card.since_s === null ? '' : clock(card.since_s) })));
+    make('time', { text: card.since_s === null ? '' : clock(card.since_s) }))));
   if (!list.contains(document.activeElement) && !find('alerts').contains(document.activeElement)) {
     find('alerts').replaceChildren(...(rows.length ? rows : [make('li', { className: 'none', text: 'Nobody needs attention.' })]));
   }
-  const words = urgent.filter((card) => card.level === 2).map((card) => `${card.who} ${card.flag}`).join(', ');
+  const words = [...wrong.map(({ text }) => text), ...urgent.filter((card) => card.level === 2).map((card) => `${card.who} ${card.flag}`)].join(', ');
   if (words !== spoken && performance.now() - spokenMs > SPEAK_EVERY_MS) {
     [spoken, spokenMs] = [words, performance.now()];
     find('spoken').textContent = words;
@@ -118,7 +122,6 @@ for (const button of document.querySelectorAll('[data-tab]')) {
   button.addEventListener('click', () => { tab = button.dataset.tab; press('[data-tab]', button); tellView(); });
 }
 
-let figures = null;
 const showNews = () => showFigures(figures, { study, blind: blind === 'yes', find: find('find').value, flags: new Map([...cards.values()].map(({ card }) => [card.person, card])) });
 find('find').addEventListener('input', () => { if (figures) showNews(); });
 

@@ -4,6 +4,7 @@ import asyncio
 import json
 import re
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -23,9 +24,10 @@ from server.play.clock import Clock
 from server.play.recorder import TickRecord
 from server.play.trace import Trace
 from server.settings import Settings
-from server.store import admins, audit, decisions, episodes, ticks
+from server.store import admins, audit, decisions, episodes, events, ticks
 from server.web import actions, admin, downloads, live, replay
 from server.web.admin_auth import Tries
+from server.web.alerts import Alert, Alerts, message_of
 from server.web.control import Control
 from server.web.episodes import episode_spec, layout_of
 from server.web.figures import Figures
@@ -59,6 +61,7 @@ def site(tmp_path: Path) -> Iterator[Site]:
     state.sockets = Sockets(games, lambda *_: asyncio.sleep(0, None), state.web.guard.is_own_origin)
     state.tries, state.live = Tries(), Live(state.web, games, state.sockets)
     state.figures = Figures(state.live, tmp_path / "site.db")
+    state.alerts = Alerts(state.live, tmp_path / "site.db", lambda *_: None)
     state.control = Control(games, made.database, made.studies)
     for doors in (admin, live, replay, actions, downloads):
         made.app.include_router(doors.router)
@@ -286,6 +289,33 @@ def test_the_flow_begins_with_the_links_that_were_opened(site: Site) -> None:
     diagram = signed_in(site, "watch").get("/admin/s/small/consort.svg").text
     assert "Not enrolled (n = 2)" in diagram
     assert ElementTree.fromstring(diagram).tag.endswith("svg")
+
+
+def test_alerts_are_told_when_they_begin_and_when_they_are_over(site: Site, tmp_path: Path) -> None:
+    told: list[tuple[str, bool]] = []
+    alerts = Alerts(site.app.state.live, tmp_path / "site.db", lambda alert, over: told.append((alert.key, over)))
+    asyncio.run(alerts.look())
+    assert told == []
+    site.app.state.live.games.loop.late_ms.extend([3.0] * 50 + [90.0])
+    Visitor(site).consent("small")
+    person = site.only("small").id
+    site.database.write_now(events.add, events.Event("trouble", datetime.now(UTC), person, detail={"text": "a secret"}))
+    asyncio.run(alerts.look())
+    asyncio.run(alerts.look())
+    assert sorted(told) == [("late", False), (f"trouble {person}", False)], "each once"
+    assert not any("secret" in alert.text for alert in alerts.open.values())
+    assert str(alerts.shown("small")[0]["text"]).startswith("Timesteps come late: 90 ms")
+    site.app.state.live.games.loop.late_ms.clear()
+    asyncio.run(alerts.look())
+    assert told[-1] == ("late", True)
+
+
+def test_an_alert_carries_a_text_for_a_chat_and_parts_for_a_program() -> None:
+    alert = Alert("game 7", "ring: P-001 is away.", "/admin/s/ring/game/7", "ring")
+    message = message_of(alert, over=False, public_url="https://lab.example/")
+    assert message["text"] == "kitchenmind: ring: P-001 is away. https://lab.example/admin/s/ring/game/7"
+    assert (message["alert"], message["state"], message["study"]) == ("game 7", "open", "ring")
+    assert message_of(alert, over=True, public_url="")["text"] == "kitchenmind: over: ring: P-001 is away."
 
 
 def test_a_replay_says_whether_every_state_is_the_stored_one(site: Site) -> None:
