@@ -1,7 +1,8 @@
 """How many games one server carries at once: bots on one core, the server on another, every tick committed.
 
-Prints for each number of games: lateness of a tick, CPU of the server and its model worker, memory and bytes per second
-of a game. Run it on a quiet machine: `python benchmarks/serve.py --json`.
+Prints for each number of games: lateness of a tick, the share of ticks whose partner had to wait because its models
+were late, CPU of the server and its model worker, memory and bytes per second of a game. Goes on to more games until
+ticks come too late or partners have to wait. Run it on a quiet machine: `python benchmarks/serve.py --json`.
 """
 
 import argparse
@@ -198,7 +199,7 @@ async def run(arguments: argparse.Namespace) -> list[Figures]:
                 figures.mb_per_game = round((server.rss_mb() - empty_mb) / games, 3)
                 found.append(figures)
                 print(json.dumps(asdict(figures)), file=sys.stderr)
-                if figures.p99_ms > arguments.until_ms:
+                if figures.p99_ms > arguments.until_ms or figures.late_share > arguments.until_late_share:
                     break
         finally:
             for task in tasks:
@@ -221,9 +222,10 @@ async def _fill(server: Server, players: list[Player], tasks: list[asyncio.Task[
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--games", type=int, nargs="+", default=[50, 100, 200, 300, 400, 500, 600])
+    parser.add_argument("--games", type=int, nargs="+", default=[1, 50, 100, 200, 300, 400, 500, 600, 700])
     parser.add_argument("--window-s", type=float, default=15.0)
     parser.add_argument("--until-ms", type=float, default=20.0, help="stop above this p99 lateness")
+    parser.add_argument("--until-late-share", type=float, default=0.001, help="stop above this share of late partners")
     parser.add_argument("--agent", default="sp")
     parser.add_argument("--form", default="stream", choices=["window", "stream"])
     parser.add_argument("--server-cores", type=int, nargs="+", default=[1])

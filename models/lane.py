@@ -10,12 +10,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from models.breaker import Breaker
 from models.wire import LENGTH, Answer, Ask, Failed, Forget, Load, Loaded, Row, frame, from_worker
 
-MOST_WAITING = 4  # frames a worker may owe before it is asked nothing more
+MOST_WAITING = 256  # frames a worker may owe before it is asked nothing more
 log = logging.getLogger("models")
 _ROOT = Path(__file__).resolve().parent.parent
 
@@ -37,7 +38,8 @@ class WorkerProcess:
     async def start(self) -> "WorkerProcess":
         """Returns when everything is loaded and warm. Raises ModelsDown."""
         ours, theirs = socket.socketpair()
-        environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join([str(_ROOT), *sys.path])}
+        one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        environment = {**os.environ, **one_thread, "PYTHONPATH": os.pathsep.join([str(_ROOT), *sys.path])}
         command = [sys.executable, "-m", "models.worker", str(theirs.fileno())]
         with theirs:
             self._process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment)  # noqa: S603
@@ -93,6 +95,15 @@ class WorkerProcess:
             await asyncio.to_thread(self._process.wait)
 
 
+@dataclass(frozen=True)
+class _Waiting:
+    """A frame that the worker owes an answer to."""
+
+    answer: "asyncio.Future[Answer]"
+    asked: float
+    rows: list[Row]
+
+
 class Lane:
     """A worker that is always there, or nearly: it is replaced when it dies or no longer answers."""
 
@@ -103,7 +114,7 @@ class Lane:
         self._spares: list[asyncio.Task[WorkerProcess]] = []
         self._worker: WorkerProcess | None = None
         self._known: dict[str, int] = {}  # game key -> newest timestep that the worker has seen
-        self._waiting: dict[int, tuple[asyncio.Future[Answer], float]] = {}
+        self._waiting: dict[int, _Waiting] = {}  # in the order asked
         self._ids = itertools.count()
         self._care: asyncio.Task[None] | None = None
         self._breaker = Breaker(faults_to_open=3)
@@ -124,20 +135,23 @@ class Lane:
     def memory(self) -> int:
         return 1 if self._worker is None else self._worker.memory
 
-    def ready(self) -> bool:
-        """Whether a question asked now may be answered."""
-        return self._worker is not None and len(self._waiting) < MOST_WAITING
+    def ready(self, patience_s: float) -> bool:
+        """Whether a question asked now may be answered within `patience_s`: not if an older one has waited so long."""
+        if self._worker is None or len(self._waiting) >= MOST_WAITING:
+            return False
+        oldest = next(iter(self._waiting.values()), None)
+        return oldest is None or time.monotonic() - oldest.asked < patience_s
 
-    def fresh(self, key: str, timestep: int) -> bool:
-        """Whether the worker needs the whole history to answer about this state."""
-        return self._known.get(key) != timestep - 1
+    def missing(self, key: str, timestep: int) -> int:
+        """How many of a game's last states the worker has not been sent; 0: its whole history is needed."""
+        known = self._known.get(key)
+        if known is None or not known < timestep < known + self.memory:
+            return 0
+        return timestep - known
 
     def saw(self, key: str, timestep: int) -> None:
+        """The state has been sent: the worker reads frames in order, however late it answers."""
         self._known[key] = timestep
-
-    def lost(self, key: str) -> None:
-        """The worker's memory of this game is not to be relied upon."""
-        self._known.pop(key, None)
 
     def forget(self, keys: list[str]) -> None:
         gone = [key for key in keys if self._known.pop(key, None) is not None]
@@ -151,7 +165,7 @@ class Lane:
         assert self._worker is not None  # noqa: S101 the caller looked at ready()
         question = Ask(next(self._ids), layout, shape, rows, states, actions)
         answer: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
-        self._waiting[question.id] = (answer, time.monotonic())
+        self._waiting[question.id] = _Waiting(answer, time.monotonic(), rows)
         self._worker.send(question)
         return answer
 
@@ -169,8 +183,13 @@ class Lane:
 
     def _take(self, answer: Answer) -> None:
         waiting = self._waiting.pop(answer.id, None)
-        if waiting is not None and not waiting[0].done():  # done: the deadline was over, nobody waits for it any more
-            waiting[0].set_result(answer)
+        if waiting is None:
+            return
+        for row, predicted in zip(waiting.rows, answer.predicted, strict=True):
+            if row.predictor is not None and not predicted:  # what the worker knows of this game is not to be relied on
+                self._known.pop(row.key, None)
+        if not waiting.answer.done():  # done: the deadline was over, nobody waits for it any more
+            waiting.answer.set_result(answer)
         self._breaker.worked()
 
     async def _keep_alive(self) -> None:
@@ -195,8 +214,8 @@ class Lane:
         """Returns when the oldest question has been waiting for too long."""
         while True:
             await asyncio.sleep(self._hang_s / 5)
-            oldest = min((asked for _, asked in self._waiting.values()), default=None)
-            if oldest is not None and time.monotonic() - oldest > self._hang_s:
+            oldest = next(iter(self._waiting.values()), None)
+            if oldest is not None and time.monotonic() - oldest.asked > self._hang_s:
                 return
 
     async def _replacement(self) -> WorkerProcess:
@@ -214,6 +233,6 @@ class Lane:
             self._spares.append(asyncio.create_task(WorkerProcess(self._load).start()))
 
     def _drop_waiting(self) -> None:
-        for answer, _ in self._waiting.values():
-            answer.cancel()
+        for waiting in self._waiting.values():
+            waiting.answer.cancel()
         self._waiting.clear()

@@ -87,14 +87,14 @@ class ModelServer:
 
     async def ask(self, questions: Sequence[Question], deadline_ms: float) -> list[Decision | None]:
         """One decision a question, in order; None where no answer came within `deadline_ms` or the model broke."""
-        batches = self._send(questions)
-        futures = [answer for _, _, answer in batches]
+        batches = self._send(questions, deadline_ms / 1000)
+        futures = [answer for _, answer in batches]
         if futures:
             await asyncio.wait(futures, timeout=deadline_ms / 1000)
         found = [_Found() for _ in questions]
-        for lane, chosen, answer in batches:
+        for chosen, answer in batches:
             if answer.done() and not answer.cancelled():
-                self._read(lane, [questions[k] for k in chosen], [found[k] for k in chosen], answer.result())
+                self._read([found[k] for k in chosen], answer.result())
             else:
                 answer.cancel()
                 self._late += len(chosen)
@@ -125,9 +125,10 @@ class ModelServer:
             return self._foreign[name]
         return self._own[zlib.crc32(game.encode()) % len(self._own)]
 
-    def _send(self, questions: Sequence[Question]) -> "list[tuple[Lane, list[int], asyncio.Future[Answer]]]":
-        """Asks each worker about each layout once; returns what was asked: worker, indices of questions, answer to
-        come."""
+    def _send(
+        self, questions: Sequence[Question], patience_s: float
+    ) -> "list[tuple[list[int], asyncio.Future[Answer]]]":
+        """Asks each worker about each layout once; returns what was asked: indices of questions, answer to come."""
         groups: dict[tuple[Lane, str], list[tuple[int, str | None, str | None]]] = {}
         for k, question in enumerate(questions):
             for lane, agent, predictor in self._parts(question):
@@ -135,8 +136,8 @@ class ModelServer:
         sent = []
         for (lane, layout), parts in groups.items():
             chosen = [k for k, _, _ in parts]
-            if lane.ready():
-                sent.append((lane, chosen, self._send_group(lane, layout, questions, parts)))
+            if lane.ready(patience_s):
+                sent.append((chosen, self._send_group(lane, layout, questions, parts)))
             else:
                 self._late += len(chosen)
         return sent
@@ -160,10 +161,20 @@ class ModelServer:
             question = questions[k]
             key = _key(question.game, question.seat)
             self._seats.setdefault(question.game, set()).add(question.seat)
-            fresh = predictor is not None and lane.fresh(key, question.timestep)
-            history = question.history(lane.memory if fresh else 1)
-            length = len(history.observations)
-            rows.append(Row(key, agent, predictor, length, fresh, question.stuck, question.uniform))
+            missing = 1 if predictor is None else lane.missing(key, question.timestep)
+            history = question.history(missing or lane.memory)
+            rows.append(
+                Row(
+                    key=key,
+                    agent=agent,
+                    predictor=predictor,
+                    timestep=question.timestep,
+                    states=len(history.observations),
+                    fresh=not missing,
+                    stuck=question.stuck,
+                    uniform=question.uniform,
+                )
+            )
             states.append(history.observations)
             actions.append(history.actions)
             if predictor is not None:
@@ -178,21 +189,17 @@ class ModelServer:
             np.concatenate(actions, dtype=np.int8, casting="unsafe").tobytes(),
         )
 
-    def _read(self, lane: Lane, questions: list[Question], found: "list[_Found]", answer: Answer) -> None:
+    def _read(self, found: "list[_Found]", answer: Answer) -> None:
         self._times.append(answer.model_ms)
         self._faults.update(f"{fault.model}: {fault.reason}" for fault in answer.faults)
-        acted = np.frombuffer(answer.acted, np.int8)
-        laws = np.frombuffer(answer.laws, np.float32).reshape(-1, ACTIONS)
-        predicted = np.frombuffer(answer.predicted, np.int8)
-        predictions = np.frombuffer(answer.predictions, np.float32).reshape(-1, STEPS, ACTIONS)
-        for k, (question, part) in enumerate(zip(questions, found, strict=True)):
+        acted = np.frombuffer(answer.acted, np.int8).tolist()
+        laws = np.frombuffer(answer.laws, np.float32).reshape(-1, ACTIONS).tolist()
+        predictions = np.frombuffer(answer.predictions, np.float32).reshape(-1, STEPS, ACTIONS).tolist()
+        for k, part in enumerate(found):
             if acted[k] >= 0:
-                part.action = int(acted[k])
-                part.probabilities = tuple(laws[k].tolist())
-            if predicted[k]:
-                part.prediction = tuple(tuple(step) for step in predictions[k].tolist())
-            elif question.predictor is not None:
-                lane.lost(_key(question.game, question.seat))
+                part.action, part.probabilities = acted[k], tuple(laws[k])
+            if answer.predicted[k]:
+                part.prediction = tuple(tuple(step) for step in predictions[k])
 
 
 @dataclass

@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Struct
 
 LENGTH = struct.Struct(">I")
+_AT_ONCE = 1 << 20  # bytes read at once
 
 Name = tuple[str, str]  # layout, agent or predictor: what a worker is asked to load
 
@@ -33,11 +34,13 @@ class Failed(Struct, tag=True, frozen=True):
 
 
 class Row(Struct, array_like=True, frozen=True):
-    """One chef of one game. `fresh`: forget what is known about it, its states are a whole history."""
+    """One chef of one game. `fresh`: forget what is known about it, its states are a whole history; otherwise they
+    follow on those that were sent before."""
 
     key: str  # game and seat
     agent: str | None
     predictor: str | None
+    timestep: int  # of its newest state
     states: int  # how many of the frame's states are its own, oldest first
     fresh: bool
     stuck: int
@@ -103,17 +106,32 @@ def from_worker(body: bytes) -> Loaded | Failed | Answer:
     return message
 
 
-def receive(connection: socket.socket) -> bytes | None:
-    """The next frame's body, waiting for it; None when the other side is gone."""
-    head = _receive_exactly(connection, LENGTH.size)
-    return None if head is None else _receive_exactly(connection, LENGTH.unpack(head)[0])
+class Inbox:
+    """Frames as they come in on a socket."""
 
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection = connection
+        self._rest = bytearray()
 
-def _receive_exactly(connection: socket.socket, size: int) -> bytes | None:
-    chunks = bytearray()
-    while len(chunks) < size:
-        chunk = connection.recv(size - len(chunks))
-        if not chunk:
-            return None
-        chunks += chunk
-    return bytes(chunks)
+    def wait(self) -> list[bytes]:
+        """The bodies of all frames that have arrived, at least one; empty when the other side is gone."""
+        while True:
+            bodies = self._whole()
+            if bodies:
+                return bodies
+            chunk = self._connection.recv(_AT_ONCE)
+            if not chunk:
+                return []
+            self._rest += chunk
+
+    def _whole(self) -> list[bytes]:
+        bodies, at = [], 0
+        while len(self._rest) - at >= LENGTH.size:
+            begin = at + LENGTH.size
+            end = begin + LENGTH.unpack_from(self._rest, at)[0]
+            if end > len(self._rest):
+                break
+            bodies.append(bytes(self._rest[begin:end]))
+            at = end
+        del self._rest[:at]
+        return bodies

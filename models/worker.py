@@ -1,5 +1,5 @@
 """A model worker: a process that loads agents and predictors and answers frames until the server is gone. Torch lives
-here.
+here, for those models that need it.
 
 Started by `models.runner` as `python -m models.worker FD`. It knows neither sockets of the web nor the database.
 """
@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.acting import distribution, draw
+from models.batches import joined, parted, together
 from models.breaker import Breaker
 from models.catalogue import load_agent
 from models.predictors import load_predictor
 from models.protocols import HISTORY, STEPS, Mode, Observations, Policy, Predictions, Predictor, Probabilities
-from models.wire import Answer, Ask, Failed, Fault, Forget, Load, Loaded, Name, Row, frame, from_server, receive
+from models.wire import Answer, Ask, Failed, Fault, Forget, Inbox, Load, Loaded, Name, Row, frame, from_server
 from overcooked.constants import ACTIONS, HORIZON
 from overcooked.layout import Layout, load_layout, parse_layout
 from overcooked.state import Kitchens
@@ -37,9 +38,11 @@ class ModelRefused(Exception):
 
 
 class Slots:
-    """Which games a predictor is watching: game key -> slot number; numbers are used again."""
+    """Which games a predictor is watching: game key -> slot number; numbers are used again. `reached`: the newest
+    timestep that it has seen of each."""
 
     def __init__(self) -> None:
+        self.reached: dict[str, int] = {}
         self._of: dict[str, int] = {}
         self._free: list[int] = []
 
@@ -49,6 +52,7 @@ class Slots:
         return self._of[key]
 
     def forget(self, key: str) -> None:
+        self.reached.pop(key, None)
         if key in self._of:
             self._free.append(self._of.pop(key))
 
@@ -113,9 +117,10 @@ class Worker:
                     laws[chosen], acted[chosen] = self._act(
                         (ask.layout, agent), [rows[k] for k in chosen], observations[states[chosen]]
                     )
-        for name, chosen in _by_model([row.predictor for row in rows]):
+        for name, known in _by_model([row.predictor for row in rows]):
+            chosen = self._follow((ask.layout, name), rows, known)
             with self._watched((ask.layout, name), faults) as may_answer:
-                if may_answer:
+                if may_answer and len(chosen):
                     predictions[chosen] = self._predict(
                         (ask.layout, name), [rows[k] for k in chosen], states[chosen], observations, actions
                     )
@@ -124,6 +129,12 @@ class Worker:
         return Answer(
             ask.id, model_ms, acted.tobytes(), laws.tobytes(), predicted.tobytes(), predictions.tobytes(), faults
         )
+
+    def _follow(self, name: Name, rows: list[Row], chosen: NDArray[np.intp]) -> NDArray[np.intp]:
+        """The rows whose states follow on what the predictor has seen of their game; the server repeats the others."""
+        reached = self._predictors[name][1].reached
+        follows = [rows[k].fresh or reached.get(rows[k].key) == rows[k].timestep - rows[k].states for k in chosen]
+        return chosen[follows]
 
     def _watched(self, name: Name, faults: list[Fault]) -> "_Watched":
         return _Watched(name, self._breakers[name], faults)
@@ -149,11 +160,15 @@ class Worker:
         fresh = np.array([row.fresh for row in rows])
         if fresh.any():
             predictor.begin(slots[fresh])
+        for row in rows:  # until it has answered nobody knows how far it got
+            games.reached.pop(row.key, None)
         for back in range(int(lengths.max()) - 1, -1, -1):
             reached = lengths > back
             state = newest[reached] - back
             answer = predictor.predict(slots[reached], observations[state], actions[state])
-        return _checked_predictions(answer, len(rows))
+        checked = _checked_predictions(answer, len(rows))
+        games.reached.update((row.key, row.timestep) for row in rows)
+        return checked
 
 
 class _Watched:
@@ -228,8 +243,9 @@ def main(descriptor: int) -> None:
     """Serves the connection at `descriptor` until it closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C belongs to the server, which closes the connection
     connection = socket.socket(fileno=descriptor)
-    first = receive(connection)
-    load = None if first is None else from_server(first)
+    inbox = Inbox(connection)
+    first = inbox.wait()
+    load = from_server(first[0]) if first else None
     if not isinstance(load, Load):
         return
     try:
@@ -238,12 +254,23 @@ def main(descriptor: int) -> None:
         connection.sendall(frame(Failed(str(refused))))
         return
     connection.sendall(frame(Loaded(worker.memory)))
-    while (body := receive(connection)) is not None:
-        message = from_server(body)
-        if isinstance(message, Ask):
-            connection.sendall(frame(worker.answer(message)))
-        elif isinstance(message, Forget):
-            worker.forget(message.keys)
+    while bodies := inbox.wait():
+        waiting: list[Ask] = []
+        for message in map(from_server, bodies):
+            if isinstance(message, Ask):
+                waiting.append(message)
+            elif isinstance(message, Forget):
+                _answer(worker, connection, waiting)
+                waiting = []
+                worker.forget(message.keys)
+        _answer(worker, connection, waiting)
+
+
+def _answer(worker: Worker, connection: socket.socket, asks: list[Ask]) -> None:
+    """What has come in about one layout is asked of its models together."""
+    for group in together(asks):
+        whole = worker.answer(joined(group))
+        connection.sendall(b"".join(map(frame, parted(whole, group))))
 
 
 if __name__ == "__main__":

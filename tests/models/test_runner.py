@@ -208,3 +208,59 @@ async def test_nothing_is_left_running_after_close():
     for pid in pids:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
+
+
+def same(one, other):
+    """Answers of a network asked alone or among others agree up to rounding."""
+    return (
+        one.action == other.action
+        and np.allclose(one.probabilities, other.probabilities, atol=1e-5)
+        and np.allclose(one.prediction, other.prediction, atol=1e-5)
+    )
+
+
+async def test_after_late_answers_a_game_is_foretold_as_if_nothing_had_happened(serving):
+    models = (["sp"], ["sp_predictor_stream"])
+    server, undisturbed = await serving(*models), await serving(*models)
+    game, beside = Game("a", seed=4), Game("b", seed=5)
+    for timestep in range(24):
+        asked = [each.play().question("sp", "sp_predictor_stream") for each in (game, beside)]
+        (pid,) = server.worker_pids()
+        if timestep in (10, 11, 12):
+            os.kill(pid, signal.SIGSTOP)
+            assert await server.ask(asked, 20) == [None, None]
+            os.kill(pid, signal.SIGCONT)
+            await asyncio.sleep(0.05)
+            expected = await undisturbed.ask(asked, PATIENT_MS)
+            continue
+        answers, expected = await server.ask(asked, PATIENT_MS), await undisturbed.ask(asked, PATIENT_MS)
+        assert all(map(same, answers, expected)), timestep
+    assert (server.statistics().late, server.statistics().restarts) == (6, 0)
+
+
+async def test_what_waits_at_a_worker_is_answered_together_and_as_alone(serving):
+    models = (["sp", NORTHWARD], ["sp_predictor_stream"])
+    server, alone = await serving(*models), await serving(*models)
+    games = [Game(f"g{k}", seed=k).play(k) for k in range(12)]
+    for _ in range(3):
+        asked = [game.play().question("sp", "sp_predictor_stream", uniform=0.3) for game in games]
+        pid = server.worker_pids()[0]
+        os.kill(pid, signal.SIGSTOP)
+        waiting = [asyncio.create_task(server.ask([question], PATIENT_MS)) for question in asked]
+        await asyncio.sleep(0.05)
+        os.kill(pid, signal.SIGCONT)
+        for question, answer in zip(asked, await asyncio.gather(*waiting), strict=True):
+            assert same(answer[0], (await alone.ask([question], PATIENT_MS))[0])
+
+
+async def test_a_worker_that_owes_old_answers_is_asked_nothing_more(serving):
+    server = await serving(predictors=[REMEMBERING])
+    pid = server.worker_pids()[0]
+    os.kill(pid, signal.SIGSTOP)
+    game = Game("a", seed=6)
+    for _ in range(4):
+        assert await server.ask([game.play().question(predictor=REMEMBERING)], 30) == [None]
+    os.kill(pid, signal.SIGCONT)
+    await asyncio.sleep(0.1)
+    (decision,) = await server.ask([game.play().question(predictor=REMEMBERING)], PATIENT_MS)
+    assert np.argmax(decision.prediction[0]) == np.array(game.actions[-8:]).sum() % 6

@@ -1,0 +1,44 @@
+"""Questions that wait together: nothing is mixed up, nothing overtakes."""
+
+import numpy as np
+
+from models.batches import joined, parted, together
+from models.protocols import STEPS
+from models.wire import Answer, Ask, Row
+from overcooked.constants import ACTIONS
+
+
+def ask(number, layout, *games):
+    rows = [Row(game, "sp", None, number, 1, False, 0, 0.5) for game in games]
+    return Ask(number, layout, (1, 1, 1), rows, bytes([number] * len(games)), bytes([number] * 2 * len(games)))
+
+
+def test_a_game_never_comes_twice_in_a_group_and_its_frames_stay_in_order():
+    asks = [
+        ask(1, "ring", "a", "b"),
+        ask(2, "matrix", "c"),
+        ask(3, "ring", "d"),
+        ask(4, "ring", "b"),
+        ask(5, "ring", "a"),
+    ]
+    groups = [[one.id for one in group] for group in together(asks)]
+    assert sorted(groups) == [[1, 3], [2], [4, 5]]
+    assert groups.index([1, 3]) < groups.index([4, 5])
+
+
+def test_every_question_gets_its_own_rows_back():
+    group = [ask(1, "ring", "a", "b"), ask(2, "ring", "c"), ask(3, "ring", "d", "e", "f")]
+    whole = joined(group)
+    assert whole.observations == bytes([1, 1, 2, 3, 3, 3])
+    assert [row.key for row in whole.rows] == list("abcdef")
+    laws = np.arange(6 * ACTIONS, dtype=np.float32).reshape(6, ACTIONS)
+    predictions = np.arange(6 * STEPS * ACTIONS, dtype=np.float32).reshape(6, STEPS, ACTIONS)
+    answer = Answer(
+        1, 2.0, bytes(range(6)), laws.tobytes(), bytes([1, 0, 1, 1, 0, 1]), predictions.tobytes(), ["broken"]
+    )
+    parts = list(parted(answer, group))
+    assert [part.id for part in parts] == [1, 2, 3]
+    assert [part.acted for part in parts] == [bytes([0, 1]), bytes([2]), bytes([3, 4, 5])]
+    assert b"".join(part.laws for part in parts) == laws.tobytes()
+    assert np.frombuffer(parts[1].predictions, np.float32).tolist() == predictions[2].ravel().tolist()
+    assert [part.faults for part in parts] == [["broken"], [], []]
