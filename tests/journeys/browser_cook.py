@@ -81,4 +81,7 @@ class BrowserCook:
         action = 5 if self._lesson == "marks" else kitchen.decide(self._policy)
         if action != STAY:
             self._pressed = time.monotonic()
-            self.page.keyboard.press(KEYS[action])
+            self._press(action)
+
+    def _press(self, action: int) -> None:
+        self.page.keyboard.press(KEYS[action])
