@@ -13,7 +13,7 @@ from overcooked.layout import Layout
 from training.collect import TEST, Partner, Plan, Target, games_with, split_by_agent
 from training.dataset import Episodes, episodes_of, joined
 from training.evaluate_predictor import STUCK_AFTER, Evaluation, evaluate
-from training.population import load_population, load_target
+from training.population import load_population
 from training.runlog import revision
 
 POPULATION = "population"
@@ -30,11 +30,10 @@ def population_folder(layout: Layout) -> Path:
 
 
 def unseen_games(
-    layout: Layout, agent: str, network: PredictorNetwork, population: Path, plan: Plan, partner: str | None = None
+    layout: Layout, target: Target, network: PredictorNetwork, population: Path, plan: Plan, partner: str | None = None
 ) -> Episodes:
     """The agent's games with the test partners, or with one other agent as people meet it, played anew (the same seed
     gives the same games)."""
-    target = load_target(agent, layout)
     if partner is not None:
         others = [Partner(partner, partner, "extra", *load_agent(partner, layout))]
     else:

@@ -4,7 +4,10 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from overcooked.layout import Layout
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -16,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     predictor = kinds.add_parser("predictor", help="accuracy on partners never seen, beside ceiling and baselines")
     predictor.add_argument("--all", action="store_true", help="every shipped predictor")
     predictor.add_argument("--layout", help="a shipped layout")
-    predictor.add_argument("--agent", help="its agent, e.g. sp (default: all of the layout)")
+    predictor.add_argument("--agent", help="its agent, e.g. sp or mine.onnx (default: all of the layout)")
     predictor.add_argument("--form", choices=("stream", "window"), help="default: both")
     predictor.add_argument("--population", type=Path, help="folder of partner agents (default: the shipped ones)")
     predictor.add_argument("--partner", metavar="AGENT", help="instead of the test partners, e.g. human_bc")
@@ -52,30 +55,39 @@ def _agents(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 def _predictors(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     import torch
 
-    from models.catalogue import WEIGHTS
-    from models.checkpoint import load_checkpoint
-    from models.predictor import predictor_network
     from overcooked.layout import layout_names, load_layout
-    from training.collect import Plan
-    from training.evaluate_predictor import evaluate
-    from training.ship_predictor import population_folder, unseen_games
 
     torch.set_num_threads(1)
     if not (arguments.all or arguments.layout):
         raise ValueError("say which: --layout NAME [--agent NAME], or --all")
+    layouts = [load_layout(name) for name in (layout_names() if arguments.all else [arguments.layout])]
+    return [entry for layout in layouts for entry in _of_layout(layout, arguments)]
+
+
+def _of_layout(layout: "Layout", arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """What the predictors of one kitchen do."""
+    from models.catalogue import WEIGHTS, agent_names
+    from models.checkpoint import load_checkpoint
+    from models.predictor import predictor_network
+    from training.collect import Plan
+    from training.evaluate_predictor import evaluate
+    from training.population import load_target
+    from training.ship_predictor import population_folder, unseen_games
+
+    population, plan = arguments.population or population_folder(layout), Plan(arguments.trajectories)
+    asked = None if arguments.agent is None else load_target(arguments.agent, layout)
     entries = []
-    for name in layout_names() if arguments.all else [arguments.layout]:
-        layout = load_layout(name)
-        for config in sorted((WEIGHTS / layout.name).glob("*_predictor_*/config.json")):
-            agent, _, form = config.parent.name.partition("_predictor_")
-            if arguments.agent not in (None, agent) or arguments.form not in (None, form):
-                continue
-            network, _ = predictor_network(load_checkpoint(config.parent))
-            population = arguments.population or population_folder(layout)
-            plan = Plan(arguments.trajectories)
-            games = unseen_games(layout, agent, network, population, plan, arguments.partner)
-            result = evaluate(network, games)
-            entries.append(result.entry(layout.name, agent, form))
+    for config in sorted((WEIGHTS / layout.name).glob("*_predictor_*/config.json")):
+        agent, _, form = config.parent.name.partition("_predictor_")
+        if (asked and agent != asked.name) or arguments.form not in (None, form):
+            continue
+        if asked is None and agent not in agent_names(layout.name):
+            print(f"{config.parent.name}: --agent must say whose it is, e.g. --agent {agent}.onnx", file=sys.stderr)
+            continue
+        network, _ = predictor_network(load_checkpoint(config.parent))
+        target = asked or load_target(agent, layout)
+        games = unseen_games(layout, target, network, population, plan, arguments.partner)
+        entries.append(evaluate(network, games).entry(layout.name, agent, form))
     return entries
 
 
