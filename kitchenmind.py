@@ -17,6 +17,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "doctor": ("server.commands.doctor", "is this machine ready to serve? port, disk, TLS, secret, database, weights"),
     "admin": ("server.commands.admin", "make researchers' accounts for the dashboard"),
     "study": ("server.commands.study", "make or check a study file"),
+    "bundle": ("server.commands.bundle", "put all that a study is into one archive, to be registered before it begins"),
     "export": ("server.commands.export", "write a study's data as CSV and Parquet"),
     "verify": ("server.commands.verify", "re-simulate every stored episode and compare the hashes"),
     "backup": ("server.commands.backup", "copy a SQLite database while the server goes on"),

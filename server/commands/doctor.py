@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from contextlib import ExitStack
 
 from server.commands import serve
 
@@ -14,16 +15,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """0: everything is well, perhaps with something to look at; 1: something is not; 2: a setting is wrong."""
-    try:
-        settings = serve.settings_of(arguments)
-    except ValueError as error:
-        sys.stderr.write(f"kitchenmind doctor: {error}\n")
-        return 2
-    from server.doctor import examine
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(serve.unbundled(arguments))
+            settings = serve.settings_of(arguments)
+        except (ValueError, OSError) as error:
+            sys.stderr.write(f"kitchenmind doctor: {error}\n")
+            return 2
+        from server.doctor import examine
 
-    worst = "good"
-    for finding in examine(settings):
-        print(f"{_SIGNS[finding.grade]}  {finding.about:<9} {finding.text}", flush=True)
-        worst = "bad" if "bad" in (worst, finding.grade) else worst
+        worst = "good"
+        for finding in examine(settings):
+            print(f"{_SIGNS[finding.grade]}  {finding.about:<9} {finding.text}", flush=True)
+            worst = "bad" if "bad" in (worst, finding.grade) else worst
     print("not ready: mend what is BAD" if worst == "bad" else "ready: kitchenmind serve")
     return int(worst == "bad")

@@ -5,8 +5,9 @@ import asyncio
 import signal
 import socket
 import sys
+import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,7 @@ _SEND_BUFFER_BYTES = 64 * 1024  # what a slow reader can make the kernel keep
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--study", action="append", type=Path, metavar="FILE", help="a study file; may be repeated")
+    parser.add_argument("--bundle", type=Path, metavar="FILE", help="run exactly what `kitchenmind bundle` put in here")
     parser.add_argument("--host", help="address to listen on (127.0.0.1)")
     parser.add_argument("--port", type=int, help="port to listen on (8000; 0 takes a free one)")
     parser.add_argument("--database", metavar="URL", help="sqlite:///path or postgresql://user@host/name")
@@ -31,12 +33,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Serves until it is told to stop; 2 when a setting or study is wrong, 1 when the server could not start."""
-    try:
-        settings = settings_of(arguments)
-        listening = listen(settings.host, settings.port)
-    except (ValueError, OSError) as error:
-        return _refuse(error, 2)
-    return serve(settings, listening)
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(unbundled(arguments))
+            settings = settings_of(arguments)
+            listening = listen(settings.host, settings.port)
+        except (ValueError, OSError) as error:
+            return _refuse(error, 2)
+        return serve(settings, listening)
+
+
+@contextmanager
+def unbundled(arguments: argparse.Namespace) -> Iterator[None]:
+    """The bundle's study, if one is named, as the only study file. Raises BundleRefused, OSError; ValueError beside
+    other studies."""
+    if arguments.bundle is None:
+        yield
+        return
+    from server.bundle.making import open_bundle
+
+    if arguments.study:
+        raise ValueError("--bundle runs its own study: leave --study out.")
+    bundle = open_bundle(arguments.bundle)
+    with tempfile.TemporaryDirectory(prefix="kitchenmind-bundle-") as folder:
+        path = Path(folder) / f"{bundle.file.study.name}.yaml"
+        path.write_text(bundle.file.text, encoding="utf-8", newline="")
+        arguments.study = [path]
+        yield
 
 
 def settings_of(arguments: argparse.Namespace) -> "Settings":

@@ -1,0 +1,67 @@
+"""Makes a bundle, the archive that is registered before a study begins, and opens one to be served."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from server.bundle import texts
+from server.bundle.archive import BundleRefused, packed, unpacked
+from server.bundle.state import State, differences, state_of
+from server.study.loader import StudyError, StudyFile, parse_study
+from server.web.episodes import layout_of
+
+FORMAT = 1
+STUDY = "study.yaml"
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """A bundle that fits this machine."""
+
+    file: StudyFile
+    code_version: str
+
+
+def make(file: StudyFile, people: int | None = None, plan: str = "") -> bytes:
+    """The archive; the same for the same study on the same code. `plan`: the researchers' own words.
+
+    Raises StateError for models that are not here, LayoutError, StudyError.
+    """
+    study, state = file.study, state_of(file)
+    number = people or texts.planned_people(study)
+    content = {
+        STUDY: file.text,
+        "allocation.csv": texts.allocation(study, number),
+        "questions.md": texts.questions(study),
+        "analysis.json": json.dumps(texts.planned_analysis(study), indent=2, ensure_ascii=False) + "\n",
+        "readme.md": texts.readme(study, state, number),
+    }
+    kitchens = (*study.layouts, study.tutorial.layout)
+    content |= {f"layouts/{kitchen.name}.layout": layout_of(kitchen).text + "\n" for kitchen in kitchens}
+    if plan:
+        content["plan.md"] = plan
+    manifest = {"format": FORMAT, "study": study.name, "study_sha256": file.sha256, "state": state.said()}
+    return packed(content, manifest)
+
+
+def open_bundle(path: Path) -> Bundle:
+    """The study of a bundle, if everything here is as it says. Raises BundleRefused, OSError."""
+    content, manifest = unpacked(path)
+    try:
+        wanted = State.of(manifest["state"])
+        is_known = manifest["format"] == FORMAT
+        file = parse_study(content[STUDY], f"{path}: {STUDY}")
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        reason = str(error) if isinstance(error, StudyError) else f"{path} is no bundle."
+        raise BundleRefused(f"{reason} Make one with `kitchenmind bundle STUDY`.") from None
+    if not is_known:
+        raise BundleRefused(f"{path} was made by another version. Use the kitchenmind that made it.")
+    try:
+        found = differences(wanted, state_of(file))
+    except (ValueError, FileNotFoundError) as error:
+        found = [str(error)]
+    if found:
+        lines = "\n".join(f"- {line}" for line in found)
+        remedy = f"Go back to kitchenmind {wanted.code_version}, or make and register a new bundle."
+        raise BundleRefused(f"{path} is not what would run here:\n{lines}\n{remedy}")
+    return Bundle(file, wanted.code_version)

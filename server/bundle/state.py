@@ -1,0 +1,104 @@
+"""What a study runs on, as hashes: kitchens, models and every file of the code. The same on every machine."""
+
+import hashlib
+import importlib.util
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from models.blackbox import is_foreign
+from server.cast import WITHOUT_WEIGHTS, cast_of, fingerprint
+from server.settings import ROOT
+from server.study.loader import StudyFile
+from server.version import code_version
+from server.web.episodes import layout_of
+
+NOT_HASHED: Final = "cannot be hashed"
+_PARTS: Final = ("overcooked", "models", "server", "analysis", "migrations", "static", "templates")
+_KINDS: Final = frozenset({".py", ".html", ".j2", ".js", ".css", ".svg", ".yaml", ".layout"})
+
+
+class StateError(ValueError):
+    """Something that the study needs is not here; the text says what."""
+
+
+@dataclass(frozen=True)
+class State:
+    """SHA-256 by name. `models`: LAYOUT/MODEL; `code`: path in the repository."""
+
+    code_version: str
+    layouts: Mapping[str, str]
+    models: Mapping[str, str]
+    code: Mapping[str, str]
+
+    @classmethod
+    def of(cls, said: Mapping[str, Any]) -> "State":
+        """From a manifest. Raises KeyError, TypeError for one that is none."""
+        parts = {name: dict(said[name]) for name in ("layouts", "models", "code")}
+        return cls(str(said["code_version"]), **parts)
+
+    def said(self) -> dict[str, Any]:
+        """For a manifest."""
+        maps = {name: dict(getattr(self, name)) for name in ("layouts", "models", "code")}
+        return {"code_version": self.code_version, **maps}
+
+
+def state_of(file: StudyFile) -> State:
+    """As it is here and now. Raises StateError for models that are not here, LayoutError, StudyError."""
+    cast = cast_of([file])
+    if cast.missing:
+        missing = ", ".join(f"{model} on {layout}" for layout, model in cast.missing)
+        raise StateError(f"there are no weights for {missing}. Train them or name others")
+    kitchens = (*file.study.layouts, file.study.tutorial.layout)
+    layouts = {kitchen.name: _sha256(layout_of(kitchen).text.encode()) for kitchen in kitchens}
+    models = {f"{layout}/{model}": _model(layout, model) for layout, model in sorted({*cast.agents, *cast.predictors})}
+    return State(code_version(), dict(sorted(layouts.items())), models, dict(_code()))
+
+
+def differences(wanted: State, here: State) -> list[str]:
+    """What is not as `wanted`, one sentence each; empty: everything is the same."""
+    found = [f"the kitchen {name} is another one" for name in _unlike(wanted.layouts, here.layouts)]
+    found += [f"the weights of {name} are others" for name in _unlike(wanted.models, here.models)]
+    files = _unlike(wanted.code, here.code)
+    if files:
+        more = f" and {len(files) - 5} more" if len(files) > 5 else ""
+        versions = f"made with {wanted.code_version}, this is {here.code_version}"
+        found.append(f"the code differs in {', '.join(files[:5])}{more} ({versions})")
+    return found
+
+
+def _unlike(wanted: Mapping[str, str], here: Mapping[str, str]) -> list[str]:
+    return sorted(name for name in wanted.keys() | here.keys() if wanted.get(name) != here.get(name))
+
+
+def _model(layout: str, model: str) -> str:
+    if not is_foreign(model):
+        base = model.partition("@")[0]
+        return fingerprint(layout, model) or (f"scripted: {base}" if base in WITHOUT_WEIGHTS else NOT_HASHED)
+    return NOT_HASHED if model.startswith(("http://", "https://")) else _foreign(model)
+
+
+def _foreign(model: str) -> str:
+    """The file of an ONNX model or of the module of somebody's class."""
+    if model.partition("@")[0].endswith(".onnx"):
+        path = Path(model.partition("@")[0])
+    else:
+        found = importlib.util.find_spec(model.partition(":")[0])
+        path = Path(found.origin) if found is not None and found.origin else Path(model)
+    if not path.is_file():
+        raise StateError(f"there is no file of the model {model}. Correct its name in the study")
+    return _sha256(path.read_bytes())
+
+
+def _code() -> Iterator[tuple[str, str]]:
+    """Everything that runs or is shown, by its path; weights are named by their models."""
+    paths = [ROOT / "kitchenmind.py", *(path for part in _PARTS for path in (ROOT / part).rglob("*"))]
+    for path in sorted(paths):
+        inside = path.relative_to(ROOT)
+        if path.suffix in _KINDS and inside.parts[:2] != ("models", "weights"):
+            yield inside.as_posix(), _sha256(path.read_bytes())
+
+
+def _sha256(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()

@@ -1,0 +1,138 @@
+"""The readable parts of a bundle: who gets what in which order, the questions, the planned analysis, what it all is."""
+
+import csv
+import io
+import json
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+from analysis.quality import RULES
+from analysis.study import QUESTIONNAIRE_LAYOUTS, main_contrast
+from server.bundle.state import State
+from server.study.assignment import Count, StudyFullError, next_condition, participant_seed
+from server.study.plan import Study
+from server.study.questionnaire import AnyQuestion
+from server.study.steps import steps
+
+USUAL_PEOPLE = 30  # of a condition without a quota
+
+
+def planned_people(study: Study) -> int:
+    """How many participants the study plans for: its quotas, and a usual number where it has none."""
+    return sum(condition.quota or USUAL_PEOPLE for condition in study.conditions)
+
+
+def allocation(study: Study, people: int) -> str:
+    """CSV: each participant's condition, seed and games, if nobody drops out. Who replaces somebody gets the next seed
+    and the condition that has fewest."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(("participant", "condition", "seed", "episode", "layout", "agent", "episode_seed"))
+    held: Counter[str] = Counter()
+    for number in range(people):
+        try:
+            condition = next_condition(study, {name: Count(completed=count) for name, count in held.items()}, number)
+        except StudyFullError:
+            break
+        held[condition] += 1
+        seed = participant_seed(study, number)
+        for step in steps(study, condition, seed, number // len(study.conditions)):
+            if step.kind == "episode":
+                writer.writerow((number + 1, condition, seed, step.number, step.layout, step.agent, step.seed))
+    return stream.getvalue()
+
+
+def questions(study: Study) -> str:
+    """All questions in all languages, as Markdown."""
+    lines = [f"# Questions of {study.name}"]
+    blocks = {**({"quiz": study.quiz} if study.quiz else {}), **study.questionnaires}
+    for key, block in blocks.items():
+        after = ", after each episode" if key == study.after_episode else ""
+        lines += ["", f"## {key}{after}", ""]
+        for question in block.questions:
+            lines += _question(study, question)
+    return "\n".join(lines) + "\n"
+
+
+def _question(study: Study, question: AnyQuestion) -> Iterator[str]:
+    asked = question.conditions if isinstance(question.conditions, str) else ", ".join(question.conditions)
+    need = "required" if question.required else "may be left out"
+    yield f"- `{question.key}` ({question.type}; {need}; conditions: {asked})"
+    said = question.model_dump(mode="json", exclude_none=True, exclude={"key", "type", "required", "conditions"})
+    for language in study.languages:
+        yield f"  - {language}: {question.text.of(language)}"
+    rest = {name: value for name, value in said.items() if name != "text"}
+    yield f"  - {json.dumps(rest, ensure_ascii=False, sort_keys=True)}"
+
+
+def planned_analysis(study: Study) -> dict[str, Any]:
+    """What `kitchenmind report` will do with this study's data; fixed before there are any."""
+    conditions = [condition.name for condition in study.conditions]
+    layouts = [kitchen.name for kitchen in study.layouts]
+    contrast = main_contrast(conditions)
+    return {
+        "command": "kitchenmind report EXPORT",
+        "measure": "reward: score plus credit for unfinished soups, per episode",
+        "analysed": "episodes played to their end by participants who finished, unless the researcher excluded them",
+        "conditions": conditions,
+        "main_comparison": f"{contrast[0]} - {contrast[1]}" if contrast else None,
+        "layouts": layouts,
+        "agents": [agent.name for agent in study.agents],
+        "questionnaire_layouts": layouts[:QUESTIONNAIRE_LAYOUTS],
+        "tests": [
+            "Kruskal-Wallis over conditions, per agent",
+            "analysis of variance per layout",
+            "t-tests per layout and agent, Benjamini-Hochberg",
+            "t-tests of the questionnaire on questionnaire_layouts",
+            "mixed model with participants as random effect",
+            "accuracy of the predictor with people, per layout and agent",
+        ],
+        "quality_rules": [
+            {
+                "rule": rule.name,
+                "meaning": rule.meaning,
+                "look": rule.look,
+                "drop": rule.drop,
+                "bad_when": "low" if rule.low_is_bad else "high",
+            }
+            for rule in RULES
+        ],
+    }
+
+
+def readme(study: Study, state: State, people: int) -> str:
+    """README.md for a reviewer who knows neither the study nor this software."""
+    models = "\n".join(f"| {name} | `{digest}` |" for name, digest in state.models.items())
+    return _README.format(
+        name=study.name,
+        title=study.title.of("en"),
+        people=people,
+        conditions=", ".join(condition.name for condition in study.conditions),
+        seed=study.seed,
+        version=state.code_version,
+        files=len(state.code),
+        models=models,
+    )
+
+
+_README = """# {title}
+
+The study `{name}` as it was before the first participant: conditions {conditions}; seed {seed}; kitchenmind {version}.
+
+| file | is |
+|---|---|
+| `study.yaml` | the study file, word for word: pages, questions, game, conditions, order |
+| `layouts/` | every kitchen as drawn |
+| `allocation.csv` | condition, seed and games of {people} participants, if nobody drops out |
+| `questions.md` | all questions in all languages |
+| `analysis.json` | what will be computed, and the rules that propose to leave an episode out |
+| `plan.md` | the researchers' own words, where they gave some |
+| `manifest.json` | SHA-256 of these files, of every kitchen and model, and of {files} files of the code |
+
+`kitchenmind serve --bundle FILE` runs exactly this, and refuses where code, kitchens or weights are others.
+
+| model | SHA-256 of its list of hashes |
+|---|---|
+{models}
+"""

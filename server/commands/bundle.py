@@ -1,0 +1,38 @@
+"""`kitchenmind bundle`: everything that a study is, in one archive to be registered before it begins. Imports late."""
+
+import argparse
+import hashlib
+import sys
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("study", type=Path, metavar="STUDY", help="the study file")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="the archive (NAME.zip, beside nothing that is there)")
+    parser.add_argument("--participants", type=int, metavar="N", help="length of the allocation list (the quotas)")
+    parser.add_argument("--plan", type=Path, metavar="FILE", help="your own words about hypotheses and analysis")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Writes the archive and prints its hash; 2 when it cannot be made as asked."""
+    from server.bundle.making import make
+    from server.study.loader import load_study
+
+    try:
+        if arguments.participants is not None and not 1 <= arguments.participants <= 10_000:
+            raise ValueError("--participants is out of range. Give a number from 1 to 10000.")
+        file = load_study(arguments.study)
+        plan = arguments.plan.read_text(encoding="utf-8") if arguments.plan else ""
+        content = make(file, arguments.participants, plan)
+        out = arguments.out or Path(f"{file.study.name}.zip")
+        with out.open("xb") as archive:
+            archive.write(content)
+    except FileExistsError:
+        sys.stderr.write(f"kitchenmind bundle: {out} is there already. A bundle is never changed: name another.\n")
+        return 2
+    except (ValueError, OSError) as error:
+        sys.stderr.write(f"kitchenmind bundle: {error}\n")
+        return 2
+    print(f"{out}\nSHA-256 {hashlib.sha256(content).hexdigest()}")
+    print(f"Register both; then `kitchenmind serve --bundle {out}` runs exactly this.")
+    return 0
