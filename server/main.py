@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from fastapi import FastAPI
+from fastapi import Depends, FastAPI
 from fastapi.staticfiles import StaticFiles
 
 from models.runner import ModelServer
@@ -38,6 +38,7 @@ from server.web.errors import install_error_pages
 from server.web.figures import Figures
 from server.web.headers import SecurityHeaders
 from server.web.live import Live
+from server.web.rates import Rates, keep_to_the_rate
 from server.web.seats import Seats
 from server.web.socket import Sockets
 from server.web.studies import Studies
@@ -49,7 +50,11 @@ _GARBAGE_THRESHOLDS = (50_000, 20, 20)  # a full collection costs milliseconds, 
 
 def create_app(settings: Settings) -> FastAPI:
     """The application; `wired` starts and stops its parts."""
-    app = FastAPI(title="kitchenmind", docs_url=None, redoc_url=None, openapi_url=None, lifespan=wired)
+    limits = [Depends(keep_to_the_rate)]
+    app = FastAPI(
+        title="kitchenmind", docs_url=None, redoc_url=None, openapi_url=None, lifespan=wired, dependencies=limits
+    )
+    app.state.rates = Rates()
     app.state.settings = settings
     guard = Guard(settings.signing_key(), settings.public_url)
     app.state.guard = guard
@@ -128,7 +133,7 @@ def _sockets(app: FastAPI, database: Database, studies: Studies) -> Sockets:
         try:
             await database.write(events.add, event)
         except DatabaseDown:
-            log.warning("a problem in a browser could not be stored: %s", text)
+            log.warning("a problem in a browser could not be stored: %r", text)
 
     seats = Seats(database, studies, fingerprint, code_version())
     return Sockets(app.state.games, seats.find, app.state.guard.is_own_origin, report)

@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
-SHORTEST_PASSWORD = 10
-LONGEST_PASSWORD = 200
 _ROLES = "watch: see; act: also step in; own: also accounts"
 
 
@@ -67,7 +65,7 @@ def _do(connection: "Connection", arguments: argparse.Namespace) -> int:
     else:
         from server.web.passwords import hashed
 
-        password, made = _password()
+        password, made = _password(name)
         if verb == "create":
             admins.create(connection, name, hashed(password), arguments.role)
             found = True
@@ -88,13 +86,16 @@ def _checked(name: str) -> str:
     return name
 
 
-def _password() -> tuple[str, bool]:
+def _password(name: str) -> tuple[str, bool]:
     """The password that somebody types twice, or one that is made; and whether it was made."""
     typed = getpass.getpass("Password (empty: make one): ") if sys.stdin.isatty() else ""
     if not typed:
         return secrets.token_urlsafe(15), True
-    if not SHORTEST_PASSWORD <= len(typed) <= LONGEST_PASSWORD:
-        raise ValueError(f"a password has {SHORTEST_PASSWORD} to {LONGEST_PASSWORD} characters")
+    from server.web.passwords import weakness
+
+    weak = weakness(typed, name)
+    if weak is not None:
+        raise ValueError(f"not this password: {weak}. An empty one makes a good one.")
     if getpass.getpass("Again: ") != typed:
         raise ValueError("the two were not the same")
     return typed, False

@@ -17,6 +17,7 @@ from starlette.requests import HTTPConnection
 from server.store import admins
 from server.store.admins import AdminSession
 from server.store.database import Database
+from server.web.auth import cookie_name
 from server.web.deps import Web, WebDep
 from server.web.forms import Form, read_form
 from server.web.passwords import is_right
@@ -36,7 +37,8 @@ def token_hash(token: str) -> str:
 
 
 def _token(connection: HTTPConnection) -> str:
-    return connection.cookies.get(COOKIE, "")[:100]
+    secure: bool = connection.app.state.web.guard.secure
+    return connection.cookies.get(cookie_name(COOKIE, secure), "")[:100]
 
 
 async def session_of(connection: HTTPConnection) -> AdminSession | None:
@@ -131,8 +133,10 @@ async def sign_in(web: Web, name: str, password: str) -> str | None:
 
 def set_cookie(response: Response, token: str, *, secure: bool) -> None:
     """Until the browser is closed, for our own pages below /admin only; no script sees it."""
-    response.set_cookie(COOKIE, token, path=PATH, secure=secure, httponly=True, samesite="strict")
+    name = cookie_name(COOKIE, secure)
+    response.set_cookie(name, token, path=PATH, secure=secure, httponly=True, samesite="strict")
 
 
 def forget_cookie(response: Response, *, secure: bool) -> None:
-    response.delete_cookie(COOKIE, path=PATH, secure=secure, httponly=True, samesite="strict")
+    name = cookie_name(COOKIE, secure)
+    response.delete_cookie(name, path=PATH, secure=secure, httponly=True, samesite="strict")

@@ -13,6 +13,7 @@ COOKIE = "participant"
 COOKIE_S = 30 * 24 * 3600
 FORM_S = 12 * 3600
 FORM_FIELD = "form_token"
+_LOCAL_HOSTS = frozenset({"127.0.0.1", "localhost", "[::1]"})
 
 
 @dataclass(frozen=True)
@@ -33,12 +34,13 @@ class Guard:
         return f"{made}.{self._sign(made, session)}"
 
     def is_own_form(self, token: str, session: str, now_s: float | None = None) -> bool:
-        """Whether the form was made by us for this session, less than half a day ago."""
+        """Whether the form was made by us for this session, less than half a day ago. One from the future was too: our
+        own signature says so, and the machine's clock was set back since."""
         made, _, signature = token.partition(".")
         if not (made.isascii() and made.isdigit() and len(made) < 12):
             return False
         age_s = (time.time() if now_s is None else now_s) - int(made)
-        return hmac.compare_digest(signature, self._sign(made, session)) and -60 <= age_s <= FORM_S
+        return hmac.compare_digest(signature, self._sign(made, session)) and abs(age_s) <= FORM_S
 
     def is_own_origin(self, connection: HTTPConnection) -> bool:
         """Whether a POST or a socket comes from our own pages. A client that is no browser sends no Origin and may
@@ -53,27 +55,35 @@ class Guard:
             url = urlsplit(self.public_url)
             return (f"{url.scheme}://{url.netloc}".lower(),)
         host = connection.headers.get("host", "").lower()
+        if host.rpartition(":")[0] not in _LOCAL_HOSTS and host not in _LOCAL_HOSTS:
+            return ()  # a name of somebody else's that was made to lead here (DNS rebinding)
         return (f"http://{host}", f"https://{host}")
 
     def _sign(self, made: str, session: str) -> str:
         return hmac.new(self.secret, f"{made}\n{session}".encode(), hashlib.sha256).hexdigest()
 
 
+def cookie_name(name: str, secure: bool) -> str:
+    """Over TLS with a prefix: browsers take such a cookie from nobody without TLS, so no neighbour sets it."""
+    return f"__Secure-{name}" if secure else name
+
+
 def token_of(connection: HTTPConnection) -> str | None:
     """The participant's token, from the cookie."""
-    token = connection.cookies.get(COOKIE, "")
+    guard: Guard = connection.app.state.web.guard
+    token = connection.cookies.get(cookie_name(COOKIE, guard.secure), "")
     return token if 20 <= len(token) <= 200 else None
 
 
 def set_cookie(response: Response, study: str, token: str, *, secure: bool) -> None:
     """The cookie is seen by this study's pages only, and by no script."""
-    response.set_cookie(
-        COOKIE, token, max_age=COOKIE_S, path=f"/s/{study}", secure=secure, httponly=True, samesite="lax"
-    )
+    name, path = cookie_name(COOKIE, secure), f"/s/{study}"
+    response.set_cookie(name, token, max_age=COOKIE_S, path=path, secure=secure, httponly=True, samesite="lax")
 
 
 def forget_cookie(response: Response, study: str, *, secure: bool) -> None:
-    response.delete_cookie(COOKIE, path=f"/s/{study}", secure=secure, httponly=True, samesite="lax")
+    name = cookie_name(COOKIE, secure)
+    response.delete_cookie(name, path=f"/s/{study}", secure=secure, httponly=True, samesite="lax")
 
 
 def session_of(request: Request) -> str:

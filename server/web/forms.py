@@ -1,5 +1,6 @@
 """What comes in with a form: read within limits, never trusted. Knows no database."""
 
+import asyncio
 from collections.abc import Mapping
 from urllib.parse import parse_qs
 
@@ -8,6 +9,7 @@ from fastapi import HTTPException, Request
 from server.web.auth import FORM_FIELD, Guard, session_of
 
 LARGEST_FORM_BYTES = 128 * 1024
+FORM_WITHIN_S = 30.0
 MOST_FIELDS = 300
 
 Form = Mapping[str, list[str]]
@@ -18,11 +20,10 @@ async def read_form(request: Request, guard: Guard, session: str | None = None) 
     `session`: what the form was made for; None: the participant's."""
     if not guard.is_own_origin(request):
         raise HTTPException(403, "this form was not sent by our own page")
-    body = bytearray()
-    async for chunk in request.stream():
-        body += chunk
-        if len(body) > LARGEST_FORM_BYTES:
-            raise HTTPException(413, f"a form has at most {LARGEST_FORM_BYTES} bytes")
+    try:
+        body = await asyncio.wait_for(_body(request), FORM_WITHIN_S)
+    except TimeoutError:
+        raise HTTPException(408, f"a form has to arrive within {FORM_WITHIN_S:g} s", {"Connection": "close"}) from None
     try:
         form = parse_qs(body.decode("utf-8"), keep_blank_values=True, max_num_fields=MOST_FIELDS, errors="strict")
     except ValueError:  # also UnicodeDecodeError
@@ -30,6 +31,15 @@ async def read_form(request: Request, guard: Guard, session: str | None = None) 
     if not guard.is_own_form(first(form, FORM_FIELD), session_of(request) if session is None else session):
         raise HTTPException(403, "the form is too old or not ours")
     return {name: [_clean(value) for value in values] for name, values in form.items()}
+
+
+async def _body(request: Request) -> bytes:
+    body = bytearray()
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > LARGEST_FORM_BYTES:
+            raise HTTPException(413, f"a form has at most {LARGEST_FORM_BYTES} bytes")
+    return bytes(body)
 
 
 def first(form: Form, name: str) -> str:

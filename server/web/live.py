@@ -152,15 +152,19 @@ class Watching:
 
     def asked(self, text: str) -> None:
         """What the page shows now: {"show": [episodes], "tab": name}. Raises ValueError for anything else."""
-        wish = json.loads(text)
+        try:
+            wish = json.loads(text)
+        except RecursionError:  # brackets in brackets
+            raise ValueError("a wish is an object") from None
         if not isinstance(wish, dict):
             raise ValueError("a wish is an object")
         shown = wish.get("show", self.shown)
         if not isinstance(shown, list) or not all(isinstance(one, str) for one in shown):
             raise ValueError("show is a list of episodes")
         self.shown = shown[:MOST_BOARDS]
-        if wish.get("tab") in overview.TABS:
-            self.tab = wish["tab"]
+        tab = wish.get("tab")
+        if isinstance(tab, str) and tab in overview.TABS:
+            self.tab = tab
 
     async def news(self) -> dict[str, Any]:
         """Cards of all games and boards of those in view."""
@@ -179,7 +183,11 @@ class Watching:
 
 async def let_in(socket: WebSocket, live: Live) -> AdminSession | None:
     """Accepts the socket of a researcher who is signed in, from one of our own pages; refuses all others."""
-    admin = await session_of(socket) if live.web.guard.is_own_origin(socket) else None
+    try:
+        admin = await session_of(socket) if live.web.guard.is_own_origin(socket) else None
+    except DatabaseDown:
+        await socket.close(1013)
+        return None
     if admin is None:
         await socket.close(1008)
         return None

@@ -4,11 +4,10 @@ import asyncio
 import logging
 import time
 from collections.abc import Awaitable, Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
-from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, WebSocket
 from starlette.requests import HTTPConnection
 
 from server.play import messages
@@ -21,9 +20,7 @@ from server.store.database import DatabaseDown
 
 log = logging.getLogger(__name__)
 BEAT_EVERY_S: Final = 0.25
-CHECK_WITHIN_S: Final = 20.0
-MOST_CHECKS: Final = 30
-CHECK_LENGTH: Final = 64
+MOST_OF_ONE: Final = 8  # sockets of one participant
 MOST_REFUSED: Final = 20  # bad messages on one socket
 _BUDGETS_KEPT: Final = 10_000
 
@@ -118,7 +115,7 @@ class Sockets:
     def __init__(self, games: Games, find: FindPlayer, is_ours: IsOurs, report: Report | None = None) -> None:
         """`is_ours`: whether the page that opens the socket is one of ours (Origin check)."""
         self._games, self._find, self.is_ours, self._report = games, find, is_ours, report
-        self._open: set[PlayerSocket] = set()
+        self._open: dict[PlayerSocket, None] = {}  # oldest first
         self._budgets: dict[str, Budget] = {}
         self._heart: asyncio.Task[None] | None = None
 
@@ -145,7 +142,8 @@ class Sockets:
             return await socket.close(ABUSE)
         await socket.accept()
         mine = PlayerSocket(socket, player)
-        self._open.add(mine)
+        self._open[mine] = None
+        self._bound(mine.player.participant)
         if self._heart is None or self._heart.done():
             self._heart = asyncio.create_task(self._beat())
         writer = asyncio.create_task(mine.write())
@@ -156,11 +154,17 @@ class Sockets:
             if reader.done():
                 await self._settle(writer, mine)
         finally:
-            self._open.discard(mine)
+            self._open.pop(mine, None)
             mine.outlet.drop()
             for task in (writer, reader):
                 task.cancel()
             await asyncio.gather(writer, reader, return_exceptions=True)
+
+    def _bound(self, participant: str) -> None:
+        """A page has one socket, and a lost one lingers for seconds; of somebody who has many, the oldest closes."""
+        own = [one for one in self._open if one.player.participant == participant]
+        for one in own[:-MOST_OF_ONE]:
+            one.close(ABUSE, "too many connections")
 
     @staticmethod
     async def _settle(writer: asyncio.Task[None], mine: PlayerSocket) -> None:
@@ -199,7 +203,7 @@ class Sockets:
             case messages.Hello():
                 return await self._hello(message, game, mine)
             case messages.Trouble():
-                log.info("trouble in a browser: %s", message.text)
+                log.info("trouble in a browser: %r", message.text)
                 if self._report is not None:
                     await self._report(mine.player.participant, message.text)
             case messages.Pong():
@@ -243,20 +247,3 @@ async def play(socket: WebSocket, study: str) -> None:
     """Plays the participant's current step, if it is a game."""
     sockets: Sockets = socket.app.state.sockets
     await sockets.serve(socket, study)
-
-
-@router.websocket("/s/{study}/check")
-async def check(socket: WebSocket, study: str) -> None:  # noqa: ARG001 - part of the address
-    """Echoes a few short frames, so that a page can tell before consent whether sockets work and how fast they are."""
-    sockets: Sockets = socket.app.state.sockets
-    if not sockets.is_ours(socket):
-        return await socket.close(ABUSE)
-    await socket.accept()
-    try:
-        async with asyncio.timeout(CHECK_WITHIN_S):
-            for _ in range(MOST_CHECKS):
-                await socket.send_text((await socket.receive_text())[:CHECK_LENGTH])
-    except (TimeoutError, WebSocketDisconnect, KeyError):
-        pass  # gone, too slow, or not a text frame: nothing hangs on it
-    with suppress(RuntimeError):
-        await socket.close()

@@ -39,11 +39,13 @@ class LiveServer:
     """`with LiveServer(folder) as live:` serves at `live.url` until the end of the block."""
 
     def __init__(self, folder: Path, speed: float = 10.0, study: str = SHORT_STUDY, **settings: Any) -> None:
+        """`more_studies`: files beside this study; `database`: another than SQLite; all else goes to the settings."""
         file = folder / "short.yaml"
         file.write_text(study, encoding="utf-8")
         self.database = str(settings.pop("database", f"sqlite:///{folder / 'study.sqlite3'}"))
+        studies = (file, *settings.pop("more_studies", ()))
         self.settings = Settings(
-            database=self.database, studies=(file,), speed=speed, secret=SECRET, _env_file=None, **settings
+            database=self.database, studies=studies, speed=speed, secret=SECRET, _env_file=None, **settings
         )
         self.models = QuickModels()
         self.app: FastAPI

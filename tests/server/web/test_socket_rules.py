@@ -316,10 +316,3 @@ async def test_a_hundred_reconnects_leave_no_ghost(served: Served) -> None:
         while len(served.sockets):
             await asyncio.sleep(0.01)
     assert len(served.games) == 1
-
-
-async def test_connection_check_echoes_and_needs_no_cookie(served: Served) -> None:
-    async with connect(served.url.replace("socket", "check"), compression=None) as socket:
-        for word in ("1", "2"):
-            await socket.send(word)
-            assert await socket.recv() == word

@@ -1,0 +1,106 @@
+"""Who asks too much, too long, too slowly or too often meets a limit of their own; everybody else goes on."""
+
+import asyncio
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import AsyncExitStack, suppress
+
+import httpx
+import pytest
+from crowd import SHORT_GAMES
+from live_server import LiveServer
+from websockets.protocol import State
+from witness import Witness
+
+from server.web import forms, rates
+from server.web.socket import MOST_OF_ONE
+
+
+@pytest.fixture(scope="module")
+def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
+    with LiveServer(tmp_path_factory.mktemp("limits"), study=SHORT_GAMES) as running:
+        yield running
+
+
+async def enrolled(live: LiveServer) -> Witness:
+    witness = Witness(live.url)
+    page = await witness.ask("GET", "/s/short")
+    await witness.ask("POST", "/s/short/consent", page.form)
+    return witness
+
+
+async def test_one_participant_who_asks_too_often_waits_and_another_does_not(
+    live: LiveServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rates, "BURST", 10.0)
+    monkeypatch.setattr(rates, "PER_S", 0.1)
+    eager, calm = await enrolled(live), await enrolled(live)
+    statuses = [(await eager.client.get("/s/short/now")).status_code for _ in range(12)]
+    assert statuses[:5] == [200] * 5
+    assert statuses[-1] == 429
+    refused = await eager.client.get("/s/short/now")
+    assert refused.headers["retry-after"]
+    assert "default-src 'none'" in refused.headers["content-security-policy"]
+    assert (await calm.client.get("/s/short/now")).status_code == 200
+    await eager.close()
+    await calm.close()
+
+
+def test_an_address_has_a_budget_of_its_own() -> None:
+    counted = rates.Rates()
+    spent = [counted.spend("address 192.0.2.1", rates.ADDRESS_PER_S, 50) for _ in range(60)]
+    assert spent[:50] == [True] * 50
+    assert False in spent
+    assert counted.spend("address 192.0.2.2", rates.ADDRESS_PER_S, 50)
+
+
+def test_who_is_remembered_is_bounded() -> None:
+    counted = rates.Rates()
+    for number in range(rates._MOST_REMEMBERED + 100):
+        counted.spend(str(number), 1, 1)
+    assert len(counted._budgets) == rates._MOST_REMEMBERED
+
+
+async def test_a_form_that_trickles_in_is_given_up(live: LiveServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(forms, "FORM_WITHIN_S", 0.3)
+    with socket.create_connection(("127.0.0.1", live.port)) as slow:
+        head = f"POST /s/short/now HTTP/1.1\r\nHost: 127.0.0.1:{live.port}\r\nContent-Length: 100\r\n\r\nstep="
+        slow.sendall(head.encode())
+        slow.settimeout(10)
+        assert b" 408 " in slow.recv(4096).partition(b"\r\n")[0] + b" "
+
+
+async def test_a_form_that_is_sent_twenty_times_at_once_moves_on_once(live: LiveServer) -> None:
+    once, often = await enrolled(live), await enrolled(live)
+    page = await often.ask("GET", "/s/short/now")
+    answers = await asyncio.gather(*(often.client.post("/s/short/now", data=page.form) for _ in range(20)))
+    assert {answer.status_code for answer in answers} == {200}
+    wanted = await once.submit(await once.ask("GET", "/s/short/now"))
+    assert (await often.ask("GET", "/s/short/now")).form["step"] == wanted.form["step"] != page.form["step"]
+    await once.close()
+    await often.close()
+
+
+async def test_a_participant_cannot_open_sockets_without_end(live: LiveServer) -> None:
+    witness = await enrolled(live)
+    async with AsyncExitStack() as stack:
+        held = [await stack.enter_async_context(witness.game().connect()) for _ in range(MOST_OF_ONE + 3)]
+        for one in held[:3]:
+            await asyncio.wait_for(one.wait_closed(), 10)
+            assert one.close_code == 1008
+        await asyncio.sleep(0.1)
+        assert all(one.state is State.OPEN for one in held[3:])
+    await witness.close()
+
+
+def test_a_request_with_endless_headers_is_refused(live: LiveServer) -> None:
+    began = time.monotonic()
+    with socket.create_connection(("127.0.0.1", live.port)) as greedy:
+        greedy.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n")
+        greedy.settimeout(10)
+        with suppress(OSError):
+            while time.monotonic() < began + 10:
+                greedy.sendall(b"X-More: " + b"x" * 8000 + b"\r\n")
+        assert time.monotonic() < began + 9, "nobody stopped it"
+    assert httpx.get(live.url).status_code == 200
