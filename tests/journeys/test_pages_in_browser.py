@@ -320,30 +320,6 @@ def test_buttons_and_scales_are_large_enough_for_a_thumb(site: Site, chromium: B
     assert all(width >= 24 and height >= 24 for width, height in links)
 
 
-GROW = """() => {
-    const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), texts = [];
-    while (walker.nextNode()) texts.push(walker.currentNode);
-    for (const text of texts) {
-        const length = text.textContent.trim().length;
-        if (length > 2) text.textContent += ' ' + 'ŵ'.repeat(Math.ceil(length * 0.4));
-    }
-}"""
-CUT = """() => [...document.querySelectorAll('.btn, legend, .end, dt, dd, .link, li span, h1, h2, p')]
-    .filter((each) => each.offsetParent && getComputedStyle(each).position !== 'absolute')
-    .filter((each) => getComputedStyle(each).display !== 'inline')
-    .filter((each) => each.scrollWidth > each.clientWidth + 1 || each.scrollHeight > each.clientHeight + 6)
-    .map((each) => each.outerHTML.slice(0, 120))"""
-
-
-def test_words_that_are_much_longer_are_not_cut_off(person: Person) -> None:
-    """As with a pseudo-locale: every text on the page 40 % longer."""
-    page = person.consent().page
-    for key in STEPS:
-        person.jump(key)
-        page.evaluate(GROW)
-        assert page.evaluate(CUT) == [], key
-
-
 def test_without_scripts_the_page_says_what_is_needed(site: Site, chromium: Browser) -> None:
     context = chromium.new_context(viewport=DESK, java_script_enabled=False)  # type: ignore[arg-type]
     page = context.new_page()
