@@ -20,6 +20,7 @@ from server.bot_cook import Cook, Impression, Traits
 from server.play import messages
 from server.play.overlay import NOTHING_SHOWN
 from server.study.order import derived_seed
+from server.web.waiting import COME_AGAIN
 
 _decoder = msgspec.json.Decoder(messages.Outgoing)
 _encoder = msgspec.json.Encoder()
@@ -108,6 +109,8 @@ class BotGame:
                 async with connect(self.url, additional_headers=headers, origin=origin, compression=None) as socket:
                     return await self._talk(socket)
             except ConnectionClosed as closed:
+                if closed.rcvd is not None and closed.rcvd.code == COME_AGAIN:
+                    continue  # the other person is there: the game has begun
                 if closed.rcvd is not None and closed.rcvd.code in _FINAL:
                     return None
             except (InvalidHandshake, OSError, TimeoutError):

@@ -28,8 +28,8 @@ def broken_in_journal(journal: Journal) -> Iterator[str]:
     numbers = [welcome.number for welcome in journal.games.values() if welcome.kind == "episode"]
     for number in sorted({number for number in numbers if numbers.count(number) > 1}):
         yield f"episode number {number} was played twice"
-    shown = {welcome.shows_predictions for welcome in journal.games.values()}
-    if len(shown) > 1:
+    shown = {(welcome.partner, welcome.shows_predictions) for welcome in journal.games.values()}
+    if len(shown) > len({partner for partner, _ in shown}):
         yield "predictions were shown in some games and not in others: the condition changed"
     for episode, ended in journal.ended.items():
         welcome = journal.games[episode]
@@ -48,7 +48,7 @@ def broken_codes(journals: Sequence[Journal]) -> Iterator[str]:
 def broken_at_code(connection: Connection, claim: Claim) -> list[str]:
     """Asked at the moment at which the code is on the screen: is everything stored that it stands for?"""
     mine = participants.by_token(connection, claim.token)
-    if mine is None or mine.status != "completed" or mine.completion_code is None:
+    if mine is None or mine.status not in ("completed", "returned") or mine.completion_code is None:
         return ["a completion code was shown before the study was stored as completed"]
     broken = []
     played = select(episodes.c.id, episodes.c.status, episodes.c.final_hash)

@@ -42,6 +42,7 @@ from server.web.rates import Rates, keep_to_the_rate
 from server.web.seats import Seats
 from server.web.socket import Sockets
 from server.web.studies import Studies
+from server.web.waiting import WaitingRoom
 from server.webhook import Webhook
 
 log = logging.getLogger(__name__)
@@ -136,7 +137,8 @@ def _sockets(app: FastAPI, database: Database, studies: Studies) -> Sockets:
             log.warning("a problem in a browser could not be stored: %r", text)
 
     seats = Seats(database, studies, fingerprint, code_version())
-    return Sockets(app.state.games, seats.find, app.state.guard.is_own_origin, report)
+    room = WaitingRoom(app.state.games.clock, seats.seat_two, seats.seat_alone)
+    return Sockets(app.state.games, seats.find, app.state.guard.is_own_origin, report, room)
 
 
 async def _researchers(app: FastAPI, settings: Settings) -> Control:

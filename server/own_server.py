@@ -27,7 +27,7 @@ class OwnServer:
     """`with OwnServer(...) as server:` serves until the end of the block."""
 
     def __init__(self, database: str, study: Path, environment: Mapping[str, str] | None = None) -> None:
-        self.url = ""
+        self.url, self.database = "", database
         self._words = ["--study", str(study), "--database", database]
         self._environment = {**os.environ, **(environment or {})}
         self._port = 0

@@ -98,7 +98,8 @@ class Game:
             connection.send(messages.Refused("not_now", "the game is running already"))
             return
         self.release(person)
-        if self.session.phase == "paused":
+        self.session.expect_others(person, self.clock.now())
+        if self.session.phase == "paused" or (self.session.phase == "waiting" and len(self.session.people) > 1):
             connection.send(self.session.paused(person, self.clock.now()))
 
     @staticmethod

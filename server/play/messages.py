@@ -101,6 +101,7 @@ class Welcome(ToBrowser, frozen=True):
     state: Kitchen
     resumed: bool
     endless: bool = False  # no time limit (tutorial)
+    partner: Literal["agent", "human"] = "agent"
 
 
 class Countdown(ToBrowser, frozen=True):
@@ -127,6 +128,12 @@ class Paused(ToBrowser, frozen=True):
 
     reason: str
     left_s: float  # how long the pause may last; 0: no limit
+
+
+class Waiting(ToBrowser, frozen=True):
+    """The other person of a round of two is not there yet. When they are, the socket closes with 4005: connect anew."""
+
+    left_s: float  # how long at most
 
 
 class Lesson(ToBrowser, frozen=True):
@@ -171,7 +178,7 @@ class Superseded(ToBrowser, frozen=True):
     """Another tab or device has taken over; this socket closes with 4001."""
 
 
-Outgoing = Welcome | Countdown | Tick | Paused | Lesson | Ended | Ping | Notice | Refused | Superseded
+Outgoing = Welcome | Waiting | Countdown | Tick | Paused | Lesson | Ended | Ping | Notice | Refused | Superseded
 
 _decoder = msgspec.json.Decoder(Incoming)
 _encoder = msgspec.json.Encoder()

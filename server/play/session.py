@@ -134,6 +134,12 @@ class Session:
         self.holds.release(holder, now)
         return not self.holds and self.phase in ("waiting", "paused")
 
+    def expect_others(self, person: int, now: float) -> None:
+        """Somebody is ready: from now on the time of the other people counts as an absence."""
+        for other in self.people:
+            if other != person and other in self.holds:
+                self.holds.hold(other, "lost", now)
+
     def count_down(self, now: float, go: float) -> PauseRecord | None:
         """The game moves at `go`; returns the PauseRecord of the pause that is over, to be stored."""
         self.phase = "countdown"
@@ -213,7 +219,10 @@ class Session:
     def tick_message(self, person: int) -> messages.Tick:
         """The frame of the current state. Only for a state that is stored."""
         actions = self.trace.last_actions or (STAY, STAY)
-        return messages.Tick(self.trace.kitchen(), self.displayed, actions, self._applied[person], self.late)
+        displayed = self.displayed
+        if person == self.spec.watched_seat:
+            displayed = tuple((overlay.NOTHING_SHOWN, opacity) for _, opacity in displayed)
+        return messages.Tick(self.trace.kitchen(), displayed, actions, self._applied[person], self.late)
 
     def welcome(self, person: int) -> messages.Welcome:
         spec = self.spec
@@ -231,10 +240,11 @@ class Session:
             horizon=spec.horizon,
             tick_ms=spec.tick_ms,
             steps=spec.steps_shown,
-            shows_predictions=spec.shown != "nothing",
+            shows_predictions=spec.shown != "nothing" and person != spec.watched_seat,
             state=self.trace.kitchen(),
             resumed=self.stored and self.trace.timestep > 0,
             endless=spec.horizon == 0,
+            partner="human" if len(spec.human_seats) > 1 else "agent",
         )
 
     def paused(self, person: int, now: float) -> messages.Paused:

@@ -177,6 +177,13 @@ def leave(connection: Connection, participant_id: str, status: str) -> bool:
     return connection.execute(query.values(status=status, last_seen_at=datetime.now(UTC))).rowcount == 1
 
 
+def release_with_code(connection: Connection, participant_id: str, code: str) -> bool:
+    """Somebody for whom there is nothing left to do goes, and is paid: the place is free, the code is theirs."""
+    query = update(participants).where(participants.c.id == participant_id, participants.c.status == "active")
+    values = {"status": "returned", "last_seen_at": datetime.now(UTC), "completion_code": code}
+    return connection.execute(query.values(values)).rowcount == 1
+
+
 def time_out(connection: Connection, study_id: int, before: datetime) -> int:
     """Ends the participation of all active who were not seen since `before`: their places are free. How many."""
     query = update(participants).where(

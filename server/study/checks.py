@@ -42,6 +42,7 @@ def problems(study: Study) -> Iterator[Problem]:
                 ("quiz",), "no question of the quiz has a correct answer", "Add `correct:` to its choice questions."
             )
     yield from _episodes(study)
+    yield from _two_people(study)
     yield from _recruitment(study)
 
 
@@ -170,12 +171,34 @@ def _episodes(study: Study) -> Iterator[Problem]:
         )
 
 
+def _two_people(study: Study) -> Iterator[Problem]:
+    if study.tutorial.agent.human:
+        yield Problem(("tutorial", "agent"), "the practice is for one person", "Name an agent, such as `guide`.")
+    if study.waiting_room.agent.human:
+        yield Problem(
+            ("waiting_room", "agent"), "a person cannot stand in for one", "Name an agent, such as `planner`."
+        )
+    for index, agent in enumerate(study.agents):
+        if not agent.human:
+            continue
+        if agent.model is not None or agent.mode != "card":
+            reason = "a person has neither `model` nor `mode`"
+            yield Problem(("agents", index), reason, "Remove them, or remove `human: true`.")
+        if study.order.rule != "fixed":
+            reason = "two people have to come to the same round at the same time"
+            yield Problem(("order", "rule"), reason, "Use `rule: fixed` where an agent is `human: true`.")
+        if agent.predictor is None and any(condition.shows_predictions for condition in study.conditions):
+            reason = "there are marks to be shown, and nothing that foretells a person"
+            remedy = "Add `predictor:`, e.g. that of an agent who plays much like people: `fcp_predictor_stream`."
+            yield Problem(("agents", index), reason, remedy)
+
+
 def _recruitment(study: Study) -> Iterator[Problem]:
     recruitment = study.recruitment
     if recruitment.required and recruitment.person_parameter is None:
         yield Problem(("recruitment", "required"), "no parameter names the person", "Set `person:` or a `source`.")
     known = {"code", "person", *recruitment.extra_parameters}
-    for name in ("completed", "screened_out", "declined"):
+    for name in ("completed", "screened_out", "unpaired", "declined"):
         outcome = getattr(recruitment, name)
         for placeholder in _placeholders(outcome.url or ""):
             if placeholder not in known:

@@ -36,6 +36,8 @@ class Recruitment(Part):
     """Refuse a link without the person's parameter."""
     completed: Outcome = Outcome()
     screened_out: Outcome = Outcome()
+    unpaired: Outcome = Outcome()
+    """For those who waited for another person in vain, where `waiting_room.fallback` is `leave`."""
     declined: Outcome = Outcome()
 
     @property
@@ -67,10 +69,12 @@ class Condition(Part):
 
 
 class Agent(Part):
-    """An AI partner."""
+    """An AI partner, or another participant in its place."""
 
     name: Key
     """Names the agent in the study and, unless `model` says otherwise, its checkpoint."""
+    human: bool = False
+    """The partner is another participant of the same condition; see `waiting_room`."""
     model: str | None = None
     """What the catalogue calls it, or somebody's own agent: `module:Class`, an ONNX file, an address."""
     mode: Literal["card", "greedy", "sampled"] = "card"
@@ -141,6 +145,17 @@ class Game(Part):
 
 def _practice() -> Kitchen:
     return Kitchen(name="practice", title=Text({each: locale(each)("game.practice") for each in languages()}))
+
+
+class WaitingRoom(Part):
+    """Where somebody waits for the other person of a round of two."""
+
+    limit_s: Annotated[float, Field(ge=1, le=3600)] = 180
+    """Counted from the first opening of the page; then `fallback`."""
+    fallback: Literal["agent", "leave"] = "agent"
+    """agent: the round, and every later one, is played with `agent`. leave: the study ends with a code."""
+    agent: Agent = Agent(name="planner", predictor="random")
+    """Who stands in for a person who does not come or has left."""
 
 
 class Tutorial(Part):
@@ -234,6 +249,7 @@ class Study(Part):
     predictor: Predictor = Predictor()
     game: Game = Game()
     order: Order = Order()
+    waiting_room: WaitingRoom = WaitingRoom()
     tutorial: Tutorial = Tutorial()
     quiz: Quiz | None = None
     questionnaires: dict[Key, Questionnaire] = Field(default_factory=dict)

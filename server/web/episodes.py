@@ -17,8 +17,9 @@ _SHOWN: dict[str, Literal["nothing", "random", "predictor"]] = {
 }
 
 
-def episode_spec(study: Study, step: Step, condition: str, language: str) -> EpisodeSpec:
-    """The episode of a tutorial or episode step, for a participant in `condition` who reads `language`.
+def episode_spec(study: Study, step: Step, condition: str, language: str, people: int = 1) -> EpisodeSpec:
+    """The episode of a tutorial or episode step, for a participant in `condition` who reads `language`. `people`: how
+    many play a round of two; where one stays alone, the study's stand-in plays with them.
 
     The same in all conditions but for what is shown: the predictor is asked in each. Raises LayoutError or
     FileNotFoundError for a layout that is none (`kitchenmind study check` finds these first), KeyError for names
@@ -29,6 +30,9 @@ def episode_spec(study: Study, step: Step, condition: str, language: str) -> Epi
     kitchen = study.tutorial.layout if tutorial else study.layout(step.layout)
     layout = layout_of(kitchen)
     agent = study.tutorial.agent if tutorial else study.agent(step.agent)
+    if agent.human and people == 1:
+        agent = study.waiting_room.agent
+    other = None if agent.human else agent.catalogue_name
     seat = study.game.human_seat
     return EpisodeSpec(
         kind="tutorial" if tutorial else "episode",
@@ -37,7 +41,7 @@ def episode_spec(study: Study, step: Step, condition: str, language: str) -> Epi
         layout=layout.name,
         grid=layout.text,
         title=kitchen.title.of(language),
-        agents=(None, agent.catalogue_name) if seat == 0 else (agent.catalogue_name, None),
+        agents=(None, other) if seat == 0 else (other, None),
         predictor=predictor_of(study, agent, arm),
         watched_seat=1 - seat,
         shown=_SHOWN[arm.predictor],
@@ -63,9 +67,11 @@ def layout_of(kitchen: Kitchen) -> Layout:
     return _layout(kitchen.name, kitchen.grid)
 
 
-def predictor_of(study: Study, agent: Agent, condition: Condition) -> str:
-    """The catalogue's name of what foretells the agent; in a degraded condition, of its worse self (but for the
-    tutorial's, from whose marks everybody learns to read them)."""
+def predictor_of(study: Study, agent: Agent, condition: Condition) -> str | None:
+    """The catalogue's name of what foretells the agent, None for a person whom nothing foretells; in a degraded
+    condition, of its worse self (but for the tutorial's, from whose marks everybody learns to read them)."""
+    if agent.human and agent.predictor is None:
+        return None
     name = agent.predictor or f"{agent.model or agent.name}_predictor_{study.predictor.form}"
     if condition.accuracy is None or agent is study.tutorial.agent:
         return name
@@ -77,9 +83,11 @@ def models_of(study: Study) -> tuple[set[tuple[str, str]], set[tuple[str, str]]]
     games = [(kitchen.name, agent) for kitchen in study.layouts for agent in study.agents if "episodes" in study.flow]
     if "tutorial" in study.flow:
         games.append((study.tutorial.layout.name, study.tutorial.agent))
-    agents = {(layout, agent.catalogue_name) for layout, agent in games}
-    arms = study.conditions
-    return agents, {(layout, predictor_of(study, agent, arm)) for layout, agent in games for arm in arms}
+    if any(agent.human for _, agent in games):
+        games += [(kitchen.name, study.waiting_room.agent) for kitchen in study.layouts]
+    agents = {(layout, agent.catalogue_name) for layout, agent in games if not agent.human}
+    asked = {(layout, predictor_of(study, agent, arm)) for layout, agent in games for arm in study.conditions}
+    return agents, {(layout, name) for layout, name in asked if name is not None}
 
 
 @cache

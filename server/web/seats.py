@@ -1,6 +1,6 @@
 """Which game a participant may play now, and in which seat: the step of their way as an episode in the database."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from sqlalchemy import Connection
@@ -13,6 +13,7 @@ from server.store.database import Database
 from server.store.episodes import Episode, NewEpisode
 from server.store.participants import Participant
 from server.study.steps import Step
+from server.web import pairs
 from server.web.auth import token_of
 from server.web.episodes import episode_spec
 from server.web.socket import Player
@@ -47,21 +48,39 @@ class Seats:
         if participant.status != "active" or not step.is_game:
             return Player(participant_id, None, VIEWER, next_url)
         episode = episodes.of_step(connection, participant_id, step.key)
-        if episode is None or _to_be_repeated(step, episode):
-            made = episodes.create(connection, self._new(participant, step))
-            episode = episodes.get(connection, made)
+        if episode is None and pairs.is_for_two(self.studies.of(participant), step):
+            mates = pairs.company(connection, self.studies, participant, step)
+            if not mates.alone:
+                wish = pairs.wish(connection, self.studies, participant, step, mates.partner)
+                return Player(participant_id, None, VIEWER, next_url, wish)
+            pairs.go_alone(connection, self.studies, self._sit, participant_id, mates.alone)
+            episode = episodes.of_step(connection, participant_id, step.key)
+        elif episode is None or _to_be_repeated(step, episode):
+            episode = episodes.get(connection, self._sit(connection, [participant], step))
         if episode is None or episode.status in ("done", "aborted"):
             return Player(participant_id, None, VIEWER, next_url)
         seat = (episode.participant_0, episode.participant_1).index(participant_id)
         return Player(participant_id, episode.id, seat, next_url)
 
-    def _new(self, participant: Participant, step: Step) -> NewEpisode:
-        spec = episode_spec(self.studies.of(participant), step, participant.condition, participant.language)
-        first, second = (participant.id if agent is None else None for agent in spec.agents)
+    async def seat_two(self, first: str, second: str) -> bool:
+        """The round of these two people exists from now on; False if one of them can no longer play it."""
+        return await self.database.write(pairs.seat_two, self.studies, self._sit, first, second)
+
+    async def seat_alone(self, participant_id: str) -> None:
+        """Nobody came for this person."""
+        await self.database.write(pairs.go_alone, self.studies, self._sit, participant_id, "nobody_came")
+
+    def _sit(self, connection: Connection, people: Sequence[Participant], step: Step) -> str:
+        return episodes.create(connection, self._new(people, step))
+
+    def _new(self, people: Sequence[Participant], step: Step) -> NewEpisode:
+        participant, study = people[0], self.studies.of(people[0])
+        spec = episode_spec(study, step, participant.condition, participant.language, len(people))
+        ids = iter([one.id for one in (people if study.game.human_seat == 0 else reversed(people))])
         return NewEpisode(
             spec=spec,
             step_key=step.key,
-            participants=(first, second),
+            participants=tuple(next(ids) if agent is None else None for agent in spec.agents),  # type: ignore[arg-type]
             study_id=participant.study_id,
             condition=participant.condition,
             agent_sha256s=(self._agent(spec, 0), self._agent(spec, 1)),

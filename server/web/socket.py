@@ -17,6 +17,7 @@ from server.play.games import Games, NoGame
 from server.play.outlet import Close, Outlet
 from server.play.recorder import RecorderDown
 from server.store.database import DatabaseDown
+from server.web.waiting import WaitingRoom, Wish
 
 log = logging.getLogger(__name__)
 BEAT_EVERY_S: Final = 0.25
@@ -40,6 +41,7 @@ class Player:
     episode: str | None  # None: their current step is no game
     seat: int  # server.play.session.VIEWER for somebody who watches two agents
     next_url: str
+    wish: Wish | None = None  # they wait for another person
 
 
 FindPlayer = Callable[[HTTPConnection, str], Awaitable[Player | None]]  # (connection with the cookie, study) -> who
@@ -112,9 +114,16 @@ class Gate:
 class Sockets:
     """All open game sockets of this server."""
 
-    def __init__(self, games: Games, find: FindPlayer, is_ours: IsOurs, report: Report | None = None) -> None:
+    def __init__(
+        self,
+        games: Games,
+        find: FindPlayer,
+        is_ours: IsOurs,
+        report: Report | None = None,
+        room: WaitingRoom | None = None,
+    ) -> None:
         """`is_ours`: whether the page that opens the socket is one of ours (Origin check)."""
-        self._games, self._find, self.is_ours, self._report = games, find, is_ours, report
+        self._games, self._find, self.is_ours, self._report, self._room = games, find, is_ours, report, room
         self._open: dict[PlayerSocket, None] = {}  # oldest first
         self._budgets: dict[str, Budget] = {}
         self._heart: asyncio.Task[None] | None = None
@@ -196,6 +205,8 @@ class Sockets:
         finally:
             if game is not None:
                 game.leave(mine.player.seat, mine)
+            elif self._room is not None:
+                self._room.leave(mine.player.participant, mine)
 
     async def _handle(self, message: messages.Incoming, game: Game | None, mine: PlayerSocket) -> Game | None:
         """Does what one message asks; the game that the socket is in from now on."""
@@ -219,6 +230,9 @@ class Sockets:
         if hello.protocol != messages.PROTOCOL:
             mine.send(messages.Refused("protocol", f"this server speaks protocol {messages.PROTOCOL}: reload the page"))
             mine.close(ABUSE, "another protocol")
+        elif player.wish is not None and self._room is not None:
+            mine.tab = hello.tab
+            self._room.enter(player.participant, player.wish, mine)
         elif player.episode is None:
             mine.send(messages.Refused("no_game", "no game is to be played now: reload the page"))
             mine.close(NO_GAME, "no game")

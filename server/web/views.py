@@ -31,8 +31,7 @@ class Filled:
 async def render_step(page: Page, participant: Participant, filled: Filled | None, status: int) -> Response:
     """The page on which the participant is."""
     if participant.status not in ("active", "completed"):
-        kind = participant.status if participant.status in ("screened_out", "withdrawn") else "timed_out"
-        outcome = page.web.studies.of(participant).recruitment.screened_out if kind == "screened_out" else Outcome()
+        kind, outcome = _ended(page.web.studies.of(participant), participant)
         return page.render("participant/ended.html", kind=kind, outcome=outcome, back=await _back(page, outcome))
     way = page.web.studies.way(participant)
     step = page.web.studies.step(participant)
@@ -79,6 +78,16 @@ def consent_context(
         "phase": "consent",
         "page_language": language,
     }
+
+
+def _ended(study: Study, participant: Participant) -> tuple[str, Outcome]:
+    """How the participation ended before its end, and what the person gets for it."""
+    if participant.status == "returned" and participant.completion_code:
+        unpaired = study.recruitment.unpaired
+        return "unpaired", unpaired.model_copy(update={"code": unpaired.code or participant.completion_code})
+    if participant.status == "screened_out":
+        return "screened_out", study.recruitment.screened_out
+    return ("withdrawn" if participant.status == "withdrawn" else "timed_out"), Outcome()
 
 
 async def _back(page: Page, outcome: Outcome, code: str = "") -> WayBack | None:

@@ -30,6 +30,7 @@ export class Hud {
     this.find('.stat.time').hidden = game.endless;
     for (const name of ['predictions', 'pots']) this.find(`#legend-${name}`).hidden = (name === 'predictions') !== game.shows_predictions;
     this.find('#ids').hidden = practice || game.seat < 0;
+    this.#write('#partner', this.text(game.partner === 'human' ? 'partner_human' : 'partner'));
     this.find('#legend').hidden = practice;
     this.find('#lessons').hidden = !practice;
     for (const controls of ['.panel.kb', '.touch']) this.find(controls).hidden = game.seat < 0; // who only watches has none

@@ -18,8 +18,9 @@ const INCOMING = {
   welcome: {
     protocol: number, episode: text, kind: text, number, episodes: number, layout: text, title: text, grid: listOf(text),
     seat: number, watched_seat: number, horizon: number, tick_ms: number, steps: number, shows_predictions: flag,
-    state: shape(KITCHEN), resumed: flag, endless: flag,
+    state: shape(KITCHEN), resumed: flag, endless: flag, partner: text,
   },
+  waiting: { left_s: number },
   countdown: { seconds: number },
   tick: { state: shape(KITCHEN), prediction: listOf(numbers(2)), actions: numbers(2), applied: number, late: flag },
   paused: { reason: text, left_s: number },

@@ -36,7 +36,7 @@ export class Overlay {
   }
 
   #start(view, { game }) {
-    const kind = view.reason;
+    const kind = view.reason === 'episode' && game.partner === 'human' ? 'together' : view.reason;
     const values = { number: game.number, episodes: game.episodes, title: game.title, seconds: Math.round(game.horizon * game.tick_ms / 1000) };
     this.find('#start-title').textContent = this.text(`start.${kind}.title`, values);
     this.find('#start-text').textContent = this.text(`start.${kind}.text`, values);
@@ -61,7 +61,7 @@ export class Overlay {
 
   #over({ ended, game }) {
     const tutorial = game?.kind === 'tutorial';
-    const kind = tutorial ? (ended.passed ? 'passed' : 'again') : ended.passed ? 'episode' : 'stopped';
+    const kind = tutorial ? (ended.passed ? 'passed' : 'again') : ended.passed ? 'episode' : game?.partner === 'human' ? 'parted' : 'stopped';
     this.find('#over-title').textContent = this.text(`over.${kind}.title`);
     this.find('#over-text').textContent = this.text(`over.${kind}.text`);
     this.find('#over-score').textContent = ended.score;

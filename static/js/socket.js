@@ -5,6 +5,7 @@ import { hello, parse, pong } from './messages.js';
 const FIRST_RETRY_MS = 150;
 const LONGEST_RETRY_MS = 2000;
 const SILENCE_MS = 5000; // a socket that stays silent longer, where ticks or pings are due, is taken for dead
+const COME_AGAIN = 4005; // the other person is there: there is a game now
 const FINAL_CODES = new Map([[4001, 'superseded'], [1008, 'closed'], [1003, 'closed'], [1009, 'closed'], [4004, 'no_game']]);
 
 /** How long to wait before try number `attempt` (from 0): doubles, at most 2 s, spread so that not all come back at one instant. */
@@ -94,6 +95,7 @@ export class Connection {
 
   #closed(code) {
     this.socket = null;
+    if (code === COME_AGAIN) { this.open(); return; }
     this.final = FINAL_CODES.get(code) ?? this.final;
     if (this.final) { this.on.link(this.final, code); return; }
     this.on.link('lost', code);

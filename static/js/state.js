@@ -10,7 +10,7 @@ export function defaults() {
   return {
     link: 'connecting', // connecting | open | lost | superseded | closed
     linkSinceMs: 0,
-    phase: 'waiting', // waiting | ready | countdown | playing | paused | ended
+    phase: 'waiting', // waiting | room (for the other person) | ready | countdown | playing | paused | ended
     game: null, // the Welcome
     previous: null, // Kitchen before the current one
     current: null, // Kitchen
@@ -43,6 +43,9 @@ const HANDLERS = {
     lesson: state.lesson,
     lessons: state.lessons,
     notice: state.notice,
+  }),
+  waiting: (state, message, now) => ({
+    ...state, link: 'open', phase: 'room', pause: { reason: 'room', leftS: message.left_s, sinceMs: now, fresh: false },
   }),
   countdown: (state, message, now) => ({
     ...state, phase: 'countdown', pause: null, countdown: { seconds: message.seconds, sinceMs: now },

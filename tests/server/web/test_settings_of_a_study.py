@@ -46,10 +46,16 @@ def settings(part: Any) -> Iterator[tuple[str, bool]]:
             yield from settings(value)
 
 
+# Tested by themselves, as they change who a partner is: test_pairs.py.
+OF_TWO_PEOPLE = {"Agent.human", "Study.waiting_room", "Recruitment.unpaired"}
+OF_TWO_PEOPLE |= {"WaitingRoom.limit_s", "WaitingRoom.agent", "WaitingRoom.fallback"}
+
+
 def test_the_study_sets_everything_that_can_be_set(study: Study) -> None:
     never = {name for name, _ in settings(study)} - {name for name, is_made in settings(study) if is_made}
     # A choice that is an attention check, a number that need not be whole: tested with the questions.
-    assert never == {"ChoiceQuestion.attention", "NumberQuestion.whole"}
+    questions = {"ChoiceQuestion.attention", "NumberQuestion.whole"}
+    assert {name for name in never if name not in OF_TWO_PEOPLE} == questions
 
 
 def spec(study: Study, condition: str, kind: str = "episode", language: str = "en") -> tuple[Step, EpisodeSpec]:
