@@ -1,5 +1,6 @@
 """The game's scripts that know no page: state, arrows, keys, messages. Run where they live, in a browser."""
 
+import itertools
 import json
 from collections.abc import Iterator
 from typing import Any
@@ -114,6 +115,13 @@ def test_chefs_glide_from_cell_to_cell_within_a_tick(blank: Page) -> None:
     assert places == sorted(places)
     assert places[-2:] == [3, 3], "there within 180 ms"
     assert places[1] - places[0] > places[3] - places[2], "quick at first"
+
+
+def test_no_picture_of_sixty_a_second_moves_a_chef_by_more_than_a_third_of_a_cell(blank: Page) -> None:
+    moved = kitchen(t=1, players=((3, 1, 2, 0), (1, 2, 0, 0)))
+    body = "return [...Array(30).keys()].map((k) => m.place(s, 0, 1000 + k * 1000 / 60)[0])"
+    places = states(blank, [welcome(), tick(moved)], body, [0, 1000])
+    assert max(later - earlier for earlier, later in itertools.pairwise(places)) <= 0.35
 
 
 def test_a_chef_goes_on_from_where_it_is_seen_when_a_tick_comes_early(blank: Page) -> None:

@@ -2,12 +2,14 @@
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from html import unescape
 
 import pytest
 from page_site import SMALL_STUDY, Site, Visitor
 
 from server.store import participants
+from server.store.database import Database
 from server.web.admin_auth import TRIES
 from server.web.recruiting import way_back
 
@@ -60,6 +62,34 @@ def test_prolific_gets_the_code_of_each_outcome(site: Site) -> None:
     for page, code in (("declined", "NO11"), ("unsuitable", "OUT1")):
         stranger.get(f"/s/prolific/{page}{LINKS['prolific']}")
         assert (links(stranger), code in stranger.page.text) == ([CC.replace("{code}", code)], True)
+
+
+def test_no_code_is_shown_before_everything_is_stored(site: Site) -> None:
+    visitor = Visitor(site)
+    visitor.consent("prolific", "?PROLIFIC_PID=late&STUDY_ID=s1&SESSION_ID=x9")
+    me = site.everybody("prolific")[-1]
+    site.database.write_now(participants.advance, me.id, me.position, len(site.studies.way(me)) - 2)
+    visitor.get("/s/prolific/now")
+    web = site.app.state.web
+    away = Database("postgresql://nobody@127.0.0.1:1/none", read_only=True)
+    fields = visitor.fields()
+    site.app.state.web = replace(web, database=HalfAway(web.database, away))
+    try:
+        page = visitor.send("/s/prolific/now", fields)
+    finally:
+        site.app.state.web = web
+        away.close()
+    assert (page.status_code, "DONE1" in page.text) == (503, False)
+    assert site.everybody("prolific")[-1].status == "active"
+    assert "DONE1" not in visitor.get("/s/prolific/now").text
+    assert "DONE1" in visitor.send("/s/prolific/now", fields).text, "the same page, sent again, is taken"
+
+
+class HalfAway:
+    """A database that can be read, and not be written to."""
+
+    def __init__(self, there: Database, away: Database) -> None:
+        self.read, self.write = there.read, away.read
 
 
 def test_sona_grants_the_credit_to_the_person(site: Site) -> None:
