@@ -12,7 +12,7 @@ from server.store.tables import RECRUITMENT_ID
 from server.study.plan import Outcome, Study
 from server.study.questionnaire import Fault, asked
 from server.study.steps import PHASES, Step, episodes_of
-from server.web import walk
+from server.web import pairs, walk
 from server.web.deps import Page
 from server.web.episodes import layout_of, lessons
 from server.web.recruiting import WayBack, way_back
@@ -125,15 +125,19 @@ def _message(page: Page, study: Study, name: str, fault: Fault) -> str:
 
 def _introduction(page: Page, participant: Participant) -> dict[str, Any]:
     """Marks are explained to those who will see some."""
-    condition = page.web.studies.of(participant).condition(participant.condition)
-    return {"slides": [key for key in INTRODUCTION if key != "marks" or condition.shows_predictions]}
+    study = page.web.studies.of(participant)
+    condition = study.condition(participant.condition)
+    slides = [key for key in INTRODUCTION if key != "marks" or condition.shows_predictions]
+    return {"slides": slides, "with_human": all(agent.human for agent in study.agents)}
 
 
 async def _ready(page: Page, participant: Participant, step: Step) -> dict[str, Any]:
     study = page.web.studies.of(participant)
     kitchen = study.layout(step.layout)
     last = await page.web.database.read(walk.last_episode, participant.id, step.number)
+    mates = await page.web.database.read(pairs.company, page.web.studies, participant, step)
     return {
+        "with_human": study.agent(step.agent).human and not mates.alone,
         "kitchen": kitchen.title.of(page.language),
         "grid": layout_of(kitchen).grid,
         "seconds": round(study.game.horizon * study.game.tick_ms / 1000),

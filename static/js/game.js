@@ -85,7 +85,7 @@ function keysByPhase({ type }) {
 function welcome(message) {
   fit();
   change(state);
-  const pressedStart = startedEpisode === message.episode || (message.kind === 'episode' && !message.resumed && config.ready_page);
+  const pressedStart = startedEpisode === message.episode || (message.kind === 'episode' && !message.resumed && config.ready_page && !state.alone);
   if (pressedStart && document.hasFocus() && !document.hidden) start();
 }
 

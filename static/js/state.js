@@ -12,6 +12,7 @@ export function defaults() {
     linkSinceMs: 0,
     phase: 'waiting', // waiting | room (for the other person) | ready | countdown | playing | paused | ended
     game: null, // the Welcome
+    alone: false, // waited for another person, and an agent stands in
     previous: null, // Kitchen before the current one
     current: null, // Kitchen
     arrivedMs: 0, // when the current kitchen came
@@ -40,6 +41,7 @@ const HANDLERS = {
     current: message.state,
     arrivedMs: now,
     from: message.state.players.map(([x, y]) => [x, y]),
+    alone: state.alone || (state.phase === 'room' && message.partner === 'agent'),
     lesson: state.lesson,
     lessons: state.lessons,
     notice: state.notice,

@@ -16,7 +16,7 @@ export function viewOf(state, now) {
 }
 
 function gameView(state, now) {
-  if (state.phase === 'ready') return view('start', state.game.resumed ? 'resumed' : state.game.kind, null, true);
+  if (state.phase === 'ready') return view('start', state.game.resumed ? 'resumed' : state.alone ? 'alone' : state.game.kind, null, true);
   if (state.phase === 'countdown') return countView(state, now);
   if (state.phase === 'paused' || state.phase === 'room') return pauseView(state, now);
   const silent = state.phase === 'playing' && now - state.arrivedMs > Math.max(1200, SILENT_TICKS * state.game.tick_ms);

@@ -208,6 +208,7 @@ def test_a_key_given_to_another_action_loses_its_old_meaning(blank: Page) -> Non
 def every_message() -> list[messages.Outgoing]:
     return [
         welcome(),
+        messages.Waiting(172.0),
         messages.Countdown(3),
         tick(kitchen(t=1)),
         messages.Paused("lost", 21.5),
