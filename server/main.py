@@ -32,6 +32,7 @@ from server.web.admin_auth import Tries
 from server.web.alerts import Alert, Alerts, message_of
 from server.web.auth import Guard
 from server.web.control import Control
+from server.web.course import Course
 from server.web.deps import Web, templates
 from server.web.episodes import layout_of
 from server.web.errors import install_error_pages
@@ -154,7 +155,7 @@ async def _researchers(app: FastAPI, settings: Settings) -> Control:
 
 
 def _alarm(app: FastAPI, settings: Settings) -> Callable[[], Coroutine[Any, Any, None]]:
-    """Looks for alerts and posts them where the settings say; returns what stops it."""
+    """Looks for alerts, posts them where the settings say, and samples the course; returns what stops it."""
     hook = Webhook(settings.alert_webhook.get_secret_value()) if settings.alert_webhook else None
 
     def tell(alert: Alert, over: bool) -> None:
@@ -163,7 +164,9 @@ def _alarm(app: FastAPI, settings: Settings) -> Callable[[], Coroutine[Any, Any,
             hook.send(message_of(alert, over, settings.public_url))
 
     app.state.alerts = Alerts(app.state.live, app.state.figures.file, tell)
-    tasks = [asyncio.create_task(work.run()) for work in (app.state.alerts, hook) if work is not None]
+    app.state.course = Course(app.state.live)
+    running = (app.state.alerts, app.state.course, hook)
+    tasks = [asyncio.create_task(work.run()) for work in running if work is not None]
 
     async def stop() -> None:
         for task in tasks:

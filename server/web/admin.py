@@ -7,7 +7,7 @@ from fastapi import APIRouter, HTTPException, Request, Response
 from server.store import admins, audit, decisions, overview
 from server.store.overview import Played
 from server.study.plan import Study
-from server.web import admin_auth
+from server.web import admin_auth, course
 from server.web.admin_auth import ActDep, AdminFormDep, OwnDep, Tries, WatchDep
 from server.web.admin_page import AdminPage, arm_names, back_to, own_path, study_at
 from server.web.deps import Web, WebDep
@@ -157,6 +157,13 @@ async def person_page(request: Request, name: str, person: str, admin: WatchDep,
         rows=[_game(study, one) for one in played],
         exclusions=await web.database.read(decisions.exclusions_of, [person]),
     )
+
+
+@router.get("/s/{name}/course.json")
+async def course_of(request: Request, name: str, admin: WatchDep, web: WebDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
+    """People of the study and lateness of the server over time."""
+    study_ids, _ = study_at(web, name)
+    return {"machine": request.app.state.course.said(), "people": await web.database.read(course.people, study_ids)}
 
 
 @router.get("/s/{name}/consort.svg")

@@ -225,7 +225,7 @@ async def watch(socket: WebSocket, name: str) -> None:
     finally:
         teller.cancel()
         await asyncio.gather(teller, return_exceptions=True)
-        with suppress(RuntimeError):
+        with suppress(RuntimeError, WebSocketDisconnect):
             await socket.close()
 
 

@@ -172,7 +172,7 @@ async def follow(socket: WebSocket, name: str, episode: str) -> None:
     finally:
         teller.cancel()
         await asyncio.gather(teller, return_exceptions=True)
-        with suppress(RuntimeError):
+        with suppress(RuntimeError, WebSocketDisconnect):
             await socket.close()
 
 

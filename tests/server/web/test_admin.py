@@ -24,11 +24,12 @@ from server.play.clock import Clock
 from server.play.recorder import TickRecord
 from server.play.trace import Trace
 from server.settings import Settings
-from server.store import admins, audit, decisions, episodes, events, ticks
+from server.store import admins, audit, decisions, episodes, events, participants, ticks
 from server.web import actions, admin, downloads, live, replay
 from server.web.admin_auth import Tries
 from server.web.alerts import Alert, Alerts, message_of
 from server.web.control import Control
+from server.web.course import Course
 from server.web.episodes import episode_spec, layout_of
 from server.web.figures import Figures
 from server.web.flow import flow_of, stock
@@ -61,6 +62,7 @@ def site(tmp_path: Path) -> Iterator[Site]:
     state.sockets = Sockets(games, lambda *_: asyncio.sleep(0, None), state.web.guard.is_own_origin)
     state.tries, state.live = Tries(), Live(state.web, games, state.sockets)
     state.figures = Figures(state.live, tmp_path / "site.db")
+    state.course = Course(state.live)
     state.alerts = Alerts(state.live, tmp_path / "site.db", lambda *_: None)
     state.control = Control(games, made.database, made.studies)
     for doors in (admin, live, replay, actions, downloads):
@@ -316,6 +318,18 @@ def test_an_alert_carries_a_text_for_a_chat_and_parts_for_a_program() -> None:
     assert message["text"] == "kitchenmind: ring: P-001 is away. https://lab.example/admin/s/ring/game/7"
     assert (message["alert"], message["state"], message["study"]) == ("game 7", "open", "ring")
     assert message_of(alert, over=True, public_url="")["text"] == "kitchenmind: over: ring: P-001 is away."
+
+
+def test_the_course_counts_people_and_samples_lateness(site: Site) -> None:
+    for _ in range(3):
+        Visitor(site).consent("small")
+    first = site.everybody("small")[0].id
+    site.database.write_now(participants.complete, first, "KM-1234")
+    course = site.app.state.course
+    course.sample(100.0)
+    said = signed_in(site, "watch").get("/admin/s/small/course.json").json()
+    assert (said["people"]["consented"], said["people"]["completed"]) == ([1, 2, 3, 3], [0, 0, 0, 1])
+    assert said["machine"] == {"at": [100], "games": [0], "p50_ms": [None], "p99_ms": [None]}
 
 
 def test_a_replay_says_whether_every_state_is_the_stored_one(site: Site) -> None:
