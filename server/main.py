@@ -15,6 +15,8 @@ from fastapi.staticfiles import StaticFiles
 from models.runner import ModelServer
 from overcooked.constants import STAY
 from server.cast import cast_of, fingerprint
+from server.cluster import Cluster
+from server.member import Member, refuse_pairs
 from server.play.clock import Clock
 from server.play.games import Games
 from server.play.recorder import EpisodeRecord, RecorderDown
@@ -24,10 +26,11 @@ from server.store import episodes, events
 from server.store.database import Database, DatabaseDown
 from server.store.engines import normal_url
 from server.store.episodes import StoreRecorder
-from server.store.migrate import migrate
+from server.store.fences import FencedRecorder
+from server.store.migrate import migrate, migrate_shared
 from server.study.loader import StudyError, StudyFile, load_study
 from server.version import code_version
-from server.web import actions, admin, downloads, leaving, live, pages, replay, socket
+from server.web import actions, admin, downloads, leaving, live, pages, replay, socket, watch
 from server.web.admin_auth import Tries
 from server.web.alerts import Alert, Alerts, message_of
 from server.web.auth import Guard
@@ -36,6 +39,7 @@ from server.web.course import Course
 from server.web.deps import Web, templates
 from server.web.episodes import layout_of
 from server.web.errors import install_error_pages
+from server.web.everywhere import Everywhere
 from server.web.figures import Figures
 from server.web.headers import SecurityHeaders
 from server.web.live import Live
@@ -44,6 +48,7 @@ from server.web.seats import Seats
 from server.web.socket import Sockets
 from server.web.studies import Studies
 from server.web.waiting import WaitingRoom
+from server.web.watch import Demonstrations
 from server.webhook import Webhook
 
 log = logging.getLogger(__name__)
@@ -64,7 +69,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.mount("/static", StaticFiles(directory=ROOT / "static"), name="static")
     install_error_pages(app)
     app.state.tries, app.state.code_tries = Tries(), Tries()
-    for doors in (pages, leaving, socket, admin, live, replay, actions, downloads):
+    for doors in (pages, leaving, socket, watch, admin, live, replay, actions, downloads):
         app.include_router(doors.router)
     return app
 
@@ -78,8 +83,9 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
     settings: Settings = app.state.settings
     files = _served(settings)
     async with AsyncExitStack() as stack:
-        await asyncio.to_thread(migrate, settings.database)
-        database = Database(settings.database)
+        several = settings.redis is not None
+        await asyncio.to_thread(migrate_shared if several else migrate, settings.database)
+        database = Database(settings.database, shared=several, in_turn=several)
         stack.callback(database.close)
         studies = await Studies.opened(database, files)
         cast = cast_of(files)
@@ -88,10 +94,13 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
         await models.start()
         stack.push_async_callback(models.close)
         app.state.web = Web(database, studies, app.state.guard, templates())
-        app.state.games = _games(settings, database, models)
+        member = await _member(settings, files, stack) if several else None
+        app.state.games = _games(settings, database, models, member)
         stack.push_async_callback(app.state.games.stop)
         app.state.sockets = _sockets(app, database, studies)
-        stack.push_async_callback((await _researchers(app, settings)).stop)
+        app.state.demonstrations = Demonstrations(app.state.games.clock, models, studies, app.state.guard.is_own_origin)
+        stack.push_async_callback(app.state.demonstrations.games.stop)
+        stack.push_async_callback((await _researchers(app, settings, member)).stop)
         stack.push_async_callback(_alarm(app, settings))
         _warm(files)
         gc.collect()
@@ -119,14 +128,30 @@ def _served(settings: Settings) -> list[StudyFile]:
     return served
 
 
-def _games(settings: Settings, database: Database, models: ModelServer) -> Games:
+async def _member(settings: Settings, files: list[StudyFile], stack: AsyncExitStack) -> Member:
+    """This process among several. Raises StudyError, ClusterDown, DatabaseDown."""
+    assert settings.redis is not None  # noqa: S101 the caller looked
+    refuse_pairs(files)
+    of_games = Database(settings.database, readers=2, shared=True)  # a tick never waits its turn behind a page
+    stack.callback(of_games.close)
+    cluster = Cluster(settings.redis.get_secret_value(), settings.database)
+    stack.push_async_callback(cluster.close)
+    await cluster.reach()
+    return Member(FencedRecorder(of_games), cluster)
+
+
+def _games(settings: Settings, database: Database, models: ModelServer, member: Member | None) -> Games:
+    clock = Clock(settings.speed, settings.patience_s)
+    if member is not None:
+        return Games(clock, models, member.recorder, member.load, owners=member)
+
     async def load(episode: str) -> EpisodeRecord | None:
         try:
             return await database.read(episodes.load, episode)
         except DatabaseDown as down:
             raise RecorderDown(str(down)) from down
 
-    return Games(Clock(settings.speed, settings.patience_s), models, StoreRecorder(database), load)
+    return Games(clock, models, StoreRecorder(database), load)
 
 
 def _sockets(app: FastAPI, database: Database, studies: Studies) -> Sockets:
@@ -142,15 +167,19 @@ def _sockets(app: FastAPI, database: Database, studies: Studies) -> Sockets:
     return Sockets(app.state.games, seats.find, app.state.guard.is_own_origin, report, room)
 
 
-async def _researchers(app: FastAPI, settings: Settings) -> Control:
+async def _researchers(app: FastAPI, settings: Settings, member: Member | None) -> Control:
     """What the researchers' pages look through and reach in with."""
     web: Web = app.state.web
-    app.state.live = Live(web, app.state.games, app.state.sockets)
+    elsewhere = None if member is None else member.cluster
+    app.state.live = Live(web, app.state.games, app.state.sockets, elsewhere)
     url = normal_url(settings.database)
     file = Path(str(url.database)) if url.get_backend_name() == "sqlite" else None
     app.state.figures = Figures(app.state.live, file)
-    app.state.control = control = Control(app.state.games, web.database, web.studies)
+    control = Control(app.state.games, web.database, web.studies)
     await control.begin()
+    app.state.control = Everywhere(control, elsewhere)
+    if member is not None:
+        member.show(app.state.live, app.state.control)
     return control
 
 

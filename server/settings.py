@@ -37,8 +37,12 @@ class Settings(BaseSettings):
     """How browsers reach the server, e.g. https://lab.example.org. Empty: as they ask for it."""
     trusted_proxies: str = "127.0.0.1"
     """Addresses of the TLS proxy in front, whose X-Forwarded headers are believed."""
+    workers: int = Field(default=1, ge=1, le=64)
+    """Server processes. More than one needs PostgreSQL and Redis."""
+    redis: SecretStr | None = None
+    """Redis of a server of several processes: redis://host:6379/0. Holds nothing that must not be lost."""
     model_workers: int = Field(default=1, ge=1, le=64)
-    """Processes that run agents and predictors."""
+    """Processes that run agents and predictors, for each server process."""
     speed: float = Field(default=1.0, gt=0, le=100)
     """How fast the games' clock runs: 1 for people, more for tests and simulated participants."""
     patience_s: float = Field(default=0.0, ge=0, le=60)
@@ -46,6 +50,22 @@ class Settings(BaseSettings):
 
     alert_webhook: SecretStr | None = None
     """Where alerts are posted as JSON, e.g. a chat's incoming webhook. Whoever knows the address may post there."""
+
+    @model_validator(mode="after")
+    def _several_can_share(self) -> Self:
+        several = self.workers > 1 or self.redis is not None
+        if several and self.database.startswith("sqlite"):
+            raise ValueError(
+                "several workers cannot share SQLite, which takes one writing process. "
+                "Use PostgreSQL: --database postgresql://user@host/name"
+            )
+        if self.workers > 1 and self.redis is None:
+            raise ValueError(
+                f"{self.workers} workers need Redis to find each other's games: --redis redis://127.0.0.1:6379/0"
+            )
+        if self.redis is not None and urlsplit(self.redis.get_secret_value()).scheme not in ("redis", "rediss", "unix"):
+            raise ValueError("KITCHENMIND_REDIS must be an address like redis://127.0.0.1:6379/0")
+        return self
 
     @model_validator(mode="after")
     def _address_can_be_posted_to(self) -> Self:

@@ -11,6 +11,8 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from server.supervisor import Supervised, Supervisor, supervised
+
 if TYPE_CHECKING:
     import uvicorn
     from fastapi import FastAPI
@@ -27,7 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--host", help="address to listen on (127.0.0.1)")
     parser.add_argument("--port", type=int, help="port to listen on (8000; 0 takes a free one)")
     parser.add_argument("--database", metavar="URL", help="sqlite:///path or postgresql://user@host/name")
-    parser.add_argument("--model-workers", type=int, metavar="N", help="processes that run the models (1)")
+    parser.add_argument("--workers", type=int, metavar="N", help="server processes (1); more need PostgreSQL and Redis")
+    parser.add_argument("--redis", metavar="URL", help="redis://host:6379/0, for several server processes")
+    parser.add_argument("--model-workers", type=int, metavar="N", help="processes that run models, each server (1)")
     parser.add_argument("--speed", type=float, help=argparse.SUPPRESS)
 
 
@@ -37,10 +41,13 @@ def run(arguments: argparse.Namespace) -> int:
         try:
             stack.enter_context(unbundled(arguments))
             settings = settings_of(arguments)
-            listening = listen(settings.host, settings.port)
+            process = supervised()
+            listening = process.listening if process else listen(settings.host, settings.port)
         except (ValueError, OSError) as error:
             return _refuse(error, 2)
-        return serve(settings, listening)
+        if settings.workers > 1 and process is None:
+            return _serve_several(settings, listening)
+        return serve(settings, listening, process)
 
 
 @contextmanager
@@ -73,6 +80,8 @@ def settings_of(arguments: argparse.Namespace) -> "Settings":
         "host": arguments.host,
         "port": arguments.port,
         "database": arguments.database,
+        "workers": arguments.workers,
+        "redis": arguments.redis,
         "model_workers": arguments.model_workers,
         "speed": arguments.speed,
     }
@@ -100,40 +109,57 @@ def listen(host: str, port: int) -> socket.socket:
     return listening
 
 
-def serve(settings: "Settings", listening: socket.socket) -> int:
+def _serve_several(settings: "Settings", listening: socket.socket) -> int:
+    """The database is brought up to date once, before the processes start."""
+    from server.store.database import DatabaseDown
+    from server.store.migrate import DatabaseTooNew, migrate_shared
+
+    try:
+        migrate_shared(settings.database)
+    except ValueError as error:
+        return _refuse(error, 2)
+    except (DatabaseDown, DatabaseTooNew) as error:
+        return _refuse(error, 1)
+    return Supervisor(sys.argv[1:], listening, settings.workers).run()
+
+
+def serve(settings: "Settings", listening: socket.socket, process: Supervised | None = None) -> int:
     """Runs the application on the socket until a signal stops it; the exit status."""
     import uvloop
 
     from models.lane import ModelsDown
+    from server.cluster import ClusterDown
     from server.store.database import DatabaseDown, DatabaseInUse
     from server.store.migrate import DatabaseTooNew
     from server.study.loader import StudyError
 
     try:
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-            runner.run(_serve(settings, listening))
+            runner.run(_serve(settings, listening, process))
     except (StudyError, ValueError, FileNotFoundError) as error:
         return _refuse(error, 2)
-    except (ModelsDown, DatabaseDown, DatabaseInUse, DatabaseTooNew) as error:
+    except (ModelsDown, DatabaseDown, DatabaseInUse, DatabaseTooNew, ClusterDown) as error:
         return _refuse(error, 1)
     return 0
 
 
-async def _serve(settings: "Settings", listening: socket.socket) -> None:
+async def _serve(settings: "Settings", listening: socket.socket, process: Supervised | None) -> None:
     from server.connections import raise_descriptor_limit
     from server.main import create_app, wired
 
     raise_descriptor_limit()
     app = create_app(settings)
     async with wired(app):
-        server = _server(app, settings)
+        server = _server(app, settings, announced=process is None or process.first)
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, server.handle_exit, number, None)
+        if process is not None:
+            loop.add_reader(process.lifeline, server.handle_exit, signal.SIGTERM, None)
         await server.serve(sockets=[listening])
 
 
-def _server(app: "FastAPI", settings: "Settings") -> "uvicorn.Server":
+def _server(app: "FastAPI", settings: "Settings", announced: bool = True) -> "uvicorn.Server":
     import uvicorn
 
     from server.connections import PatientProtocol
@@ -144,7 +170,7 @@ def _server(app: "FastAPI", settings: "Settings") -> "uvicorn.Server":
 
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
             await super().startup(sockets=sockets)
-            if self.started and sockets:
+            if self.started and sockets and announced:
                 print(f"kitchenmind is at {_address(sockets[0])}  (stop with Ctrl+C)", flush=True)
 
         async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:

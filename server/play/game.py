@@ -102,6 +102,12 @@ class Game:
         if self.session.phase == "paused" or (self.session.phase == "waiting" and len(self.session.people) > 1):
             connection.send(self.session.paused(person, self.clock.now()))
 
+    def dismiss_all(self) -> None:
+        """The game goes on elsewhere."""
+        for connection in self.connections.values():
+            self._dismiss(connection)
+        self.connections.clear()
+
     @staticmethod
     def _dismiss(connection: Connection) -> None:
         connection.send(messages.Superseded())

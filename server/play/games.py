@@ -3,13 +3,13 @@
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Coroutine, Iterator
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, Protocol
 
 from models.protocols import Models
 from server.play.clock import Clock
 from server.play.game import Connection, Game
 from server.play.loop import Loop
-from server.play.recorder import EpisodeRecord, EpisodeResult, PauseRecord, Recorder
+from server.play.recorder import EpisodeRecord, EpisodeResult, GamesLost, PauseRecord, Recorder
 from server.play.session import Session
 
 log = logging.getLogger(__name__)
@@ -26,14 +26,33 @@ class NoGame(Exception):
     """There is no such episode, it is over, or the server is going down."""
 
 
+class Owners(Protocol):
+    """Who plays which game, where several processes serve. `load` makes this process the owner."""
+
+    async def still_mine(self, episode: str) -> bool:
+        """Whether no other process has taken the game up since. Raises RecorderDown."""
+        ...
+
+    def let_go(self, episode: str) -> None:
+        """The game is over here, or was taken up by another process."""
+        ...
+
+
 class Games:
     """The live games by episode. `load` reads an episode from the database; `after_end` hears of every stored end."""
 
     def __init__(
-        self, clock: Clock, models: Models, recorder: Recorder, load: Load, after_end: AfterEnd | None = None
+        self,
+        clock: Clock,
+        models: Models,
+        recorder: Recorder,
+        load: Load,
+        after_end: AfterEnd | None = None,
+        owners: Owners | None = None,
     ) -> None:
         self.clock = clock
-        self.loop = Loop(clock, models, recorder, self._over)
+        self.loop = Loop(clock, models, recorder, self._over, self.let_go)
+        self._owners = owners
         self._models, self._recorder, self._load, self._after_end = models, recorder, load, after_end
         self._games: dict[str, Game] = {}
         self._records: dict[str, EpisodeRecord] = {}
@@ -57,6 +76,9 @@ class Games:
         if self._stopping:
             raise NoGame("the server is going down")
         game = self._games.get(episode)
+        if game is not None and self._owners is not None and not await self._owners.still_mine(episode):
+            self.let_go(game)
+            game = None
         if game is None:
             opening = self._opening.get(episode)
             if opening is None:
@@ -110,6 +132,8 @@ class Games:
             await game.durable.end(result)
             if self._after_end is not None:
                 await self._after_end(self._records[game.episode], result)
+        except GamesLost:
+            self.let_go(game)
         except Exception:
             log.exception("the end of episode %s could not be stored", game.episode)
             for connection in game.connections.values():
@@ -118,10 +142,21 @@ class Games:
             game.tell_end(result.score, result.soups, result.progress, result.passed)
         self._forget(game)
 
+    def let_go(self, game: Game) -> None:
+        """Another process plays it now: nothing more is done or stored here, and those who are here are told."""
+        if self._games.get(game.episode) is game:
+            log.info("episode %s was taken up by another process", game.episode)
+            self._forget(game)
+        self.loop.stop(game)
+        game.session.phase = "ended"
+        game.dismiss_all()
+
     def _forget(self, game: Game) -> None:
         self._models.forget(game.episode)
         self._games.pop(game.episode, None)
         self._records.pop(game.episode, None)
+        if self._owners is not None:
+            self._owners.let_go(game.episode)
 
     def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
         task = asyncio.create_task(work)

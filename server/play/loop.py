@@ -8,14 +8,14 @@ import logging
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Collection, Coroutine, Sequence
 from typing import Any, Final
 
 from models.protocols import Decision, Models, Question
 from server.play.clock import Clock
 from server.play.game import Game
 from server.play.holds import DATABASE
-from server.play.recorder import Recorder, RecorderDown, TickRecord
+from server.play.recorder import GamesLost, Recorder, RecorderDown, TickRecord
 from server.play.session import COUNTDOWN_S, Session
 
 log = logging.getLogger(__name__)
@@ -45,11 +45,19 @@ class Slot:
 class Loop:
     """Drives games from `start` until `over` is told that one has nothing left to play."""
 
-    def __init__(self, clock: Clock, models: Models, recorder: Recorder, over: Callable[[Game, str], None]) -> None:
-        """`over(game, error)`: the episode was played to its end (error empty) or cannot go on."""
+    def __init__(
+        self,
+        clock: Clock,
+        models: Models,
+        recorder: Recorder,
+        over: Callable[[Game, str], None],
+        lost: Callable[[Game], None],
+    ) -> None:
+        """`over(game, error)`: the episode was played to its end (error empty) or cannot go on. `lost(game)`: another
+        process plays it now."""
         self.clock = clock
         self.late_ms: deque[float] = deque(maxlen=10_000)  # of the last ticks
-        self._models, self._recorder, self._over = models, recorder, over
+        self._models, self._recorder, self._over, self._lost = models, recorder, over, lost
         self._slots: dict[int, list[Slot]] = {}  # by tick_ms
         self._slot_of: dict[Game, Slot] = {}
         self._unstored: set[Game] = set()
@@ -185,7 +193,7 @@ class Loop:
 
     async def _store(self, made: Sequence[tuple[Game, TickRecord]]) -> None:
         try:
-            await self._commit([record for _, record in made])
+            lost = await self._commit([record for _, record in made])
         except RecorderDown as down:
             self._wait_for_database(made, down)
         except Exception:
@@ -194,25 +202,36 @@ class Loop:
                 await self._store_one(game, record)
         else:
             for game, _ in made:
-                self._stored(game)
+                self._settle(game, lost)
 
     async def _store_one(self, game: Game, record: TickRecord) -> None:
         try:
-            await self._commit([record])
+            lost = await self._commit([record])
         except RecorderDown as down:
             self._wait_for_database([(game, record)], down)
         except Exception as error:  # noqa: BLE001 - as above
             self._broken(game, error)
         else:
-            self._stored(game)
+            self._settle(game, lost)
 
-    async def _commit(self, records: Sequence[TickRecord]) -> None:
+    async def _commit(self, records: Sequence[TickRecord]) -> Collection[str]:
+        """Stores all but those of episodes that another process plays now, which are returned."""
         if records:
             try:
                 async with asyncio.timeout(COMMIT_S):
                     await self._recorder.ticks(records)
             except TimeoutError:
                 raise RecorderDown(f"no commit within {COMMIT_S} s") from None
+            except GamesLost as lost:
+                return lost.episodes
+        return ()
+
+    def _settle(self, game: Game, lost: Collection[str]) -> None:
+        if game.episode in lost:
+            game.busy = False
+            self._lost(game)
+        else:
+            self._stored(game)
 
     def _stored(self, game: Game) -> None:
         """The state is durable: only now anybody sees it."""
@@ -247,7 +266,7 @@ class Loop:
             await self.clock.sleep(PROBE_S)
             games = [(game, game.unstored) for game in self._unstored if game.unstored is not None]
             try:
-                await self._commit([record for _, record in games])
+                lost = await self._commit([record for _, record in games])
             except RecorderDown:
                 continue
             except Exception:
@@ -260,5 +279,6 @@ class Loop:
             log.warning("the database commits again, %d games go on", len(games))
             for game, _ in games:
                 self._unstored.discard(game)
-                self._stored(game)
-                game.release(DATABASE)
+                self._settle(game, lost)
+                if game.episode not in lost:
+                    game.release(DATABASE)

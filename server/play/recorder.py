@@ -84,7 +84,8 @@ class EpisodeResult:
 
 
 class Recorder(Protocol):
-    """Durable when it returns. Raises RecorderDown when the database cannot commit: the game pauses and asks again.
+    """Durable when it returns. Raises RecorderDown when the database cannot commit: the game pauses and asks again;
+    GamesLost where several processes serve and another took a game up.
 
     Each call may be repeated with equal values (after RecorderDown nobody knows whether the commit arrived): a tick, a
     pause or an end that is there already is left as it is.
@@ -99,3 +100,14 @@ class Recorder(Protocol):
 
 class RecorderDown(Exception):
     """The database did not commit. Nothing was acknowledged; the same call may be repeated later."""
+
+
+class GamesLost(Exception):
+    """Other processes have taken these episodes up: nothing of them was stored, and nothing may be done here any more.
+
+    Everything else in the call is stored.
+    """
+
+    def __init__(self, episodes: set[str]) -> None:
+        super().__init__(f"taken up elsewhere: {', '.join(sorted(episodes))}")
+        self.episodes = frozenset(episodes)

@@ -40,10 +40,13 @@ class Database:
     """One database, one writer. `url`: sqlite:///path/to/file.db or postgresql://user@host/name.
 
     Raises DatabaseInUse when another server has it open, DatabaseDown when it cannot be reached, ValueError for an
-    address that is neither. `read_only`: for export and checks; takes no lock, `write` is refused.
+    address that is neither. `read_only`: for export and checks; takes no lock, `write` is refused. `shared`, `in_turn`:
+    for one process of several, see `engines.Writer`.
     """
 
-    def __init__(self, url: str, *, read_only: bool = False, readers: int = 4) -> None:
+    def __init__(
+        self, url: str, *, read_only: bool = False, readers: int = 4, shared: bool = False, in_turn: bool = False
+    ) -> None:
         self.url = engines.normal_url(url)
         self.read_only = read_only
         self._reader_engine: Engine = engines.reader(self.url)
@@ -51,7 +54,7 @@ class Database:
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
         self._closed = False
         if not read_only:
-            self._writer = engines.Writer(self.url)
+            self._writer = engines.Writer(self.url, shared, in_turn)
             self._thread = threading.Thread(target=self._write_forever, name="database-writer", daemon=True)
             self._thread.start()
 

@@ -3,6 +3,7 @@
 import fcntl
 import os
 import sqlite3
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,12 +18,20 @@ from sqlalchemy.pool import QueuePool
 
 BUSY_TIMEOUT_S = 30
 CONNECT_TIMEOUT_S = 5
+STUCK_S = 5
 # A PostgreSQL machine that vanished is noticed in seconds, not in the quarter of an hour that TCP would take.
-_NOTICE_LOSS: Final = {"keepalives_idle": 5, "keepalives_interval": 2, "keepalives_count": 3, "tcp_user_timeout": 10_000}
+_NOTICE_LOSS: Final = {
+    "keepalives_idle": 5,
+    "keepalives_interval": 2,
+    "keepalives_count": 3,
+    "tcp_user_timeout": 10_000,
+}
 CHECKPOINT_PAGES = 16_000  # 64 MB: a checkpoint holds up commits, so it should come seldom
 CACHE_KIB = 64 * 1024
 _ADVISORY_LOCK = 0x6B69_7463_6865_6E01  # any constant will do, as long as it never changes
+_TURN_LOCK = 0x6B69_7463_6865_6E02
 _OVERWRITE = "overwrite deleted content"
+ONE_WRITER = "SQLite takes one writing process: several need PostgreSQL."
 _ADDRESSES = "Use sqlite:///file.db or postgresql://user@host/name."
 _SQLITE_DOWN = {
     sqlite3.SQLITE_BUSY,
@@ -186,10 +195,19 @@ def overwrite_deleted(connection: Connection) -> None:
 
 
 class Writer:
-    """The one connection that writes, with the lock that keeps a second server out."""
+    """The one connection that writes, with the lock that keeps a second server out.
 
-    def __init__(self, url: URL) -> None:
+    Several processes of one server share that lock (PostgreSQL only). `in_turn`: their transactions follow one another,
+    as those of one process do; the others must not mind what is written beside them.
+    """
+
+    def __init__(self, url: URL, shared: bool = False, in_turn: bool = False) -> None:
         self._postgres = url.get_backend_name() == "postgresql"
+        if shared and not self._postgres:
+            raise ValueError(ONE_WRITER)
+        self._try_lock = "pg_try_advisory_lock_shared" if shared else "pg_try_advisory_lock"
+        self._waits_s = [0.1] * 20 if shared else []
+        self._in_turn = in_turn
         self._file: IO[str] | None = None if self._postgres else _lock_file(url)
         self._engine = writer_engine(url)
         self._connection: Connection | None = None
@@ -205,6 +223,8 @@ class Writer:
         connection = self._connection or self._connect()
         try:
             with connection.begin():
+                if self._in_turn:
+                    connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": _TURN_LOCK})
                 yield connection
             if connection.info.get(_OVERWRITE) and not self._postgres:
                 _empty_log(connection)
@@ -223,12 +243,7 @@ class Writer:
     def _connect(self) -> Connection:
         try:
             connection = self._engine.connect()
-            if (
-                self._postgres
-                and not connection.execute(
-                    text("SELECT pg_try_advisory_lock(:key)"), {"key": _ADVISORY_LOCK}
-                ).scalar_one()
-            ):
+            if self._postgres and not self._locked(connection):
                 connection.close()
                 raise DatabaseInUse(f"another kitchenmind server uses {self._engine.url}. Stop it first.")
             connection.rollback()
@@ -236,6 +251,15 @@ class Writer:
             raise translated(error) from error
         self._connection = connection
         return connection
+
+    def _locked(self, connection: Connection) -> bool:
+        """Whether the lock is ours; one of several processes waits a moment for another that starts beside it."""
+        for wait_s in (*self._waits_s, None):
+            if connection.execute(text(f"SELECT {self._try_lock}(:key)"), {"key": _ADVISORY_LOCK}).scalar_one():
+                return True
+            if wait_s is not None:
+                time.sleep(wait_s)
+        return False
 
     def _disconnect(self) -> None:
         connection, self._connection = self._connection, None

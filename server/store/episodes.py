@@ -231,9 +231,9 @@ class StoreRecorder:
     async def end(self, result: EpisodeResult) -> None:
         await self._write(end, result)
 
-    async def _write(self, function: Any, argument: Any) -> Any:
+    async def _write(self, function: Any, *arguments: Any) -> Any:
         try:
-            return await asyncio.wait_for(self._database.write(function, argument), self._patience_s)
+            return await asyncio.wait_for(self._database.write(function, *arguments), self._patience_s)
         except TimeoutError:
             raise RecorderDown(f"the database did not commit within {self._patience_s} s") from None
         except DatabaseDown as error:

@@ -1,5 +1,6 @@
 """Brings a database to the tables of this version, or makes a new one. `kitchenmind serve` runs it first."""
 
+from contextlib import suppress
 from pathlib import Path
 
 from alembic import command
@@ -11,6 +12,8 @@ from sqlalchemy import Connection
 from sqlalchemy.exc import DBAPIError
 
 from server.store import engines
+from server.store.database import Database
+from server.store.engines import DatabaseDown
 
 MIGRATIONS = Path(__file__).resolve().parents[2] / "migrations"
 
@@ -34,6 +37,14 @@ def migrate(url: str) -> None:
         raise engines.translated(error) from error
     finally:
         writer.close()
+
+
+def migrate_shared(url: str) -> None:
+    """`migrate` for one of several processes: tables that are of this version already are left to those at work."""
+    with suppress(DatabaseDown), Database(url, read_only=True, readers=1) as database:
+        if database.read_now(revision_of) == newest_revision():
+            return
+    migrate(url)
 
 
 def revision_of(connection: Connection) -> str | None:

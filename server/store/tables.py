@@ -164,6 +164,7 @@ episodes = Table(
     column("passed", Boolean, nullable=True, meaning="Tutorial: passed. Episode: played to its end."),
     column("final_hash", String(16), nullable=True, meaning="Hash of the last state, 16 hexadecimal digits."),
     column("code_version", String(64), meaning="Version of this software."),
+    column("fence", Integer, server_default="0", meaning="How often a process took it up; only the newest may store."),
     time("created_at", "When it was drawn up."),
     time("started_at", "When its first state was stored.", nullable=True),
     time("ended_at", "When its end was stored.", nullable=True),

@@ -10,8 +10,8 @@ from server.store.admins import AdminSession
 from server.store.overview import Person, Played
 from server.web.admin_auth import ActDep, AdminFormDep
 from server.web.admin_page import back_to, own_path, study_at
-from server.web.control import Control
 from server.web.deps import Web, WebDep
+from server.web.everywhere import Everywhere
 from server.web.forms import Form, first
 
 router = APIRouter(prefix="/admin/s/{name}")
@@ -20,12 +20,12 @@ MOST_MINUTES = 60
 REASONS = ("technical fault", "did not follow the instructions", "not attentive", "took part before", "other")
 
 
-def control_of(request: Request) -> Control:
-    control: Control = request.app.state.control
+def control_of(request: Request) -> Everywhere:
+    control: Everywhere = request.app.state.control
     return control
 
 
-ControlDep = Annotated[Control, Depends(control_of)]
+ControlDep = Annotated[Everywhere, Depends(control_of)]
 
 
 async def _game(name: str, episode: str, web: WebDep) -> Played:
@@ -54,7 +54,7 @@ async def pause_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep,
     """Nobody is let in and every game of the study stands still, until it is resumed."""
     study_at(web, name)
     await web.database.write(decisions.pause_study, name, admin.name)
-    control.pause_study(name)
+    await control.pause_study(name)
     await _note(web, admin, "pause study", {"study": name, "reason": _text(form, "note")})
     return back_to(f"/admin/s/{name}", "study_paused")
 
@@ -74,8 +74,8 @@ async def message_all(name: str, admin: ActDep, web: WebDep, form: AdminFormDep,
     """Shows a message in every running game of the study."""
     study_at(web, name)
     text = _required(form, "text")
-    told = [episode for episode in await control.episodes_of(name) if control.tell(episode, text)]
-    await _note(web, admin, "message to all games", {"study": name, "text": text, "games": len(told)})
+    told = await control.tell_study(name, text)
+    await _note(web, admin, "message to all games", {"study": name, "text": text, "games": told})
     return back_to(f"/admin/s/{name}", "sent" if told else "gone")
 
 
@@ -87,17 +87,17 @@ async def step_in(
     detail: dict[str, Any] = {"episode": game.id, "participant": game.participant_id, "reason": _text(form, "note")}
     match deed:
         case "pause":
-            said = "paused" if control.pause(game.id) else "gone"
+            said = "paused" if await control.do("pause", game.id) else "gone"
         case "resume":
-            said = "resumed" if control.resume(game.id) else "gone"
+            said = "resumed" if await control.do("resume", game.id) else "gone"
         case "end":
-            said = "ended" if await control.end(game.id) else "gone"
+            said = "ended" if await control.do("end", game.id) else "gone"
         case "message":
             detail["text"] = _required(form, "text")
-            said = "sent" if control.tell(game.id, detail["text"]) else "gone"
+            said = "sent" if await control.do("tell", game.id, detail["text"]) else "gone"
         case "extend":
             detail["minutes"] = _minutes(form)
-            said = "extended" if control.extend(game.id, 60.0 * detail["minutes"]) else "gone"
+            said = "extended" if await control.do("extend", game.id, 60.0 * detail["minutes"]) else "gone"
         case "exclude":
             why = _why(form)
             await web.database.write(decisions.exclude, game.participant_id, game.id, why, admin.name)
@@ -127,7 +127,7 @@ async def decide(
         case "release":
             done = await web.database.write(participants.leave, person.id, "returned")
             for played in await web.database.read(overview.played_by, person.id) if done else ():
-                await control.end(played.id)
+                await control.do("end", played.id)
             said = "released" if done else "gone"
         case "extend":
             await web.database.write(participants.seen, person.id)

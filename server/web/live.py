@@ -23,6 +23,7 @@ from server.web.admin_auth import session_of
 from server.web.admin_page import arm_names, study_at
 from server.web.attention import Attention, Flag
 from server.web.deps import Web
+from server.web.elsewhere import Alone, Elsewhere, View
 from server.web.socket import Sockets
 
 CARDS_EVERY_S: Final = 0.5
@@ -45,12 +46,14 @@ class Card:
 class Live:
     """Looks at the running games on behalf of everybody who watches; made once in server.main."""
 
-    def __init__(self, web: Web, games: Games, sockets: Sockets) -> None:
+    def __init__(self, web: Web, games: Games, sockets: Sockets, elsewhere: Elsewhere | None = None) -> None:
         self.web, self.games, self.sockets = web, games, sockets
+        self.elsewhere = elsewhere or Alone()
         self.models_ms: deque[float] = deque(maxlen=_SAMPLES)  # sampled while somebody watches
         self._attention = Attention()
         self._played: dict[str, Played] = {}
         self._cards: tuple[float, list[Card]] = (-1e9, [])
+        self._views: tuple[float, list[View]] = (-1e9, [])
         self._looking = asyncio.Lock()
 
     async def cards(self, study_ids: tuple[int, ...]) -> list[Card]:
@@ -59,6 +62,31 @@ class Live:
             if time.monotonic() - self._cards[0] >= 0.8 * CARDS_EVERY_S:
                 await self._look()
         return [card for card in self._cards[1] if card.played.study_id in study_ids]
+
+    async def views(self, study_ids: tuple[int, ...]) -> list[View]:
+        """The games of a study that other processes play; asked for at most twice a second."""
+        async with self._looking:
+            if time.monotonic() - self._views[0] >= 0.8 * CARDS_EVERY_S:
+                self._views = (time.monotonic(), await self.elsewhere.views())
+        return [view for view in self._views[1] if view.study_id in study_ids]
+
+    async def own_views(self) -> list[View]:
+        """The games of this process, for the dashboards of others."""
+        made = []
+        for card in await self.cards(self.web.studies.every_version()):
+            made.append(
+                View(
+                    id=card.played.id,
+                    study_id=card.played.study_id,
+                    condition=card.played.condition,
+                    phase=card.game.session.phase,
+                    card=card_of(self, card, {}),
+                    board=board_of(card.game, blind=False),
+                    still=still_of(card),
+                )
+            )
+            await asyncio.sleep(0)  # the games' own ticks come first
+        return made
 
     async def _look(self) -> None:
         running = [game for game in self.games if game.session.phase != "ended"]
@@ -168,17 +196,28 @@ class Watching:
 
     async def news(self) -> dict[str, Any]:
         """Cards of all games and boards of those in view."""
-        cards = await self.live.cards(self.study_ids)
-        by_id = {card.played.id: card for card in cards}
-        shown = [by_id[episode] for episode in self.shown if episode in by_id]
-        fresh = [card for card in shown if card.played.id not in self._told]
-        self._told |= {card.played.id for card in fresh}
+        cards, views = await self.live.cards(self.study_ids), await self.live.views(self.study_ids)
+        by_id: dict[str, Card | View] = {view.id: view for view in views}
+        by_id |= {card.played.id: card for card in cards}
+        shown = {episode: by_id[episode] for episode in self.shown if episode in by_id}
+        fresh = {episode: one for episode, one in shown.items() if episode not in self._told}
+        self._told |= fresh.keys()
         return {
             "type": "cards",
-            "cards": [card_of(self.live, card, self.arms) for card in cards],
-            "boards": {card.played.id: board_of(card.game, self.admin.blind) for card in shown},
-            "still": {card.played.id: still_of(card) for card in fresh},
+            "cards": [self._card(one) for one in by_id.values()],
+            "boards": {episode: self._board(one) for episode, one in shown.items()},
+            "still": {episode: still_of(one) if isinstance(one, Card) else one.still for episode, one in fresh.items()},
         }
+
+    def _card(self, one: Card | View) -> dict[str, Any]:
+        if isinstance(one, Card):
+            return card_of(self.live, one, self.arms)
+        return one.card | {"arm": self.arms.get(one.condition, "")}
+
+    def _board(self, one: Card | View) -> dict[str, Any]:
+        if isinstance(one, Card):
+            return board_of(one.game, self.admin.blind)
+        return one.board | ({"prediction": []} if self.admin.blind else {})
 
 
 async def let_in(socket: WebSocket, live: Live) -> AdminSession | None:

@@ -58,6 +58,10 @@ class Studies:
         """The numbers of all versions of a study, newest first."""
         return tuple(sorted((number for number, study in self._versions.items() if study.name == name), reverse=True))
 
+    def every_version(self) -> tuple[int, ...]:
+        """The numbers of all versions of all studies."""
+        return tuple(self._versions)
+
     def of(self, participant: Participant) -> Study:
         """The study that the participant is in. Raises KeyError when its version can no longer be read."""
         return self._versions[participant.study_id]

@@ -47,6 +47,7 @@ class RealServer:
         self.database = f"sqlite:///{folder / 'study.sqlite3'}"
         self.log = folder / "server.log"
         self.url = ""
+        self.more_words: list[str] = []
         self._port, self._speed = 0, speed
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -58,6 +59,7 @@ class RealServer:
     def start(self) -> None:
         """Returns when pages can be opened; after the first time at the same address."""
         words = ["serve", "--port", str(self._port), "--study", str(self.study), "--database", self.database]
+        words += self.more_words
         with self.log.open("w") as log:
             self._process = subprocess.Popen(
                 [sys.executable, str(ROOT / "kitchenmind.py"), *words, "--speed", str(self._speed)],

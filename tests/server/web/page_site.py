@@ -30,6 +30,7 @@ from server.web.control import Control
 from server.web.deps import Web, templates
 from server.web.episodes import episode_spec
 from server.web.errors import install_error_pages
+from server.web.everywhere import Everywhere
 from server.web.headers import SecurityHeaders
 from server.web.studies import Studies
 
@@ -55,7 +56,8 @@ class Site:
         self.app.include_router(leaving.router)
         self.app.state.web = Web(self.database, self.studies, Guard(SECRET), templates())
         self.app.state.code_tries = Tries()
-        self.app.state.control = Control({}, self.database, self.studies)  # type: ignore[arg-type] - no game runs here
+        control = Control({}, self.database, self.studies)  # type: ignore[arg-type] - no game runs here
+        self.app.state.control = Everywhere(control)
         self.clients: list[httpx.Client] = []
         self._listening = socket.create_server(("127.0.0.1", 0))
         self.url = f"http://127.0.0.1:{self._listening.getsockname()[1]}"

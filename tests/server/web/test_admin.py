@@ -31,6 +31,7 @@ from server.web.alerts import Alert, Alerts, message_of
 from server.web.control import Control
 from server.web.course import Course
 from server.web.episodes import episode_spec, layout_of
+from server.web.everywhere import Everywhere
 from server.web.figures import Figures
 from server.web.flow import flow_of, stock
 from server.web.live import Live
@@ -64,7 +65,7 @@ def site(tmp_path: Path) -> Iterator[Site]:
     state.figures = Figures(state.live, tmp_path / "site.db")
     state.course = Course(state.live)
     state.alerts = Alerts(state.live, tmp_path / "site.db", lambda *_: None)
-    state.control = Control(games, made.database, made.studies)
+    state.control = Everywhere(Control(games, made.database, made.studies))
     for doors in (admin, live, replay, actions, downloads):
         made.app.include_router(doors.router)
     for role in ROLES:

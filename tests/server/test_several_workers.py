@@ -1,0 +1,128 @@
+"""`kitchenmind serve --workers 2` with a real PostgreSQL and a real Redis: processes die, games go on."""
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from postgres_server import PostgresServer
+from real_server import ROOT, SHORT_STUDY, RealServer
+from redis_server import RedisServer
+from sqlalchemy import Connection, select
+
+from server.bots import Bot
+from server.store import ticks
+from server.store.database import Database
+from server.store.tables import episodes
+
+STUDY = SHORT_STUDY.replace("tutorial, ", "").replace("horizon: 60", "horizon: 250")
+pytestmark = pytest.mark.postgres
+
+
+@pytest.fixture(scope="module")
+def postgres() -> Iterator[PostgresServer]:
+    server = PostgresServer()
+    yield server
+    server.remove()
+
+
+@pytest.fixture(scope="module")
+def redis() -> Iterator[RedisServer]:
+    server = RedisServer()
+    yield server
+    server.remove()
+
+
+class SeveralWorkers(RealServer):
+    """Two server processes behind one address."""
+
+    def __init__(self, folder: Path, database: str, redis: str, speed: float = 5.0) -> None:
+        super().__init__(folder, speed, STUDY)
+        self.database = database
+        self.more_words = ["--workers", "2", "--redis", redis]
+
+    def pids(self) -> list[int]:
+        """Of the server processes."""
+        return children(self.pid)
+
+
+def children(pid: int) -> list[int]:
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+@pytest.fixture
+def serving(tmp_path: Path, postgres: PostgresServer, redis: RedisServer) -> Iterator[SeveralWorkers]:
+    name = postgres.new_database()
+    server = SeveralWorkers(tmp_path, postgres.url(name), redis.url)
+    with server:
+        yield server
+    postgres.drop_database(name)
+
+
+def running(connection: Connection) -> int:
+    return len(connection.execute(select(episodes.c.id).where(episodes.c.status == "running")).all())
+
+
+def played(connection: Connection) -> dict[str, tuple[str, int, list[int]]]:
+    """Episode -> status, how often it was taken up, its timesteps."""
+    rows = connection.execute(select(episodes.c.id, episodes.c.status, episodes.c.fence)).all()
+    return {
+        row.id: (row.status, row.fence, [tick.timestep for tick in ticks.of_episode(connection, row.id)])
+        for row in rows
+    }
+
+
+async def to_the_game(bot: Bot) -> None:
+    """From the consent page to the game, without playing it."""
+    page = await bot.consent()
+    while not page.is_game:
+        page = await bot.submit(page)
+    await bot.close()
+
+
+async def test_when_a_process_is_killed_its_games_go_on_in_the_other(serving: SeveralWorkers) -> None:
+    bots = [Bot(serving.url, "short", seed) for seed in range(6)]
+    await asyncio.gather(*map(to_the_game, bots))
+    games = [asyncio.create_task(bot.game().play()) for bot in bots]
+    with Database(serving.database, read_only=True) as database:
+        for _ in range(2):
+            while await database.read(running) < 6:
+                await asyncio.sleep(0.05)
+            await asyncio.sleep(1)
+            victim = serving.pids()[0]
+            os.kill(victim, signal.SIGKILL)
+            while len(serving.pids()) < 2 or victim in serving.pids():
+                await asyncio.sleep(0.05)
+        ends = await asyncio.wait_for(asyncio.gather(*games), 120)
+        found = await database.read(played)
+    assert all(ends)
+    assert [bot.journal.violations for bot in bots] == [[]] * 6
+    assert {status for status, _, _ in found.values()} == {"done"}
+    assert [timesteps for _, _, timesteps in found.values()] == [list(range(251))] * 6
+    assert max(fence for _, fence, _ in found.values()) > 1, "no game was running where a process was killed"
+
+
+def test_several_workers_are_refused_without_what_they_need() -> None:
+    def refused(*words: str) -> str:
+        command = [sys.executable, str(ROOT / "kitchenmind.py"), "serve", "--port", "0", *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+        assert done.returncode == 2
+        return done.stderr
+
+    assert "cannot share SQLite" in refused("--workers", "2")
+    assert "need Redis" in refused("--workers", "2", "--database", "postgresql://nobody@localhost/none")
+
+
+def test_the_processes_stop_with_their_supervisor_however_it_dies(serving: SeveralWorkers) -> None:
+    pids = serving.pids()
+    assert len(pids) == 2
+    os.kill(serving.pid, signal.SIGKILL)
+    until = time.monotonic() + 30
+    while any(Path(f"/proc/{pid}").exists() for pid in pids) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not [pid for pid in pids if Path(f"/proc/{pid}").exists()]
