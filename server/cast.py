@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from models.blackbox import is_foreign
@@ -52,17 +53,21 @@ def _grids(files: Iterable[StudyFile]) -> dict[str, str]:
 
 def fingerprint(layout: str, model: str) -> str | None:
     """Names a checkpoint in the data: the hash of its `sha256` file. None for a model that is none of ours."""
-    path = WEIGHTS / layout / _base(model) / "sha256"
+    path = folder_of(layout, model) / "sha256"
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
+
+
+def folder_of(layout: str, model: str) -> Path:
+    """Where a model's checkpoint lies or would lie: a path as it is, a name among the shipped ones."""
+    base = _base(model)
+    return Path(base) if "/" in base else WEIGHTS / layout / base
 
 
 def _is_there(name: Name) -> bool:
     layout, model = name
-    return (
-        _base(model) in WITHOUT_WEIGHTS
-        or is_foreign(model)
-        or (WEIGHTS / layout / _base(model) / "config.json").is_file()
-    )
+    if _base(model) in WITHOUT_WEIGHTS or is_foreign(model):
+        return True
+    return (folder_of(layout, model) / "config.json").is_file()
 
 
 def _base(model: str) -> str:

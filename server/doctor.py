@@ -16,7 +16,7 @@ from typing import Final, Literal
 from urllib.parse import urlsplit
 
 from models.checkpoint import CheckpointError, load_checkpoint
-from server.cast import WEIGHTS, cast_of
+from server.cast import cast_of, folder_of
 from server.commands.databases import open_stored
 from server.commands.serve import listen
 from server.settings import VAR, Settings
@@ -133,7 +133,7 @@ def _studies(settings: Settings) -> Iterator[Finding]:
 
 def _weights(files: list[StudyFile]) -> Iterator[Finding]:
     cast = cast_of(files)
-    folders = {WEIGHTS / layout / model.partition("@")[0] for layout, model in (*cast.agents, *cast.predictors)}
+    folders = {folder_of(layout, model) for layout, model in (*cast.agents, *cast.predictors)}
     whole = 0
     for folder in sorted(folder for folder in folders if (folder / "config.json").is_file()):
         try:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from models.blackbox import is_foreign
 from overcooked.layout import LayoutError
-from server.cast import WEIGHTS, Cast, cast_of
+from server.cast import WEIGHTS, Cast, cast_of, folder_of
 from server.study.checks import Path, Problem
 from server.study.loader import StudyFile
 from server.study.plan import Kitchen
@@ -42,7 +42,7 @@ def _weight_problems(file: StudyFile, grids: dict[str, str]) -> Iterator[Problem
         yield Problem(place, f"there are no weights for {layout} of: {models}", remedy, warning=True)
     yield from _degraded_problems(cast)
     for layout, model in sorted({*cast.agents, *cast.predictors}):
-        config = WEIGHTS / layout / model.partition("@")[0] / "config.json"
+        config = folder_of(layout, model) / "config.json"
         if config.is_file() and layout in grids and json.loads(config.read_text("utf-8")).get("grid") != grids[layout]:
             place = ("layouts", layouts.index(layout)) if layout in layouts else ("tutorial", "layout")
             yield Problem(
@@ -57,7 +57,7 @@ def _degraded_problems(cast: Cast) -> Iterator[Problem]:
         if not wanted.replace(".", "").isdigit() or (layout, model) in cast.missing:
             continue
         place: Path = ("conditions",)
-        config = WEIGHTS / layout / name / "config.json"
+        config = folder_of(layout, model) / "config.json"
         if is_foreign(name):
             reason = f"nobody knows how often {name!r} is right, so it cannot be made worse"
             yield Problem(place, reason, "Name a predictor of ours in the agent's `predictor`, or drop the condition.")

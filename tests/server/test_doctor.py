@@ -12,7 +12,7 @@ import pytest
 from sqlalchemy import text as sql
 
 import kitchenmind
-from server import doctor
+from server import cast, doctor
 from server.settings import ROOT
 from server.store.database import Database
 from server.store.migrate import migrate
@@ -108,7 +108,7 @@ def test_a_changed_byte_in_the_weights_is_found(
 ) -> None:
     agent = Path("coordination_ring") / "sp"
     shutil.copytree(ROOT / "models" / "weights" / agent, where / agent)
-    monkeypatch.setattr(doctor, "WEIGHTS", where)
+    monkeypatch.setattr(cast, "WEIGHTS", where)
     text = STUDY.read_text("utf-8").replace("{name: planner, predictor", "{name: sp, predictor")
     study = where / "small.yaml"
     study.write_text(text, encoding="utf-8")

@@ -1,5 +1,8 @@
 """A kitchen that a study draws itself is played like a shipped one: its agents and predictors answer in it."""
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 from page_site import SMALL_STUDY
@@ -7,8 +10,10 @@ from page_site import SMALL_STUDY
 from models.protocols import History, Question
 from models.runner import ModelServer
 from overcooked.state import Kitchens
-from server.cast import cast_of
+from server.cast import WEIGHTS, cast_of, fingerprint
+from server.settings import ROOT
 from server.study.loader import StudyError, parse_study
+from server.study_check import stage_problems
 from server.web.episodes import layout_of
 
 OWN = SMALL_STUDY.replace(
@@ -42,3 +47,20 @@ def test_two_studies_cannot_draw_one_name_differently() -> None:
     other = parse_study(OWN.replace("X   X", "X X X"), "other.yaml")
     with pytest.raises(StudyError, match=r"other.yaml: 'own' is another kitchen"):
         cast_of([parse_study(OWN), other])
+
+
+def test_an_agent_that_was_trained_here_is_named_by_its_folder(tmp_path: Path) -> None:
+    """And a folder of another kitchen is refused before anybody plays."""
+    shutil.copytree(WEIGHTS / "coordination_ring" / "sp", tmp_path / "mine")
+    ring = (ROOT / "overcooked" / "layouts" / "coordination_ring.layout").read_text("utf-8")
+    grid = "".join(f"      {row}\n" for row in ring.splitlines())
+    own = f"  - name: nook\n    title: Nook\n    grid: |\n{grid}"
+    text = SMALL_STUDY.replace("{name: planner, predictor", f"{{name: mine, model: {tmp_path}/mine, predictor")
+    text = text.replace("  - {name: coordination_ring, title: {en: Ring, zh: 环}}\n", own)
+    problems = list(stage_problems(parse_study(text)))
+    assert [problem.reason for problem in problems] == [f"'{tmp_path}/mine' was trained on another grid named matrix"]
+    file = parse_study(
+        text.replace("  - {name: matrix, title: {en: Matrix, zh: 矩阵}}\n", "").replace("after: [2]", "after: [1]")
+    )
+    assert list(stage_problems(file)) == []
+    assert fingerprint("nook", f"{tmp_path}/mine") == fingerprint("coordination_ring", "sp") is not None
