@@ -5,6 +5,7 @@ Seats become roles here: everything after this file speaks of the person and the
 
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -102,7 +103,14 @@ def read_export(folder: Path, study: str | None = None) -> Export:
         raise ExportError(f"{folder} is no folder. Give the folder that `kitchenmind export --out` wrote.")
     raw = {name: _read_table(folder, name) for name in COLUMNS}
     study = _chosen_study(raw["participants"], study)
-    participants = raw["participants"].filter(pl.col("study") == study)
+    for name in ("participants", "withdrawals"):
+        raw[name] = raw[name].filter(pl.col("study") == study)
+    return export_of(raw, folder, study)
+
+
+def export_of(raw: Mapping[str, pl.DataFrame], folder: Path, study: str) -> Export:
+    """The tables of one study, as they are exported, in its roles. `folder` tells the rest, where it has anything."""
+    participants = raw["participants"]
     participants = _with_default(participants, "excluded", "").with_columns(pl.col("excluded").fill_null(""))
     episodes = _episodes(raw["episodes"]).join(participants.select("participant"), on="participant", how="semi")
     played = episodes.select("episode")
@@ -110,13 +118,20 @@ def read_export(folder: Path, study: str | None = None) -> Export:
         folder,
         study,
         participants,
-        raw["withdrawals"].filter(pl.col("study") == study),
+        raw["withdrawals"],
         episodes,
         _answers(raw["answers"]).join(played, on="episode", how="semi"),
         _ticks(raw["ticks"].join(played, on="episode", how="semi"), episodes),
         raw["pauses"].join(played, on="episode", how="semi"),
-        _about(folder, study),
+        _about(folder, study) if study else {},
     )
+
+
+def frame(table: Any) -> pl.DataFrame:
+    """An Arrow table as this package works on it."""
+    made = pl.from_arrow(table)
+    assert isinstance(made, pl.DataFrame)  # noqa: S101 - tables become frames, columns series
+    return made
 
 
 def _chosen_study(participants: pl.DataFrame, study: str | None) -> str:

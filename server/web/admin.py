@@ -133,7 +133,8 @@ async def dashboard(request: Request, name: str, admin: WatchDep, web: WebDep) -
 async def games(request: Request, name: str, admin: WatchDep, web: WebDep) -> Response:
     """The latest episodes of a study, each to be replayed."""
     study_ids, study = study_at(web, name)
-    rows = [_game(study, one) for one in await web.database.read(overview.latest, study_ids)]
+    played = await web.database.read(overview.latest, study_ids)
+    rows = await _games(request, web, study, played)
     return AdminPage(request, admin).render("games.html", tab="games", study=study, rows=rows)
 
 
@@ -154,7 +155,7 @@ async def person_page(request: Request, name: str, person: str, admin: WatchDep,
         label=f"{'B' if found.simulated else 'P'}-{found.number:03d}",
         arm="" if admin.blind else found.condition,
         now=step_name(way[min(found.position, len(way) - 1)]),
-        rows=[_game(study, one) for one in played],
+        rows=await _games(request, web, study, played),
         exclusions=await web.database.read(decisions.exclusions_of, [person]),
     )
 
@@ -183,12 +184,37 @@ async def consort_of(web: Web, name: str, blind: bool) -> dict[str, Any]:
     return {"title": study.title.of("en"), "flow": flow_of(study, held), "arms": arms}
 
 
+@router.get("/s/{name}/verdicts.json")
+async def verdicts_of(request: Request, name: str, admin: WatchDep, web: WebDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
+    """What the quality rules say of the latest episodes; `waiting`: how many are still to be judged."""
+    study_ids, _ = study_at(web, name)
+    verdicts = request.app.state.figures.verdicts
+    waiting = await verdicts.look(study_ids)
+    played = [one.id for one in await web.database.read(overview.latest, study_ids)]
+    said = {episode: verdict for episode in played if (verdict := verdicts.of(episode))}
+    return {"waiting": waiting, "verdicts": {each: [one.proposal, one.rules] for each, one in said.items()}}
+
+
+async def _games(request: Request, web: Web, study: Study, played: list[Played]) -> list[dict[str, Any]]:
+    """Rows of a table of games, with what the rules and the researcher say of each."""
+    people = list({one.participant_id for one in played})
+    held = await web.database.read(decisions.exclusions_of, people)
+    reasons = {one.episode_id or one.participant_id: one.reason for one in held}
+    rows = []
+    for one in played:
+        said = {"verdict": request.app.state.figures.verdicts.of(one.id)}
+        said |= {"excluded": reasons.get(one.id) or reasons.get(one.participant_id, "")}
+        rows.append(_game(study, one) | said)
+    return rows
+
+
 def _game(study: Study, played: Played) -> dict[str, Any]:
     titles = {kitchen.name: kitchen.title.of("en") for kitchen in study.layouts}
     return {
         "id": played.id,
         "who": who(played),
         "person": played.participant_id,
+        "kind": played.kind,
         "episode": f"E{played.episode}" if played.kind == "episode" else "Tutorial",
         "agent": played.agent,
         "layout": titles.get(played.layout, played.layout),

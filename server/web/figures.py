@@ -18,6 +18,7 @@ from server.web.admin_page import arm_names
 from server.web.flow import GONE, arms_of, flow_of, stock
 from server.web.live import Live
 from server.web.studies import Studies
+from server.web.verdicts import Verdicts
 
 FRESH_S = 1.8
 ACCURACY_EVERY_S = 10.0
@@ -31,6 +32,7 @@ class Figures:
         self._kept: dict[tuple[str, str, bool], tuple[float, dict[str, Any]]] = {}
         self._accuracy: dict[str, tuple[float, Accuracy]] = {}
         self._reading = asyncio.Lock()
+        self.verdicts = Verdicts(live.web.database)
 
     async def of(self, study_ids: tuple[int, ...], study: Study, tab: str, blind: bool) -> dict[str, Any]:
         """All figures of a study, and the participants of one tab. Raises DatabaseDown."""
@@ -39,6 +41,7 @@ class Figures:
             kept = self._kept.get(key)
             if kept is None or time.monotonic() - kept[0] > FRESH_S:
                 accuracy = await self._count(study_ids, study.name)
+                await self.verdicts.look(study_ids)
                 made = await self._live.web.database.read(self._read, study_ids, study, tab, blind)
                 made |= {"accuracy": accuracy_of(accuracy), "machine": self._machine()}
                 kept = self._kept[key] = (time.monotonic(), made)
@@ -58,9 +61,10 @@ class Figures:
         names = arm_names(study, blind)
         took = overview.minutes(connection, study_ids)
         rows = overview.people(connection, study_ids, tab)
+        judged = self.verdicts.by_person()
         shown = {} if blind else names
         return {
-            "people": [self._row(person, shown) for person in rows],
+            "people": [self._row(person, shown) | {"quality": judged.get(person.id, {})} for person in rows],
             "tab": tab,
             "here": overview.here_now(connection, study_ids),
             "minutes": [round(_quantile(took, part), 1) for part in (0.25, 0.5, 0.75)] if took else None,

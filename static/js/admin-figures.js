@@ -97,6 +97,9 @@ function personRow(row, study, card) {
   const notes = [];
   if (card?.level) notes.push(make('span', { className: `flag ${card.level === 2 ? 'bad' : 'warn'}`, text: card.flag }));
   if (row.excluded) notes.push(make('span', { className: 'flag bad', text: 'excluded' }));
+  for (const [proposal, words] of [['drop', 'to drop'], ['look', 'to look at']]) {
+    if (row.quality[proposal]) notes.push(make('span', { className: `flag ${proposal === 'drop' ? 'bad' : 'warn'}`, text: `${row.quality[proposal]} ${words}` }));
+  }
   if (row.troubles) notes.push(make('span', { className: 'flag warn', text: `${row.troubles} browser error${row.troubles === 1 ? '' : 's'}` }));
   const now = make('td', {}, card ? make('a', { href: `/admin/s/${study}/game/${card.id}`, text: row.now }) : row.now, ...(card ? [make('span', { className: 'soft', text: ` t ${card.t}` })] : []));
   return make('tr', { className: ['', 'warn', 'bad'][card?.level ?? 0] },

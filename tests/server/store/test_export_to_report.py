@@ -11,11 +11,12 @@ from sqlalchemy import select
 from study_data import fill
 
 import kitchenmind
-from analysis import cards, measures
+from analysis import cards, measures, quality
 from analysis.report import write_report
 from analysis.study import Options
 from analysis.tables import COLUMNS, OPTIONAL, read_export
-from server.store import codebook, participants
+from analysis.verdict import judge
+from server.store import codebook, decisions, judged, participants
 from server.store.database import Database
 from server.store.migrate import migrate
 from server.store.tables import episodes as episode_table
@@ -115,3 +116,35 @@ def test_the_example_of_the_guide_runs_and_finds_the_same_accuracy(
     third = names["ticks"].select(pl.col("predicted_3") == pl.col("partner").shift(-2).over("episode")).to_series()
     hits = measures.prediction_hits(read_export(tmp_path / "data").ticks)
     assert third.mean() == pytest.approx(hits.filter(step=3)["hit"].mean())
+
+
+def test_the_dashboard_says_of_each_episode_what_the_report_says(folder: Path, database: Database) -> None:
+    report = quality.verdicts(measures.episode_measures(read_export(folder)), read_export(folder).answers)
+    wanted = {row["episode"]: (row["proposal"], row["rules"] or "") for row in report.to_dicts()}
+    found = {}
+    for episode in wanted:  # one at a time, as the dashboard judges them
+        found |= judge(database.read_now(judged.tables, [episode]))
+    assert found == wanted
+    assert len(wanted) == 2 * PEOPLE
+
+
+def test_what_the_researcher_excludes_is_left_out_and_listed(database: Database, tmp_path: Path) -> None:
+    over = database.read_now(judged.over, (1,))
+    (episode, first, _), (_, second, _) = over[0], next(key for key in over if key[1] != over[0][1])
+    numbers = [
+        database.write_now(decisions.exclude, first, episode, ("not attentive", "saw it myself"), "anna"),
+        database.write_now(decisions.exclude, second, None, ("technical fault", ""), "anna"),
+    ]
+    try:
+        words = ["export", "--database", str(database.url), "--out", str(tmp_path / "data")]
+        assert kitchenmind.main(words) == 0
+    finally:
+        for number in numbers:
+            database.write_now(decisions.restore, number, "anna")
+    report = write_report(tmp_path / "data", tmp_path / "report", Options(power_studies=20))
+    kept = set(report.analysis.episodes["episode"])
+    gone = {key[0] for key in over if key[0] == episode or key[1] == second}
+    assert kept == {key[0] for key in over} - gone
+    page = report.page.read_text(encoding="utf-8")
+    assert "not attentive" in page
+    assert "technical fault" in page

@@ -21,7 +21,7 @@ from websockets.sync.client import connect
 
 from overcooked.constants import STAY
 from server.play.clock import Clock
-from server.play.recorder import TickRecord
+from server.play.recorder import EpisodeResult, TickRecord
 from server.play.trace import Trace
 from server.settings import Settings
 from server.store import admins, audit, decisions, episodes, events, participants, ticks
@@ -331,6 +331,24 @@ def test_the_course_counts_people_and_samples_lateness(site: Site) -> None:
     said = signed_in(site, "watch").get("/admin/s/small/course.json").json()
     assert (said["people"]["consented"], said["people"]["completed"]) == ([1, 2, 3, 3], [0, 0, 0, 1])
     assert said["machine"] == {"at": [100], "games": [0], "p50_ms": [None], "p99_ms": [None]}
+
+
+def test_the_table_of_games_shows_what_the_rules_and_the_researcher_say(site: Site) -> None:
+    episode = played(site, timesteps=60)
+    participant = site.only("small")
+    result = EpisodeResult(episode, "done", "horizon", 0, 0, 0.0, True, "0" * 16)
+    site.database.write_now(episodes.end, result)
+    researcher = signed_in(site, "act")
+    assert f'data-episode="{episode}" data-waits="yes"' in researcher.get("/admin/s/small/games").text
+    said = researcher.get("/admin/s/small/verdicts.json").json()
+    proposal, rules = said["verdicts"][episode]
+    assert (said["waiting"], proposal) == (0, "drop"), "nobody did anything in it"
+    assert "idle" in rules
+    researcher.get(f"/admin/s/small/game/{episode}")
+    researcher.post(f"/admin/s/small/game/{episode}/exclude", reason="not attentive", note="")
+    text = researcher.get(f"/admin/s/small/person/{participant.id}").text
+    assert "excluded: not attentive" in text
+    assert '<span class="flag bad">drop</span>' in text
 
 
 def test_a_replay_says_whether_every_state_is_the_stored_one(site: Site) -> None:
