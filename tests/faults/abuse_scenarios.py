@@ -14,6 +14,7 @@ from typing import Any
 from crowd import LONG_STUDY, Crowd
 from invariants import Holdings, held_against, lateness_ms, p99
 from live_server import LiveServer
+from real_server import RealServer
 from row import Row, rounded
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from witness import Witness
@@ -211,3 +212,25 @@ async def _left(live: LiveServer, wanted: int) -> int:
     while len(state.connections) > wanted and time.monotonic() < ends:
         await asyncio.sleep(0.1)
     return max(0, len(state.connections) - wanted)
+
+
+async def neighbours(folder: Path, seconds: float, games: int, goal_ms: float | None = None) -> Row:
+    """I5: while somebody floods, throws garbage and breaks connections, the other games' ticks are on time."""
+    with RealServer(folder, speed=1.0, study=LONG_STUDY) as server:
+        bad = Witness(server.url, "short", 80)
+        await bad.to_the_game()
+        async with Crowd(server.url, games, idle=0.9) as crowd:
+            await asyncio.sleep(seconds)
+            calm, ends, chance = lateness_ms(server.database), time.monotonic() + seconds, random.Random(19)
+            while time.monotonic() < ends:
+                await _throw(bad, chance, 40)
+                await _flood_once(bad)
+                await asyncio.sleep(0.5)
+            loud = lateness_ms(server.database)[len(calm) :]
+        await bad.close()
+        found = held_against(server.database, crowd.witnesses)
+        found.people.clear()  # the one who does harm is one more
+    shift = p99(loud) - p99(calm)
+    figure = found.figures() | {"shift_p99_ms": rounded(shift), "p99_ms_before": rounded(p99(calm))}
+    passed = found.ok and (goal_ms is None or shift < goal_ms)
+    return Row(19, "abuse beside other games", games, passed, figure)

@@ -64,7 +64,7 @@ class Crowd:
                 if all(found):
                     return [told.at - after for told in found if told is not None]
                 for task in self._playing:
-                    if task.done():
+                    if task.done() and not task.cancelled():
                         task.result()
                 await asyncio.sleep(0.02)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from sqlalchemy import Connection, func, select
-from witness import Testimony, Witness
+from witness import Testimony, Told, Witness
 
 from server.store.database import Database
 from server.store.tables import answers, episodes, participants, ticks
@@ -142,9 +142,17 @@ def _people(connection: Connection, witnesses: Sequence[Witness], found: Finding
 def untrue(testimony: Testimony, silence_s: float = SILENCE_S) -> list[str]:
     """Where somebody was told something else than what was: a game that moved while it was said to stand still, or that
     stood still without a word."""
+    lines: dict[int, list[Told]] = defaultdict(list)
+    for told in testimony.told:
+        lines[told.line].append(told)
+    return [fault for said in lines.values() for fault in _untrue_of(said, silence_s)]
+
+
+def _untrue_of(said: Sequence[Told], silence_s: float) -> list[str]:
+    """On one connection."""
     faults = []
     stands, newest, running = True, -1, None
-    for told in testimony.told:
+    for told in said:
         if told.kind in ("open", "closed", "paused", "superseded", "welcome"):
             stands, running = True, None
             newest = told.detail if told.kind == "welcome" else newest

@@ -38,7 +38,9 @@ class QuickModels(RuleModels):
 class LiveServer:
     """`with LiveServer(folder) as live:` serves at `live.url` until the end of the block."""
 
-    def __init__(self, folder: Path, speed: float = 10.0, study: str = SHORT_STUDY, **settings: Any) -> None:
+    def __init__(
+        self, folder: Path, speed: float = 10.0, study: str = SHORT_STUDY, real_models: bool = False, **settings: Any
+    ) -> None:
         """`more_studies`: files beside this study; `database`: another than SQLite; all else goes to the settings."""
         file = folder / "short.yaml"
         file.write_text(study, encoding="utf-8")
@@ -48,6 +50,7 @@ class LiveServer:
             database=self.database, studies=studies, speed=speed, secret=SECRET, _env_file=None, **settings
         )
         self.models = QuickModels()
+        self._real_models = real_models
         self.app: FastAPI
         self._port = 0
         self._thread: threading.Thread | None = None
@@ -80,7 +83,8 @@ class LiveServer:
             try:
                 self.app = server.main.create_app(self.settings)
                 async with AsyncExitStack() as stack:
-                    with patch.object(server.main, "ModelServer", self.models):
+                    models = server.main.ModelServer if self._real_models else self.models
+                    with patch.object(server.main, "ModelServer", models):
                         await stack.enter_async_context(server.main.wired(self.app))
                     self._server = _server(self.app, self.settings)
                     serving = asyncio.create_task(self._server.serve(sockets=[listening]))

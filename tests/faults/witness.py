@@ -3,8 +3,10 @@ Shares nothing with the simulated participants but the protocol, and plays at ra
 """
 
 import asyncio
+import itertools
 import random
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from typing import Any
@@ -23,6 +25,7 @@ from server.play import messages
 FINAL = frozenset({1008, 4001, 4004})  # close codes after which a page does not come back by itself
 OPEN_S = 5.0
 TAPS = (0, 1, 2, 3, 5)
+_lines = itertools.count(1)
 _decoder = msgspec.json.Decoder(messages.Outgoing)
 
 
@@ -33,6 +36,7 @@ class Told:
     at: float  # time.monotonic()
     kind: str  # a message's type, or "open", "closed"
     detail: Any = None  # timestep, reason, close code
+    line: int = 0  # which connection
 
 
 @dataclass
@@ -49,8 +53,8 @@ class Testimony:
     reconnects: int = 0
     code: str | None = None
 
-    def note(self, kind: str, detail: Any = None) -> None:
-        self.told.append(Told(time.monotonic(), kind, detail))
+    def note(self, kind: str, detail: Any = None, line: int = 0) -> None:
+        self.told.append(Told(time.monotonic(), kind, detail, line))
 
     def first(self, kind: str, after: float, detail: Any = None) -> Told | None:
         """The first of its kind after a moment."""
@@ -96,17 +100,19 @@ class Game:
 
     async def talk(self, socket: ClientConnection) -> messages.Ended:
         """Until the episode is over. Raises ConnectionClosed."""
-        self.testimony.note("open")
+        line = next(_lines)
+        self.testimony.note("open", line=line)
         await self.say(socket, messages.Hello(messages.PROTOCOL, self.tab))
         while True:
             message: messages.Outgoing = _decoder.decode(await socket.recv())
-            self._note(message)
+            self._note(message, line)
             if isinstance(message, messages.Ended):
                 self.testimony.ended[self.episode] = message
                 return message
-            await self.answer(socket, message)
+            with suppress(ConnectionClosed):  # what the server said before it closed is still to be read
+                await self.answer(socket, message)
 
-    def _note(self, message: messages.Outgoing) -> None:
+    def _note(self, message: messages.Outgoing, line: int) -> None:
         detail: Any = None
         if isinstance(message, messages.Tick | messages.Welcome):
             detail = message.state.t
@@ -114,7 +120,7 @@ class Game:
             detail = message.reason
         elif isinstance(message, messages.Refused):
             detail = message.code
-        self.testimony.note(type(message).__name__.lower(), detail)
+        self.testimony.note(type(message).__name__.lower(), detail, line)
 
     async def answer(self, socket: ClientConnection, message: messages.Outgoing) -> None:
         match message:

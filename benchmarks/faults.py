@@ -1,0 +1,115 @@
+"""The rows of docs/faults.md with figures: faults made on purpose, what people saw held against the database.
+
+    python benchmarks/faults.py [--quick] [--json] [--rows 1,5,12] [--kills N] [--kill-seconds S]
+
+Needs what the tests need; row 6 is left out without strace, row 7 for who may not mount. Run it on a quiet machine: rows
+1, 10, 19 and 27 measure times.
+"""
+
+import argparse
+import asyncio
+import json
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Awaitable, Callable, Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("NUMBA_NUM_THREADS", "1")
+sys.path[:0] = [
+    str(ROOT / folder) for folder in ("", "tests/faults", "tests/journeys", "tests/server/play", "tests/server/store")
+]
+
+import abuse_scenarios as abuse  # noqa: E402
+import database_scenarios as database  # noqa: E402
+import line_scenarios as line  # noqa: E402
+import model_scenarios as model  # noqa: E402
+import people_scenarios as people  # noqa: E402
+import process_scenarios as process  # noqa: E402
+from row import Row  # noqa: E402
+
+Scenario = Callable[[Path], Row | Awaitable[Row]]
+SHIFT_MS = 2.0  # a fault in one game may move the others' 99th percentile by less
+
+
+def scenarios(quick: bool, kills: int, kill_s: float) -> Iterator[tuple[int, Scenario]]:
+    """Row numbers with what makes them; `quick`: a taste of each."""
+    q = quick
+    yield 1, lambda folder: process.kills(folder, kills, 50, seed=1, budget_s=kill_s)
+    yield 2, lambda folder: process.stops(folder, 1 if q else 5, 10 if q else 100)
+    yield 3, lambda folder: process.kills_while_starting(folder, 2 if q else 20)
+    yield 4, lambda folder: database.power_cuts(folder, 200 if q else 10_000, seed=1)
+    yield 5, lambda folder: database.postgres_frozen(folder, 3 if q else 30)
+    yield 5, lambda folder: database.postgres_killed(folder, 3)
+    if shutil.which("strace"):
+        yield 6, lambda folder: database.sync_fails(folder, 3)
+    if database.can_mount():
+        yield 7, lambda folder: database.disk_full(folder, 3)
+    yield 8, lambda folder: database.locked(folder, 2 if q else 10)
+    yield 9, lambda folder: line.slow_reader(folder, 5 if q else 30)
+    yield 10, lambda folder: line.half_open(folder, 1 if q else 20)
+    yield 11, lambda folder: line.hard_resets(folder, 5 if q else 100, 3)
+    yield 12, lambda folder: line.reconnects(folder, 100 if q else 1000)
+    yield 12, lambda folder: line.herd(folder, 20 if q else 150)
+    yield 16, lambda folder: line.rough_weather(folder, 5 if q else 30)
+    yield 17, lambda folder: line.stutter(folder, 3 if q else 20)
+    yield 18, lambda _: abuse.decoder(20_000 if q else 1_000_000)
+    yield 18, lambda folder: abuse.frames(folder, 400 if q else 20_000)
+    yield 19, lambda folder: abuse.flood(folder, 3 if q else 15)
+    yield 19, lambda folder: abuse.neighbours(folder, 6 if q else 20, 10, SHIFT_MS)
+    yield 20, lambda folder: abuse.idle_connections(folder, 200 if q else 5000, b"")
+    yield 23, lambda folder: model.troubled(folder, "Slow", 3 if q else 10)
+    yield 24, lambda folder: model.troubled(folder, "SometimesNothing", 3 if q else 10)
+    yield 24, lambda folder: process.worker_kills(folder, 1 if q else 10, 5)
+    yield 25, lambda folder: people.clock_jumps(folder, 0.3)
+    yield 26, database.second_server
+    yield 27, lambda folder: people.busy_dashboard(folder, 5 if q else 20, 10, SHIFT_MS)
+    yield 28, lambda folder: process.soak(folder, 20 if q else 3600, 20)
+    yield 29, people.withdrawal
+    yield 30, lambda folder: people.last_page(folder, 10 if q else 1000)
+
+
+def measure(quick: bool, rows: set[int], kills: int, kill_s: float) -> Iterator[Row]:
+    for number, scenario in scenarios(quick, kills, kill_s):
+        if rows and number not in rows:
+            continue
+        with tempfile.TemporaryDirectory(prefix="kitchenmind-faults-") as folder:
+            yield asyncio.run(_done(scenario, Path(folder)))
+
+
+async def _done(scenario: Scenario, folder: Path) -> Row:
+    made = scenario(folder)
+    return made if isinstance(made, Row) else await made
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="a taste of every row, some minutes")
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--rows", default="", help="only these, separated by commas")
+    parser.add_argument("--kills", type=int, help="how many kills in row 1 (1000; quick: 3)")
+    parser.add_argument("--kill-seconds", type=float, default=1e9, help="stop killing after so long")
+    arguments = parser.parse_args()
+    rows = {int(number) for number in arguments.rows.split(",") if number}
+    kills = arguments.kills or (3 if arguments.quick else 1000)
+    found = []
+    sys.stdout, said = sys.stderr, sys.stdout  # servers in this process say where they are
+    for row in measure(arguments.quick, rows, kills, arguments.kill_seconds):
+        found.append(row)
+        if not arguments.json:
+            figures = "  ".join(f"{name} {value}" for name, value in row.figure.items())
+            print(
+                f"{row.row:2}  {'ok  ' if row.passed else 'FAIL'}  {row.fault} x {row.tries}:  {figures}",
+                file=said,
+                flush=True,
+            )
+    if arguments.json:
+        print(json.dumps([row.as_json() for row in found]), file=said)
+    return 0 if all(row.passed for row in found) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,176 @@
+"""Faults in any order against the real application, its database and its sockets: hypothesis searches and shrinks.
+
+The models answer by rule and the server lives in this process, so that a sequence takes seconds. Whatever happened, in
+the end everything is healed, every game moves again, and the journals are held against the database.
+"""
+
+import asyncio
+import os
+import sqlite3
+import tempfile
+import time
+from pathlib import Path
+
+import pytest
+from crowd import LONG_STUDY, Crowd
+from fault_proxy import FaultProxy, Weather
+from hypothesis import HealthCheck, Phase, seed, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    invariant,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
+from invariants import held_against
+from live_server import LiveServer
+
+WEATHERS = (Weather(), Weather(latency_ms=30, jitter_ms=20), Weather(loss=0.05), Weather(bytes_per_s=20_000))
+
+
+class FaultMachine(RuleBasedStateMachine):
+    """Two people at their games; each rule does some harm, or lets some time pass."""
+
+    @initialize(number=st.integers(0, 2**16))
+    def begin(self, number: int) -> None:
+        self.folder = tempfile.TemporaryDirectory()
+        self.live = LiveServer(Path(self.folder.name), study=LONG_STUDY, speed=20.0)
+        self.live.start()
+        self.up = True
+        self.runner = asyncio.Runner()
+        self.intruder: sqlite3.Connection | None = None
+        self.runner.run(self._open(number))
+
+    async def _open(self, number: int) -> None:
+        self.proxy = FaultProxy(self.live.port, number)
+        await self.proxy.__aenter__()
+        self.crowd = Crowd(self.proxy.url, 2, number)
+        await self.crowd.__aenter__()
+
+    @rule(seconds=st.sampled_from([0.02, 0.1, 0.4]))
+    def time_passes(self, seconds: float) -> None:
+        self.runner.run(asyncio.sleep(seconds))
+
+    @rule(weather=st.sampled_from(WEATHERS))
+    def weather_changes(self, weather: Weather) -> None:
+        self.proxy.weather = weather
+
+    @rule()
+    def lines_are_reset(self) -> None:
+        async def reset() -> None:
+            self.proxy.reset()
+
+        self.runner.run(reset())
+
+    @rule(up=st.booleans(), down=st.booleans(), seconds=st.sampled_from([0.1, 0.7]))
+    def lines_stand_still(self, up: bool, down: bool, seconds: float) -> None:
+        self.proxy.freeze(up, down)
+        self.runner.run(asyncio.sleep(seconds))
+        self.proxy.thaw()
+
+    @rule(person=st.integers(0, 1), same_tab=st.booleans())
+    def page_is_opened_again(self, person: int, same_tab: bool) -> None:
+        """A reload, or another tab while the first is still open."""
+
+        async def again() -> None:
+            old, witness = self.crowd._games[person], self.crowd.witnesses[person]
+            new = witness.game()
+            new.seq = 10_000 + len(witness.testimony.inputs)
+            if same_tab:
+                self.crowd._playing[person].cancel()
+                new.tab = old.tab
+            self.crowd._games[person] = new
+            self.crowd._playing.append(self.crowd._playing[person])
+            self.crowd._playing[person] = asyncio.create_task(new.play())
+            await asyncio.sleep(0.05)
+
+        self.runner.run(again())
+
+    @precondition(lambda self: self.up)
+    @rule(politely=st.booleans())
+    def server_goes_down(self, politely: bool) -> None:
+        self._unlock()
+        self.up = False
+        self.live.stop() if politely else self.live.kill()
+
+    @precondition(lambda self: not self.up)
+    @rule()
+    def server_comes_back(self) -> None:
+        self.live.start()
+        self.up = True
+
+    @precondition(lambda self: self.up and self.intruder is None)
+    @rule()
+    def database_is_locked(self) -> None:
+        self.intruder = sqlite3.connect(self.live.database.removeprefix("sqlite:///"), isolation_level=None, timeout=10)
+        self.intruder.execute("BEGIN IMMEDIATE")
+
+    @precondition(lambda self: self.intruder is not None)
+    @rule()
+    def database_is_free_again(self) -> None:
+        self._unlock()
+
+    @rule(how=st.sampled_from(["well", "broken", "silent"]))
+    def models_change(self, how: str) -> None:
+        self.live.models.broken, self.live.models.silent = how == "broken", how == "silent"
+
+    @invariant()
+    def nobody_was_told_two_things(self) -> None:
+        assert not [one for witness in self.crowd.witnesses for one in witness.testimony.violations]
+
+    @invariant()
+    def one_seat_is_taken_once(self) -> None:
+        if self.up:
+            for game in self.live.app.state.games:
+                assert len(game.connections) <= 1
+
+    def _unlock(self) -> None:
+        if self.intruder is not None:
+            self.intruder.execute("ROLLBACK")
+            self.intruder.close()
+            self.intruder = None
+
+    def teardown(self) -> None:
+        if not hasattr(self, "crowd"):
+            return
+        try:
+            self._unlock()
+            self.live.models.broken = self.live.models.silent = False
+            self.proxy.weather = Weather()
+            if not self.up:
+                self.server_comes_back()
+            self.runner.run(self._end())
+        finally:
+            self.runner.close()
+            self.live.stop()
+        found = held_against(self.live.database, self.crowd.witnesses, silence_s=60)
+        self.folder.cleanup()
+        assert found.ok, found
+
+    async def _end(self) -> None:
+        try:
+            await self.crowd.moving(time.monotonic(), within_s=40)
+        finally:
+            await self.crowd.__aexit__()
+            await self.proxy.__aexit__()
+
+
+_QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None}
+
+
+def test_a_few_sequences_of_faults_lose_nothing() -> None:
+    run_state_machine_as_test(
+        FaultMachine,
+        settings=settings(max_examples=3, stateful_step_count=8, derandomize=True, phases=[Phase.generate], **_QUIET),
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_many_sequences_of_faults_lose_nothing() -> None:
+    number = int.from_bytes(os.urandom(4))
+    print(f"seed {number}")
+    searched = seed(number)(FaultMachine)
+    run_state_machine_as_test(searched, settings=settings(max_examples=30, stateful_step_count=15, **_QUIET))

@@ -1,0 +1,39 @@
+"""Rows 23 to 25, 27, 29 and 30 of docs/faults.md: troubled models, jumping clocks, busy dashboards, leaving."""
+
+from pathlib import Path
+
+import model_scenarios as model
+import people_scenarios as people
+import pytest
+
+
+async def test_a_killed_server_gives_no_code_without_all_answers(tmp_path: Path) -> None:
+    (await people.last_page(tmp_path, tries=8, seed=30)).hold()
+
+
+async def test_of_somebody_who_leaves_in_a_game_no_file_keeps_anything(tmp_path: Path) -> None:
+    (await people.withdrawal(tmp_path)).hold()
+
+
+async def test_games_and_forms_do_not_mind_a_clock_that_jumps(tmp_path: Path) -> None:
+    (await people.clock_jumps(tmp_path, seconds=0.3)).hold()
+
+
+@pytest.mark.parametrize("kind", ["Slow", "SometimesNothing"])
+async def test_partners_wait_for_an_agent_in_trouble_and_the_data_say_so(tmp_path: Path, kind: str) -> None:
+    (await model.troubled(tmp_path, kind, seconds=3)).hold()
+
+
+@pytest.mark.slow
+async def test_an_agent_that_takes_its_process_along_ends_no_game(tmp_path: Path) -> None:
+    (await model.troubled(tmp_path, "Dying", seconds=15)).hold()
+
+
+@pytest.mark.slow
+async def test_a_hundred_kills_at_the_last_answer_give_no_code_without_all_answers(tmp_path: Path) -> None:
+    (await people.last_page(tmp_path, tries=100, seed=31)).hold()
+
+
+@pytest.mark.slow
+async def test_an_export_and_twenty_dashboards_take_nothing_from_the_games(tmp_path: Path) -> None:
+    (await people.busy_dashboard(tmp_path, seconds=8, games=10)).hold()
