@@ -1,0 +1,163 @@
+"""Two agents cook, anybody may watch: a demonstration. Its games live in memory only; nothing of them is stored."""
+
+import secrets
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Annotated, Final
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Depends, Query, Request, Response, WebSocket
+from starlette.requests import HTTPConnection
+
+from models.protocols import Models
+from server.play.clock import Clock
+from server.play.games import Games
+from server.play.recorder import EpisodeRecord, EpisodeResult, PauseRecord, TickRecord
+from server.play.session import VIEWER
+from server.play.spec import EpisodeSpec
+from server.study.locale import best_language, languages
+from server.study.plan import Agent, Condition, Kitchen, Study
+from server.web.deps import WebDep, page
+from server.web.episodes import layout_of, models_of, predictor_of
+from server.web.socket import IsOurs, Player, Sockets
+from server.web.studies import Studies
+
+MOST_GAMES: Final = 12  # so that onlookers never take the time of participants
+HORIZON: Final = 400
+_SHOWN: Final = Condition(name="watch", predictor="tom")
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A kitchen in which agents of one study can be watched."""
+
+    study: Study
+    kitchen: Kitchen
+    agents: tuple[Agent, ...]
+
+    @property
+    def key(self) -> str:
+        return f"{self.study.name}.{self.kitchen.name}"
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What somebody wants to watch: the query of the page and of its socket."""
+
+    kitchen: str = ""
+    first: str = ""
+    second: str = ""
+    marks: int = 1  # the seat whose next steps are drawn
+
+
+def wish_of(kitchen: str = "", first: str = "", second: str = "", marks: Annotated[int, Query(ge=0, le=1)] = 1) -> Wish:
+    """From the address; whatever is missing or unknown becomes the first that there is."""
+    return Wish(kitchen[:100], first[:100], second[:100], marks)
+
+
+WishDep = Annotated[Wish, Depends(wish_of)]
+
+
+class Unstored:
+    """A Recorder that keeps nothing: no participant, no data."""
+
+    async def ticks(self, records: Sequence[TickRecord]) -> None: ...
+
+    async def pause(self, record: PauseRecord) -> None: ...
+
+    async def end(self, result: EpisodeResult) -> None: ...
+
+
+class Demonstrations:
+    """The games that are only watched."""
+
+    def __init__(self, clock: Clock, models: Models, studies: Studies, is_ours: IsOurs) -> None:
+        self._studies = studies
+        self._specs: dict[str, EpisodeSpec] = {}  # made, not yet opened
+        self.games = Games(clock, models, Unstored(), self._load)
+        self.sockets = Sockets(self.games, self._find, is_ours)
+
+    def offers(self) -> list[Offer]:
+        """Every kitchen of the open studies with its agents."""
+        found = [opened[1] for name in self._studies.names() if (opened := self._studies.open(name))]
+        offers: dict[tuple[str, tuple[str, ...]], Offer] = {}
+        for study in (study for study in found if "episodes" in study.flow):
+            agents = tuple(agent for agent in study.agents if not agent.human) or (study.waiting_room.agent,)
+            for kitchen in study.layouts:
+                offers.setdefault((kitchen.name, tuple(agent.name for agent in agents)), Offer(study, kitchen, agents))
+        most = {kitchen: max(len(names) for one, names in offers if one == kitchen) for kitchen, _ in offers}
+        return [offer for (kitchen, names), offer in offers.items() if len(names) == most[kitchen]]
+
+    def spec(self, wish: Wish, language: str) -> EpisodeSpec | None:
+        """The game that was asked for; None where nothing can be watched."""
+        offers = self.offers()
+        if not offers:
+            return None
+        offer = next((one for one in offers if one.key == wish.kitchen), offers[0])
+        pair = [
+            next((a for a in offer.agents if a.name == name), offer.agents[0]) for name in (wish.first, wish.second)
+        ]
+        layout = layout_of(offer.kitchen)
+        predictor = predictor_of(offer.study, pair[wish.marks], _SHOWN)
+        is_there = (offer.kitchen.name, predictor) in models_of(offer.study)[1]
+        return EpisodeSpec(
+            kind="watch",
+            number=1,
+            episodes=1,
+            layout=layout.name,
+            grid=layout.text,
+            title=offer.kitchen.title.of(language),
+            agents=(pair[0].catalogue_name, pair[1].catalogue_name),
+            predictor=predictor if is_there else None,
+            watched_seat=wish.marks,
+            shown="predictor" if is_there else "nothing",
+            seed=secrets.randbits(63),
+            horizon=HORIZON,
+            tick_ms=offer.study.game.tick_ms,
+            deadline_ms=offer.study.game.deadline_ms,
+        )
+
+    async def _find(self, connection: HTTPConnection, language: str) -> Player | None:
+        given = connection.query_params
+        marks = int(given.get("marks") == "1")
+        wish = wish_of(given.get("kitchen", ""), given.get("first", ""), given.get("second", ""), marks)
+        spec = self.spec(wish, language) if len(self.games) + len(self._specs) < MOST_GAMES else None
+        if spec is None:
+            return None
+        episode = f"watch-{secrets.token_hex(8)}"
+        self._specs[episode] = spec
+        return Player(episode, episode, VIEWER, "/watch")
+
+    async def _load(self, episode: str) -> EpisodeRecord | None:
+        spec = self._specs.pop(episode, None)
+        return None if spec is None else EpisodeRecord(episode, (None, None), spec, (), None, "new", 0.0)
+
+
+router = APIRouter()
+
+
+@router.get("/watch")
+async def choose(request: Request, web: WebDep) -> Response:
+    """What there is to watch."""
+    demonstrations: Demonstrations = request.app.state.demonstrations
+    return page(request, web).render("participant/watch.html", offers=demonstrations.offers())
+
+
+@router.get("/watch/game")
+async def game(request: Request, web: WebDep, wish: WishDep) -> Response:
+    """The game that was chosen; what was chosen stands in the address."""
+    made = page(request, web)
+    socket = "/watch/socket?" + urlencode(asdict(wish) | {"lang": made.language})
+    about = {"socket": socket, "lessons": (), "away_s": 30, "leave": "/watch", "leave_word": made.words("watch.others")}
+    return made.render("participant/game.html", game=about)
+
+
+@router.websocket("/watch/socket")
+async def watch(socket: WebSocket) -> None:
+    """Plays the two agents for one onlooker."""
+    demonstrations: Demonstrations = socket.app.state.demonstrations
+    wanted = socket.query_params.get("lang", "")
+    language = (
+        wanted if wanted in languages() else best_language(socket.headers.get("accept-language", ""), languages())
+    )
+    await demonstrations.sockets.serve(socket, language)
