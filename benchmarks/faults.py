@@ -2,8 +2,8 @@
 
     python benchmarks/faults.py [--quick] [--json] [--rows 1,5,12] [--kills N] [--kill-seconds S]
 
-Needs what the tests need; row 6 is left out without strace, row 7 for who may not mount. Run it on a quiet machine: rows
-1, 10, 19 and 27 measure times.
+Needs what the tests need; row 6 is left out without strace, row 7 for who may not mount. Run it on a quiet machine:
+rows 1, 10, 19 and 27 measure times.
 """
 
 import argparse
