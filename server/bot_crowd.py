@@ -12,6 +12,7 @@ import httpx
 from sqlalchemy import Connection
 
 from server import bot_promises
+from server.bot_game import Trouble
 from server.bot_promises import Claim
 from server.bots import Bot, Habits, Page
 from server.store import participants
@@ -33,6 +34,7 @@ class Crowd:
     study: Study | None = None  # None: the file is not known, only the address
     dropout: float = 0.0
     seed: int = 0
+    troubles: tuple[Trouble, ...] = ()  # what happens to everybody in every game, on purpose
 
 
 @dataclass
@@ -57,14 +59,21 @@ class _One:
 
 
 async def simulate(
-    crowd: Crowd, url: str, database: Database | None, told: Callable[[int, int], None] | None = None
+    crowd: Crowd,
+    url: str,
+    database: Database | None,
+    told: Callable[[int, int], None] | None = None,
+    meet: Callable[[Sequence[Bot]], None] | None = None,
 ) -> list[Bot]:
     """All of them walk the study; those who came, in order of consent. `database`: read only, asked when a code is on
-    the screen. `told(done, number)` hears of everyone who is through. Trouble is in `journal.violations`."""
+    the screen. `told(done, number)` hears of everyone who is through, `meet` gets to know them before they come.
+    Trouble is in `journal.violations`."""
     everyone = [
         _One(Bot(url, crowd.study_name, derived_seed(crowd.seed, "bot", k), _habits(crowd, k)))
         for k in range(crowd.number)
     ]
+    if meet is not None:
+        meet([one.bot for one in everyone])
     turns = [asyncio.Event() for _ in range(crowd.number + 1)]
     turns[0].set()
     places = asyncio.Semaphore(AT_ONCE)
@@ -138,7 +147,7 @@ def _habits(crowd: Crowd, number: int) -> Habits:
         pages = len(steps(crowd.study, crowd.study.conditions[0].name, 0)) - 1
     drop_after = chance.randrange(pages) if chance.random() < crowd.dropout else None
     known = dict(_right_answers(crowd.study)) if crowd.study is not None else {}
-    return Habits(known, drop_after, arrival=_arrival(crowd, number))
+    return Habits(known, drop_after, arrival=_arrival(crowd, number), troubles=crowd.troubles)
 
 
 def _right_answers(study: Study) -> Iterator[tuple[str, str]]:

@@ -4,7 +4,7 @@ import asyncio
 import random
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import msgspec
 import numpy as np
@@ -25,6 +25,9 @@ from server.web.waiting import COME_AGAIN
 _decoder = msgspec.json.Decoder(messages.Outgoing)
 _encoder = msgspec.json.Encoder()
 MOST_RECONNECTS: Final = 50
+Trouble = Literal["reload", "second_tab", "half_open"]
+_SUPERSEDED: Final = 4001
+_GONE: Final = 1006  # the server was killed in the meantime
 _FINAL: Final = frozenset({1008, 4001, 4004})  # close codes after which there is nothing to come back for here
 
 
@@ -41,7 +44,7 @@ class Journal:
     impressions: list[Impression] = field(default_factory=list)  # of the episodes played to their end
     violations: list[str] = field(default_factory=list)
     reconnects: int = 0
-    reloads: int = 0
+    troubles: dict[str, int] = field(default_factory=dict)  # what happened on purpose: reload, second_tab, half_open
     code: str | None = None
 
 
@@ -76,6 +79,10 @@ class Kitchen:
         return int(np.argmax(policy.probabilities(seen)[0]))
 
 
+class _Left(Exception):
+    """This socket is not looked at any more, and not closed."""
+
+
 class GameDropped(Exception):
     """The participant closed the browser in the middle of a game."""
 
@@ -86,7 +93,7 @@ class BotGame:
     def __init__(self, url: str, cookie: str, journal: Journal, traits: Traits) -> None:
         """`url`: ws://host/s/study/socket."""
         self.url, self.cookie = url, cookie
-        self.reload_at: int | None = None  # the timestep at which the page is loaded again
+        self.troubles: dict[int, Trouble] = {}  # by the timestep at which they happen
         self.drop_at: int | None = None  # the timestep at which the browser is closed
         self._journal, self._traits = journal, traits
         self._origin = "http" + url.removeprefix("ws").split("/s/")[0]
@@ -98,6 +105,7 @@ class BotGame:
         self._settling = False  # just counted down: the hands are not on the keys yet
         self._seq = 0
         self._lesson = ""
+        self._left_open: list[asyncio.Task[None]] = []  # sockets that nobody looks at any more
 
     async def play(self) -> messages.Ended | None:
         """Until the episode is over, across lost connections; None if there is no game to be played here. Raises
@@ -106,8 +114,16 @@ class BotGame:
             try:
                 headers = {"Cookie": self.cookie}
                 origin = Origin(self._origin)
-                async with connect(self.url, additional_headers=headers, origin=origin, compression=None) as socket:
+                socket = await connect(self.url, additional_headers=headers, origin=origin, compression=None)
+                left = False
+                try:
                     return await self._talk(socket)
+                except _Left:
+                    left = True
+                    continue  # the socket stays open: the server does not know yet
+                finally:
+                    if not left:
+                        await _closed(socket)
             except ConnectionClosed as closed:
                 if closed.rcvd is not None and closed.rcvd.code == COME_AGAIN:
                     continue  # the other person is there: the game has begun
@@ -177,16 +193,35 @@ class BotGame:
             self._journal.violations.append(f"episode {place[0]} timestep {state.t} was shown in two ways")
 
     async def _leave(self, socket: ClientConnection, timestep: int) -> None:
-        """Closes the browser, or loads the page again: the socket just ends."""
+        """Closes the browser, or runs into trouble. Raises GameDropped, OSError: connect again."""
         if self.drop_at is not None and timestep >= self.drop_at:
             socket.transport.abort()
             raise GameDropped
-        if self.reload_at is not None and timestep >= self.reload_at:
-            self.reload_at = None
-            self._journal.reloads += 1
+        due = next((at for at in self.troubles if timestep >= at), None)
+        if due is None:
+            return
+        trouble = self.troubles.pop(due)
+        self._journal.troubles[trouble] = self._journal.troubles.get(trouble, 0) + 1
+        if trouble == "reload":
             socket.transport.abort()
             await socket.wait_closed()
-            raise OSError("the page was loaded again")
+        elif trouble == "second_tab":
+            self._tab += "x"
+            self._left_open.append(asyncio.create_task(self._taken_over(socket)))
+            raise _Left
+        else:
+            self._left_open.append(asyncio.create_task(socket.wait_closed()))
+            raise _Left
+        raise OSError("the page was loaded again")
+
+    async def _taken_over(self, socket: ClientConnection) -> None:
+        """The tab that was left hears that another one plays now."""
+        with suppress(ConnectionClosed):
+            async with asyncio.timeout(10):
+                async for _ in socket:
+                    pass  # what is still said to it changes nothing
+        if socket.close_code not in (_SUPERSEDED, _GONE):
+            self._journal.violations.append(f"a tab that was left closed with {socket.close_code}, not {_SUPERSEDED}")
 
     async def _act(self, socket: ClientConnection, tick: messages.Tick) -> None:
         """Says every timestep what the hands do, also when they rest: who simulates need not wait any longer then."""
@@ -206,6 +241,11 @@ class BotGame:
     @staticmethod
     async def _send(socket: ClientConnection, message: messages.Incoming) -> None:
         await socket.send(_encoder.encode(message).decode())
+
+
+async def _closed(socket: ClientConnection) -> None:
+    with suppress(Exception):
+        await socket.close()
 
 
 def asdict_of(message: messages.Outgoing) -> dict[str, Any]:

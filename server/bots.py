@@ -1,5 +1,7 @@
 """A simulated participant: walks a whole study over real HTTP and sockets, as a browser would. Knows no database."""
 
+import asyncio
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
@@ -10,12 +12,14 @@ import httpx
 
 from server.bot_answers import Field, Fields, Respondent
 from server.bot_cook import Traits
-from server.bot_game import BotGame, GameDropped, Journal
+from server.bot_game import BotGame, GameDropped, Journal, Trouble
 
 MOST_PAGES: Final = 200
 _RELOADS_A_PAGE: Final = 0.05
 _RELOADS_A_GAME: Final = 0.15
 _LAST_RELOAD: Final = 300
+_LAST_TROUBLE: Final = 60
+_AGAIN_WITHIN_S: Final = 60.0
 
 
 class Page(HTMLParser):
@@ -35,6 +39,7 @@ class Page(HTMLParser):
         if values.get("id") == "game-config":
             self.is_game = True
         self._in_code = tag == "output" and values.get("id") == "code"
+        self._own_code = values.get("data-own", "") if self._in_code else ""
         if tag == "fieldset" and "missing" in values.get("class", "").split():
             self.faults |= {values.get("id", "").removeprefix("q-")}
         if tag == "form" and values.get("method", "").lower() == "post":
@@ -46,7 +51,7 @@ class Page(HTMLParser):
 
     def handle_data(self, data: str) -> None:
         if self._in_code and data.strip():
-            self.code = data.strip()
+            self.code = self._own_code or data.strip()  # a recruiter's code is everybody's
 
     def form(self, path: str) -> Fields | None:
         return next((fields for action, fields in self.forms if action == path), None)
@@ -64,6 +69,7 @@ class Habits:
     known: Mapping[str, str] = field(default_factory=dict)  # question -> the right answer, from the study file
     drop_after: int | None = None  # gives up at the page after so many; in a game, in the middle of it
     reloads: bool = True
+    troubles: tuple[Trouble, ...] = ()  # what happens to it in every game, on purpose
     arrival: str = ""  # the recruitment parameters of the link
     simulated: bool = True
 
@@ -143,8 +149,10 @@ class Bot:
         moment = self._chance.randrange(1, _LAST_RELOAD)
         if gives_up:
             game.drop_at = moment
+        elif self._habits.troubles:
+            game.troubles = {self._chance.randrange(1, _LAST_TROUBLE): trouble for trouble in self._habits.troubles}
         elif self._habits.reloads and self._chance.random() < _RELOADS_A_GAME:
-            game.reload_at = moment
+            game.troubles[moment] = "reload"
         await game.play()
         return await self._get(self.now)
 
@@ -152,7 +160,7 @@ class Bot:
         """Now and then a page is loaded again: it must be the same one."""
         if not self._habits.reloads or page.faults or self._chance.random() >= _RELOADS_A_PAGE:
             return page
-        self.journal.reloads += 1
+        self.journal.troubles["page_reload"] = self.journal.troubles.get("page_reload", 0) + 1
         again = await self._get(self.now)
         if again.step(self.now) != page.step(self.now):
             self.journal.violations.append(f"a reload led from {page.step(self.now)} to {again.step(self.now)}")
@@ -173,10 +181,22 @@ class Bot:
         return await self._post(self.now, filled)
 
     async def _get(self, path: str) -> Page:
-        return self._page(await self._client.get(path))
+        return self._page(await self._ask("GET", path))
 
     async def _post(self, path: str, fields: dict[str, Any]) -> Page:
-        return self._page(await self._client.post(path, data=fields))
+        return self._page(await self._ask("POST", path, fields))
+
+    async def _ask(self, method: str, path: str, fields: dict[str, Any] | None = None) -> httpx.Response:
+        """Asks again while the server is away, as somebody does who sees that a page does not come."""
+        deadline = time.monotonic() + _AGAIN_WITHIN_S
+        while True:
+            try:
+                return await self._client.request(method, path, data=fields)
+            except httpx.TransportError:
+                if time.monotonic() > deadline:
+                    raise
+                self.journal.reconnects += 1
+                await asyncio.sleep(0.2)
 
     @staticmethod
     def _page(response: httpx.Response) -> Page:

@@ -98,7 +98,11 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
         app.state.games = _games(settings, database, models, member)
         stack.push_async_callback(app.state.games.stop)
         app.state.sockets = _sockets(app, database, studies)
-        app.state.demonstrations = Demonstrations(app.state.games.clock, models, studies, app.state.guard.is_own_origin)
+        app.state.demonstrations = Demonstrations(
+            lambda recorder, load: Games(app.state.games.clock, models, recorder, load),
+            studies,
+            app.state.guard.is_own_origin,
+        )
         stack.push_async_callback(app.state.demonstrations.games.stop)
         stack.push_async_callback((await _researchers(app, settings, member)).stop)
         stack.push_async_callback(_alarm(app, settings))

@@ -30,6 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="the same seed, the same participants (0)")
     parser.add_argument("--fast", action="store_true", help="a quick clock: as fast as this machine can")
     parser.add_argument("--json", action="store_true", help="the outcome as JSON")
+    parser.add_argument(
+        "--faults",
+        action="store_true",
+        help="kill the server, lose lines, double tabs; PASS or FAIL for each guarantee",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -40,6 +45,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     try:
         _check(arguments)
+        if arguments.faults:
+            return _try_out(arguments)
         outcome = _simulate(arguments)
     except (ValueError, StudyError, FileNotFoundError) as error:
         return _refuse(error, 2)
@@ -59,6 +66,8 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ValueError(
             f"--url {arguments.url} is no address. Give it as the browser shows it: http://127.0.0.1:8000."
         )
+    if arguments.url and arguments.faults:
+        raise ValueError("--faults kills the server: it needs one of its own. Leave out --url.")
     if arguments.database:
         from server.store.engines import normal_url
 
@@ -81,6 +90,37 @@ def _simulate(arguments: argparse.Namespace) -> "Outcome":
         _say(arguments, "starting a server ...")
         server = stack.enter_context(OwnServer(database, study, QUICK if arguments.fast else {}))
         return _walk(arguments, crowd, server.url, database)
+
+
+def _try_out(arguments: argparse.Namespace) -> int:
+    """`--faults`: 0 when every guarantee was kept."""
+    import asyncio
+    from dataclasses import replace
+
+    import uvloop
+
+    from server.bot_faults import TROUBLES, table, try_out
+    from server.commands.databases import open_stored
+    from server.own_server import QUICK, OwnServer
+    from server.settings import ROOT
+
+    study = arguments.study or ROOT / "studies" / "quick_look.yaml"
+    crowd = replace(_crowd(arguments, study), troubles=TROUBLES)
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="kitchenmind-bots-"))
+        url = arguments.database or f"sqlite:///{Path(folder) / 'bots.sqlite3'}"
+        _say(arguments, "starting a server, to kill it ...")
+        server = stack.enter_context(OwnServer(url, study, QUICK))
+        database = stack.enter_context(open_stored(url))
+        with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+            trial = runner.run(try_out(crowd, server, database))
+    rows = trial.rows()
+    if arguments.json:
+        kept = {guarantee: is_kept for guarantee, is_kept, _ in rows}
+        print(json.dumps(asdict(trial.outcome) | {"faults": trial.faults, "guarantees": kept}))
+    else:
+        print(table(trial, arguments.seed))
+    return 0 if all(is_kept for _, is_kept, _ in rows) else 1
 
 
 def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":

@@ -1,7 +1,7 @@
 """Two agents cook, anybody may watch: a demonstration. Its games live in memory only; nothing of them is stored."""
 
 import secrets
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Annotated, Final
 from urllib.parse import urlencode
@@ -9,10 +9,8 @@ from urllib.parse import urlencode
 from fastapi import APIRouter, Depends, Query, Request, Response, WebSocket
 from starlette.requests import HTTPConnection
 
-from models.protocols import Models
-from server.play.clock import Clock
-from server.play.games import Games
-from server.play.recorder import EpisodeRecord, EpisodeResult, PauseRecord, TickRecord
+from server.play.games import Games, Load
+from server.play.recorder import EpisodeRecord, EpisodeResult, PauseRecord, Recorder, TickRecord
 from server.play.session import VIEWER
 from server.play.spec import EpisodeSpec
 from server.study.locale import best_language, languages
@@ -71,10 +69,11 @@ class Unstored:
 class Demonstrations:
     """The games that are only watched."""
 
-    def __init__(self, clock: Clock, models: Models, studies: Studies, is_ours: IsOurs) -> None:
+    def __init__(self, make: Callable[[Recorder, Load], Games], studies: Studies, is_ours: IsOurs) -> None:
+        """`make`: games with the server's clock and models, and a recorder and a reader of their own."""
         self._studies = studies
         self._specs: dict[str, EpisodeSpec] = {}  # made, not yet opened
-        self.games = Games(clock, models, Unstored(), self._load)
+        self.games = make(Unstored(), self._load)
         self.sockets = Sockets(self.games, self._find, is_ours)
 
     def offers(self) -> list[Offer]:

@@ -13,7 +13,8 @@ import pytest
 from sqlalchemy import Connection, delete, select, update
 
 import kitchenmind
-from server.bot_crowd import Crowd, judge, simulate
+from server.bot_crowd import Crowd, Outcome, judge, simulate
+from server.bot_faults import GUARANTEES, Trial, table
 from server.bot_promises import Claim, broken_at_code
 from server.bots import Bot
 from server.own_server import QUICK, OwnServer
@@ -215,3 +216,24 @@ def test_thirty_participants_of_whom_some_give_up_break_no_promise(tmp_path: Pat
     assert outcome["started"] == 30
     assert outcome["completed"] + outcome["dropped"] == 30
     assert 3 <= outcome["dropped"] <= 15
+
+
+def test_a_broken_guarantee_fails_in_the_table_and_the_others_pass() -> None:
+    faults = {"server_kill": 1, "reload": 2, "second_tab": 2, "half_open": 2}
+    kept = Trial(Outcome(started=2, completed=2), faults, 1.0)
+    assert [is_kept for _, is_kept, _ in kept.rows()] == [True] * (len(GUARANTEES) + 1)
+    lost = Trial(Outcome(2, 2, violations=["episode 1 lost timesteps [7]", "something else"]), faults, 1.0)
+    assert table(lost, 5).count("FAIL") == 2
+    assert "FAIL  nothing that was shown is lost" in table(lost, 5)
+    untried = Trial(Outcome(started=2, completed=2), {"reload": 1}, 0.0)
+    assert table(untried, 5).count("FAIL") == 1
+    assert "no server kill happened" in table(untried, 5)
+
+
+@pytest.mark.slow
+def test_guarantees_hold_while_the_server_is_killed_and_lines_are_lost() -> None:
+    tried = command("bots", "6", "--faults", "--study", str(SCRIPTED), "--seed", "3")
+    assert tried.returncode == 0, tried.stdout + tried.stderr
+    assert tried.stdout.count("PASS") == len(GUARANTEES) + 1
+    assert "1 x server kill" in tried.stdout
+    assert "seed 3" in tried.stdout
