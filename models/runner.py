@@ -112,6 +112,11 @@ class ModelServer:
         restarts = sum(lane.restarts for lane in self._lanes)
         return ModelStatistics(restarts, self._late, dict(self._faults), (median, high, most))
 
+    @property
+    def ready(self) -> bool:
+        """Whether every model can be asked now."""
+        return all(lane.pid for lane in self._lanes)
+
     def worker_pids(self) -> list[int]:
         """Of the workers that answer now (spares are not among them)."""
         return [lane.pid for lane in self._lanes if lane.pid]

@@ -20,7 +20,7 @@ from redis.asyncio import Redis
 from redis.asyncio.client import PubSub
 from redis.exceptions import RedisError
 
-from server.web.elsewhere import Process, View
+from server.web.elsewhere import ClusterDown, Process, View
 
 log = logging.getLogger(__name__)
 BEAT_S: Final = 0.5
@@ -54,13 +54,9 @@ class Here(Protocol):
 
     async def views(self) -> list[View]: ...
 
-    def figures(self) -> dict[str, float]: ...
+    figures: Callable[[], dict[str, float]]
 
     async def answer(self, deed: str, *given: Any) -> Any: ...
-
-
-class ClusterDown(Exception):
-    """Redis cannot be reached when the server starts."""
 
 
 class Cluster:

@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fastapi import Depends, FastAPI
 from fastapi.staticfiles import StaticFiles
@@ -15,8 +15,6 @@ from fastapi.staticfiles import StaticFiles
 from models.runner import ModelServer
 from overcooked.constants import STAY
 from server.cast import cast_of, fingerprint
-from server.cluster import Cluster
-from server.member import Member, refuse_pairs
 from server.play.clock import Clock
 from server.play.games import Games
 from server.play.recorder import EpisodeRecord, RecorderDown
@@ -26,11 +24,10 @@ from server.store import episodes, events
 from server.store.database import Database, DatabaseDown
 from server.store.engines import normal_url
 from server.store.episodes import StoreRecorder
-from server.store.fences import FencedRecorder
 from server.store.migrate import migrate, migrate_shared
 from server.study.loader import StudyError, StudyFile, load_study
 from server.version import code_version
-from server.web import actions, admin, downloads, leaving, live, pages, replay, socket, watch
+from server.web import actions, admin, downloads, health, leaving, live, pages, replay, socket, watch
 from server.web.admin_auth import Tries
 from server.web.alerts import Alert, Alerts, message_of
 from server.web.auth import Guard
@@ -42,6 +39,7 @@ from server.web.errors import install_error_pages
 from server.web.everywhere import Everywhere
 from server.web.figures import Figures
 from server.web.headers import SecurityHeaders
+from server.web.health import figures_of
 from server.web.live import Live
 from server.web.rates import Rates, keep_to_the_rate
 from server.web.seats import Seats
@@ -50,6 +48,9 @@ from server.web.studies import Studies
 from server.web.waiting import WaitingRoom
 from server.web.watch import Demonstrations
 from server.webhook import Webhook
+
+if TYPE_CHECKING:
+    from server.member import Member
 
 log = logging.getLogger(__name__)
 _GARBAGE_THRESHOLDS = (50_000, 20, 20)  # a full collection costs milliseconds, and a game makes hardly any cycles
@@ -69,7 +70,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.mount("/static", StaticFiles(directory=ROOT / "static"), name="static")
     install_error_pages(app)
     app.state.tries, app.state.code_tries = Tries(), Tries()
-    for doors in (pages, leaving, socket, watch, admin, live, replay, actions, downloads):
+    for doors in (pages, leaving, socket, watch, admin, live, replay, actions, downloads, health):
         app.include_router(doors.router)
     return app
 
@@ -93,6 +94,7 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
         models = ModelServer(cast.agents, predictors, settings.model_workers, grids=cast.grids)
         await models.start()
         stack.push_async_callback(models.close)
+        app.state.models = models
         app.state.web = Web(database, studies, app.state.guard, templates())
         member = await _member(settings, files, stack) if several else None
         app.state.games = _games(settings, database, models, member)
@@ -132,8 +134,12 @@ def _served(settings: Settings) -> list[StudyFile]:
     return served
 
 
-async def _member(settings: Settings, files: list[StudyFile], stack: AsyncExitStack) -> Member:
+async def _member(settings: Settings, files: list[StudyFile], stack: AsyncExitStack) -> "Member":
     """This process among several. Raises StudyError, ClusterDown, DatabaseDown."""
+    from server.cluster import Cluster
+    from server.member import Member, refuse_pairs
+    from server.store.fences import FencedRecorder
+
     assert settings.redis is not None  # noqa: S101 the caller looked
     refuse_pairs(files)
     of_games = Database(settings.database, readers=2, shared=True)  # a tick never waits its turn behind a page
@@ -144,7 +150,7 @@ async def _member(settings: Settings, files: list[StudyFile], stack: AsyncExitSt
     return Member(FencedRecorder(of_games), cluster)
 
 
-def _games(settings: Settings, database: Database, models: ModelServer, member: Member | None) -> Games:
+def _games(settings: Settings, database: Database, models: ModelServer, member: "Member | None") -> Games:
     clock = Clock(settings.speed, settings.patience_s)
     if member is not None:
         return Games(clock, models, member.recorder, member.load, owners=member)
@@ -171,7 +177,7 @@ def _sockets(app: FastAPI, database: Database, studies: Studies) -> Sockets:
     return Sockets(app.state.games, seats.find, app.state.guard.is_own_origin, report, room)
 
 
-async def _researchers(app: FastAPI, settings: Settings, member: Member | None) -> Control:
+async def _researchers(app: FastAPI, settings: Settings, member: "Member | None") -> Control:
     """What the researchers' pages look through and reach in with."""
     web: Web = app.state.web
     elsewhere = None if member is None else member.cluster
@@ -183,7 +189,7 @@ async def _researchers(app: FastAPI, settings: Settings, member: Member | None) 
     await control.begin()
     app.state.control = Everywhere(control, elsewhere)
     if member is not None:
-        member.show(app.state.live, app.state.control)
+        member.show(app.state.live, app.state.control, lambda: figures_of(app.state))
     return control
 
 

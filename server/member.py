@@ -1,5 +1,6 @@
 """This process as one of several: which games it takes up, what it tells the others, what it does for them."""
 
+from collections.abc import Callable
 from typing import Any
 
 from server.cluster import Cluster
@@ -19,6 +20,7 @@ class Member:
         self.recorder, self.cluster = recorder, cluster
         self._live: Live | None = None
         self._control: Everywhere | None = None
+        self.figures: Callable[[], dict[str, float]] = dict
 
     async def load(self, episode: str) -> EpisodeRecord | None:
         """Takes the episode up: from now on nobody else can store anything of it. Raises RecorderDown."""
@@ -33,9 +35,9 @@ class Member:
     def let_go(self, episode: str) -> None:
         self.recorder.let_go(episode)
 
-    def show(self, live: Live, control: Everywhere) -> None:
+    def show(self, live: Live, control: Everywhere, figures: Callable[[], dict[str, float]]) -> None:
         """From now on the others hear of this process."""
-        self._live, self._control = live, control
+        self._live, self._control, self.figures = live, control, figures
         self.cluster.start(self)
 
     # What the cluster asks
@@ -45,10 +47,6 @@ class Member:
 
     async def views(self) -> list[View]:
         return [] if self._live is None else await self._live.own_views()
-
-    def figures(self) -> dict[str, float]:
-        games, sockets = self._games, 0 if self._live is None else len(self._live.sockets)
-        return {"games": len(games), "moving": games.loop.moving, "sockets": sockets}
 
     async def answer(self, deed: str, *given: Any) -> Any:
         """Does what another process asks for."""

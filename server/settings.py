@@ -48,6 +48,10 @@ class Settings(BaseSettings):
     patience_s: float = Field(default=0.0, ge=0, le=60)
     """For simulated participants: a timestep waits so long for its players, and is made once they have acted."""
 
+    log: Literal["text", "json"] = "text"
+    """How the log is written: warnings as text, or everything as a JSON object a line."""
+    metrics_token: SecretStr | None = None
+    """Who gives it as `Authorization: Bearer ...` reads /metrics. Without one they are shown in local mode only."""
     alert_webhook: SecretStr | None = None
     """Where alerts are posted as JSON, e.g. a chat's incoming webhook. Whoever knows the address may post there."""
 

@@ -128,11 +128,13 @@ def serve(settings: "Settings", listening: socket.socket, process: Supervised | 
     import uvloop
 
     from models.lane import ModelsDown
-    from server.cluster import ClusterDown
+    from server import logs
     from server.store.database import DatabaseDown, DatabaseInUse
     from server.store.migrate import DatabaseTooNew
     from server.study.loader import StudyError
+    from server.web.elsewhere import ClusterDown
 
+    logs.configure(settings.log)
     try:
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
             runner.run(_serve(settings, listening, process))

@@ -59,7 +59,7 @@ class Games:
         self._opening: dict[str, asyncio.Task[Game]] = {}
         self._tasks: set[asyncio.Task[Any]] = set()
         self._keeper: asyncio.Task[None] | None = None
-        self._stopping = False
+        self.stopping = False
 
     def __len__(self) -> int:
         return len(self._games)
@@ -73,7 +73,7 @@ class Games:
 
     async def join(self, episode: str, person: int, connection: Connection) -> Game:
         """A page said Hello. Raises NoGame; and what `load` and the re-simulation raise."""
-        if self._stopping:
+        if self.stopping:
             raise NoGame("the server is going down")
         game = self._games.get(episode)
         if game is not None and self._owners is not None and not await self._owners.still_mine(episode):
@@ -180,7 +180,7 @@ class Games:
 
     async def stop(self) -> None:
         """Running games pause durably, everybody is told that the server comes back, sockets close with 1012."""
-        self._stopping = True
+        self.stopping = True
         if self._keeper is not None:
             self._keeper.cancel()
         games = list(self._games.values())

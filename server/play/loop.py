@@ -57,6 +57,7 @@ class Loop:
         process plays it now."""
         self.clock = clock
         self.late_ms: deque[float] = deque(maxlen=10_000)  # of the last ticks
+        self.made = self.waits = 0  # ticks since the start; those whose partner had to wait
         self._models, self._recorder, self._over, self._lost = models, recorder, over, lost
         self._slots: dict[int, list[Slot]] = {}  # by tick_ms
         self._slot_of: dict[Game, Slot] = {}
@@ -176,6 +177,8 @@ class Loop:
                 made.append((game, game.session.finish_tick(mine, models_ms, self.clock.patience_s * 1000)))
             except Exception as error:  # noqa: BLE001 - as above
                 self._broken(game, error)
+        self.made += len(made)
+        self.waits += sum(record.late for _, record in made)
         await self._store(made)
 
     async def _ask(self, begun: Sequence[tuple[Game, list[Question]]]) -> tuple[list[Decision | None], float]:

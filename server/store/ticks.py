@@ -45,9 +45,9 @@ def insert_of_known(connection: Connection, records: Sequence[TickRecord]) -> tu
     return insert(connection, [record for record in records if record.episode in known])
 
 
-def of_episode(connection: Connection, episode_id: str) -> list[TickRecord]:
-    """All ticks of an episode, in order. Predictions come back as rounded to 32 bits."""
-    query = select(ticks).where(ticks.c.episode_id == episode_id).order_by(ticks.c.timestep)
+def of_episode(connection: Connection, episode_id: str, after: int = -1) -> list[TickRecord]:
+    """All ticks of an episode that follow timestep `after`, in order. Predictions come back as rounded to 32 bits."""
+    query = select(ticks).where(ticks.c.episode_id == episode_id, ticks.c.timestep > after).order_by(ticks.c.timestep)
     return [record_of(row) for row in connection.execute(query)]
 
 

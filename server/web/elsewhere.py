@@ -4,6 +4,10 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 
+class ClusterDown(Exception):
+    """What joins the processes cannot be reached when the server starts."""
+
+
 @dataclass(frozen=True)
 class View:
     """A game that another process plays, as the dashboard shows it (`server.web.live` says what the parts hold)."""
@@ -28,6 +32,8 @@ class Process:
 class Elsewhere(Protocol):
     """The other processes. Nothing here raises when they cannot be reached: then nothing is known of them."""
 
+    name: str  # of this process
+
     async def views(self) -> list[View]:
         """Their games, not older than some seconds."""
         ...
@@ -45,6 +51,8 @@ class Elsewhere(Protocol):
 
 class Alone:
     """One process is all there is."""
+
+    name = "server"
 
     async def views(self) -> list[View]:
         return []

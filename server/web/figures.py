@@ -43,7 +43,7 @@ class Figures:
                 accuracy = await self._count(study_ids, study.name)
                 await self.verdicts.look(study_ids)
                 made = await self._live.web.database.read(self._read, study_ids, study, tab, blind)
-                made |= {"accuracy": accuracy_of(accuracy), "machine": self._machine()}
+                made |= {"accuracy": accuracy_of(accuracy), "machine": await self._machine()}
                 kept = self._kept[key] = (time.monotonic(), made)
             return kept[1]
 
@@ -96,8 +96,9 @@ class Figures:
             "excluded": person.excluded,
         }
 
-    def _machine(self) -> dict[str, Any]:
+    async def _machine(self) -> dict[str, Any]:
         live = self._live
+        others = await live.elsewhere.processes()
         late = sorted(list(live.games.loop.late_ms)[-2000:])
         models = sorted(live.models_ms)
         found: dict[str, Any] = {
@@ -107,6 +108,8 @@ class Figures:
             "moving": live.games.loop.moving,
             "sockets": len(live.sockets),
         }
+        for what in ("games", "moving", "sockets"):
+            found[what] += sum(int(process.figures.get(what, 0)) for process in others)
         if self.file is not None and self.file.exists():
             parts = [self.file, self.file.with_name(self.file.name + "-wal")]
             found["database_mb"] = round(sum(part.stat().st_size for part in parts if part.exists()) / 1e6, 1)

@@ -70,6 +70,10 @@ class Live:
                 self._views = (time.monotonic(), await self.elsewhere.views())
         return [view for view in self._views[1] if view.study_id in study_ids]
 
+    async def elsewhere_plays(self, played: Played) -> bool:
+        """Whether another process plays the episode."""
+        return any(view.id == played.id for view in await self.views((played.study_id,)))
+
     async def own_views(self) -> list[View]:
         """The games of this process, for the dashboards of others."""
         made = []

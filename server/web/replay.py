@@ -19,16 +19,19 @@ from server.play.trace import Trace
 from server.store import decisions, episodes, overview, ticks
 from server.store.accuracy import wilson
 from server.store.admins import AdminSession
+from server.store.database import Database, DatabaseDown
 from server.store.episodes import BrokenEpisode
 from server.web.actions import REASONS, GameDep
 from server.web.admin_auth import WatchDep
 from server.web.admin_page import AdminPage, study_at
 from server.web.deps import WebDep
+from server.web.elsewhere import View
 from server.web.live import SESSION_EVERY_S, Card, Live, card_of, let_in, still_in, who
 
 router = APIRouter(prefix="/admin/s/{name}/game/{episode}")
 LOOK_EVERY_S: Final = 0.05
 STATUS_EVERY_S: Final = 0.5
+STORED_EVERY_S: Final = 0.2
 _BREATHE_EVERY: Final = 16  # timesteps: the live games' thread gets its turn in between
 
 
@@ -50,7 +53,7 @@ async def page(request: Request, name: str, admin: WatchDep, web: WebDep, game: 
         shown="" if admin.blind else game.shown,
         layout=titles.get(game.layout, game.layout),
         others=[one for one in mine if one.started_at is not None],
-        is_live=live.games.get(game.id) is not None,
+        is_live=live.games.get(game.id) is not None or await live.elsewhere_plays(game),
         exclusions=[one for one in held if one.episode_id in (None, game.id)],
         reasons=REASONS,
     )
@@ -178,7 +181,8 @@ async def follow(socket: WebSocket, name: str, episode: str) -> None:
 
 async def _tell(socket: WebSocket, live: Live, which: tuple[tuple[int, ...], str], admin: AdminSession) -> None:
     told, checked, looked = -1, time.monotonic(), 0.0
-    card: Card | None = None
+    card: Card | View | None = None
+    stored = StoredTicks(live.web.database, which[1])
     while True:
         now = time.monotonic()
         if now - checked >= SESSION_EVERY_S:
@@ -191,6 +195,11 @@ async def _tell(socket: WebSocket, live: Live, which: tuple[tuple[int, ...], str
             if card is None:
                 await socket.send_text('{"type":"over"}')
                 return await socket.close(1000, "the game is over")
+        if isinstance(card, View):
+            for row in await stored.new_rows(admin.blind):
+                await socket.send_text(json.dumps({"type": "tick", "row": row}, separators=(",", ":")))
+            await asyncio.sleep(STORED_EVERY_S)
+            continue
         session = card.game.session
         if session.stored and not card.game.busy and session.record is not None and session.trace.timestep > told:
             told = session.trace.timestep
@@ -199,11 +208,47 @@ async def _tell(socket: WebSocket, live: Live, which: tuple[tuple[int, ...], str
         await asyncio.sleep(LOOK_EVERY_S)
 
 
-async def _status(socket: WebSocket, live: Live, which: tuple[tuple[int, ...], str]) -> Card | None:
+async def _status(socket: WebSocket, live: Live, which: tuple[tuple[int, ...], str]) -> Card | View | None:
     """Tells how the participant is; None when the game does not run any more."""
     study_ids, episode = which
     card = next((one for one in await live.cards(study_ids) if one.played.id == episode), None)
+    view = None if card else next((one for one in await live.views(study_ids) if one.id == episode), None)
     if card is not None:
         status = card_of(live, card, {}) | {"type": "status", "phase": card.game.session.phase}
-        await socket.send_text(json.dumps(status, separators=(",", ":")))
-    return card
+    elif view is not None:
+        status = view.card | {"type": "status", "phase": view.phase}
+    else:
+        return None
+    await socket.send_text(json.dumps(status, separators=(",", ":")))
+    return card or view
+
+
+class StoredTicks:
+    """The ticks of a game that another process plays, as they come into the database."""
+
+    def __init__(self, database: Database, episode: str) -> None:
+        self._database, self._episode = database, episode
+        self._trace: Trace | None = None
+
+    async def new_rows(self, blind: bool) -> list[dict[str, Any]]:
+        """The newest at the first call, then all that came since; none while the database is away."""
+        with suppress(DatabaseDown):
+            return await self._database.read(self._read, blind)
+        return []
+
+    def _read(self, connection: Connection, blind: bool) -> list[dict[str, Any]]:
+        if self._trace is None:
+            loaded = episodes.load(connection, self._episode)
+            if loaded is None or loaded.last_hash is None:
+                return []
+            self._trace = Trace(parse_layout(loaded.spec.grid, loaded.spec.layout), loaded.spec.horizon)
+            for actions in loaded.joint_actions:
+                self._trace.step(actions)
+            newest = ticks.of_episode(connection, self._episode, after=self._trace.timestep - 1)
+            return [row_of(newest[0], self._trace, blind)]
+        rows = []
+        for tick in ticks.of_episode(connection, self._episode, after=self._trace.timestep):
+            if tick.actions is not None:
+                self._trace.step(tick.actions)
+            rows.append(row_of(tick, self._trace, blind))
+        return rows

@@ -1,36 +1,26 @@
 """Every route and every socket of the application, tried in every role. A new one fails here until it is listed."""
 
-import hashlib
 import re
 from collections.abc import Iterator
 from typing import Any
-from urllib.parse import urlencode
 
-import httpx
 import pytest
-from argon2 import PasswordHasher
-from crowd import SHORT_GAMES
 from fastapi import FastAPI
 from fastapi.routing import APIRoute, APIWebSocketRoute
-from live_server import LiveServer
-from real_server import SHORT_STUDY
 from sqlalchemy import select
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from server.store import admins, episodes
 from server.store.tables import participants
-from server.web.auth import COOKIE as PARTICIPANT_COOKIE
-from server.web.auth import FORM_FIELD
-from server.web.episodes import episode_spec
 
 ROLES = ("anonymous", "other", "participant", "watch", "act", "own")  # other: a participant of another study
 RESEARCHERS = ROLES[3:]  # each may what those before it may
-PASSWORD = "long enough for a test"
-QUICK_HASH = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1).hash(PASSWORD)
 
 # Who gets in: "all", "participant" (of this study; all others are led to its consent page), or a researcher's role.
 DOORS = {
+    "GET /health/live": "all",
+    "GET /health/ready": "all",
+    "GET /metrics": "all",  # in local mode only; see tests/server/web/test_health.py
     "GET /": "all",
     "GET /s/{name}": "all",
     "POST /s/{name}/arrivals": "all",
@@ -87,94 +77,11 @@ def doors(app: FastAPI) -> Iterator[str]:
     return walk(list(app.routes))
 
 
-class House:
-    """The running application with somebody of every role in it."""
-
-    def __init__(self, live: LiveServer) -> None:
-        self.live, self.app = live, live.app
-        self.database = live.app.state.web.database
-        self.guard = live.app.state.web.guard
-        for role in ("watch", "act", "own"):
-            self.database.write_now(admins.create, role, QUICK_HASH, role)
-        self.cookies: dict[str, str] = {"anonymous": ""}
-        self.enrol("other", "other")
-        self.fill()
-
-    def fill(self) -> None:
-        self.enrol("participant", "short")
-        self.person, self.episode = self._person_with_game()
-
-    def enrol(self, role: str, study: str) -> None:
-        with self.client("") as client:
-            fields = dict(re.findall(r'name="([^"]*)" value="([^"]*)"', client.get(f"/s/{study}").text))
-            answer = client.post(f"/s/{study}/consent", data=fields | {"box_0": "yes"})
-            token = answer.headers["set-cookie"].partition("=")[2].partition(";")[0]
-        self.cookies[role] = f"{PARTICIPANT_COOKIE}={token}"
-
-    def sign_in(self, role: str) -> None:
-        with self.client("") as client:
-            form = {FORM_FIELD: self.form_token("anonymous", admin=True), "name": role, "password": PASSWORD}
-            answer = client.post("/admin/login", data=form)
-            token = answer.headers["set-cookie"].partition("=")[2].partition(";")[0]
-        self.cookies[role] = f"researcher={token}"
-
-    def client(self, cookie: str) -> httpx.Client:
-        headers = {"accept": "application/json", "origin": self.live.url} | ({"cookie": cookie} if cookie else {})
-        return httpx.Client(base_url=self.live.url, headers=headers, follow_redirects=False, timeout=60)
-
-    def form_token(self, role: str, admin: bool) -> str:
-        """One that our own page would have given to this role: what refuses is the role, never the form."""
-        token = self.cookies[role].partition("=")[2]
-        if not admin:
-            return str(self.guard.form_token(token if role in ("participant", "other") else "nobody"))
-        if role in ("watch", "act", "own") and token:
-            return str(self.guard.form_token(hashlib.sha256(token.encode()).hexdigest()))
-        return str(self.guard.form_token("a researcher who is not signed in"))
-
-    def _person_with_game(self) -> tuple[str, str]:
-        token = self.cookies["participant"].partition("=")[2]
-        query = select(participants.c.id).where(participants.c.token_hash == hashlib.sha256(token.encode()).hexdigest())
-        person = self.database.read_now(lambda connection: connection.execute(query).scalar_one())
-        from server.store.participants import get
-
-        row = self.database.read_now(get, person)
-        studies = self.app.state.web.studies
-        step = next(one for one in studies.way(row) if one.kind == "episode")
-        spec = episode_spec(studies.of(row), step, row.condition, "en")
-        new = episodes.NewEpisode(spec, step.key, (person, None), row.study_id, row.condition)
-        return person, self.database.write_now(episodes.create, new)
-
-    def knock(self, door: str, role: str) -> httpx.Response:
-        method, _, path = door.partition(" ")
-        deed = "signed_out" if "account" in path else "extend"
-        values = {"name": "short", "study": "short", "person": self.person, "episode": self.episode, "account": "watch"}
-        path = path.format(**values, deed=deed)
-        with self.client(self.cookies[role]) as client:
-            if method == "GET":
-                return client.get(path)
-            token = self.form_token(role, path.startswith("/admin"))
-            fields = {FORM_FIELD: token, "text": "hello", "minutes": "1", "language": "en", "blind": "on", "step": "x"}
-            kind = {"content-type": "application/x-www-form-urlencoded"}
-            return client.post(path, content=urlencode(fields), headers=kind)
-
-
-@pytest.fixture(scope="module")
-def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
-    folder = tmp_path_factory.mktemp("house")
-    other = folder / "other.yaml"
-    other.write_text(SHORT_STUDY.replace("name: short", "name: other"), encoding="utf-8")
-    with LiveServer(folder, study=SHORT_GAMES, more_studies=(other,)) as live:
-        made = House(live)
-        for role in ("watch", "act", "own"):
-            made.sign_in(role)
-        yield made
-
-
-def test_every_door_of_the_application_is_listed(house: House) -> None:
+def test_every_door_of_the_application_is_listed(house: Any) -> None:
     assert set(doors(house.app)) == set(DOORS)
 
 
-def test_no_two_doors_have_one_address(house: House) -> None:
+def test_no_two_doors_have_one_address(house: Any) -> None:
     found = [re.sub(r"{\w+}", "{}", door) for door in doors(house.app)]
     assert len(found) == len(set(found))
 
@@ -188,7 +95,7 @@ def may(role: str, who: str) -> bool:
 
 @pytest.mark.parametrize("role", ROLES)
 @pytest.mark.parametrize("door", [one for one in DOORS if one.startswith(("GET", "POST"))])
-def test_a_role_gets_in_where_it_may_and_nowhere_else(house: House, door: str, role: str) -> None:
+def test_a_role_gets_in_where_it_may_and_nowhere_else(house: Any, door: str, role: str) -> None:
     who = DOORS[door]
     if role in RESEARCHERS and house.knock("GET /admin", role).status_code != 200:
         house.sign_in(role)  # a door before this one signed them out
@@ -208,7 +115,7 @@ def test_a_role_gets_in_where_it_may_and_nowhere_else(house: House, door: str, r
         assert answer.status_code not in (401, 403) or door == "POST /admin/login", f"{role}: {answer.text}"
 
 
-def test_nobody_withdraws_somebody_else(house: House) -> None:
+def test_nobody_withdraws_somebody_else(house: Any) -> None:
     for role in ("anonymous", "other", "watch", "own"):
         house.knock("POST /s/{name}/withdraw", role)
     query = select(participants.c.id).where(participants.c.id == house.person)
@@ -217,7 +124,7 @@ def test_nobody_withdraws_somebody_else(house: House) -> None:
 
 @pytest.mark.parametrize("role", ROLES)
 @pytest.mark.parametrize("door", sorted(one for one in DOORS if one.startswith("SOCKET")))
-def test_a_socket_opens_for_its_role_only_and_for_no_foreign_page(house: House, door: str, role: str) -> None:
+def test_a_socket_opens_for_its_role_only_and_for_no_foreign_page(house: Any, door: str, role: str) -> None:
     path = door.partition(" ")[2].format(name="short", study="short", episode=house.episode)
     if role in RESEARCHERS and house.knock("GET /admin", role).status_code != 200:
         house.sign_in(role)
@@ -234,7 +141,7 @@ def test_a_socket_opens_for_its_role_only_and_for_no_foreign_page(house: House, 
             connect(url, additional_headers=headers, origin=origin)  # type: ignore[arg-type]
 
 
-def test_what_belongs_to_another_study_is_not_found_in_this_one(house: House) -> None:
+def test_what_belongs_to_another_study_is_not_found_in_this_one(house: Any) -> None:
     house.sign_in("own")
     for path in (f"person/{house.person}", f"game/{house.episode}", f"game/{house.episode}/record.json"):
         with house.client(house.cookies["own"]) as client:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from models.protocols import STEPS, Decision, Question
+from models.runner import ModelStatistics
 from overcooked.constants import ACTIONS, EAST, INTERACT, NORTH, SOUTH, STAY, WEST
 from overcooked.layout import load_layout
 from server.play.messages import Outgoing
@@ -84,12 +85,17 @@ class RuleModels:
 
     `hang_s` makes it slow, `broken` makes it raise, `silent` makes it answer nothing."""
 
+    ready = True
+
     def __init__(self) -> None:
         self.hang_s = 0.0
         self.broken = self.silent = False
         self.asked: list[Question] = []
         self.batches: list[int] = []
         self.forgotten: list[str] = []
+
+    def statistics(self) -> ModelStatistics:
+        return ModelStatistics(0, 0, {}, (0.0, 0.0, 0.0))
 
     async def ask(self, questions: Sequence[Question], deadline_ms: float) -> list[Decision | None]:
         self.asked.extend(questions)

@@ -1,0 +1,42 @@
+"""How the server says what happens: a line of text for people, or of JSON for machines. Knows not what is said."""
+
+import logging
+import os
+from typing import Literal
+
+import structlog
+from structlog.types import EventDict, Processor, WrappedLogger
+
+
+def configure(form: Literal["text", "json"]) -> None:
+    """From now on every logger writes to standard error: warnings and worse as text, all from INFO on as JSON."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(_formatter(form))
+    root = logging.getLogger()
+    root.handlers = [handler]
+    root.setLevel(logging.INFO if form == "json" else logging.WARNING)
+    for chatty in ("httpx", "httpcore", "alembic", "asyncio"):
+        logging.getLogger(chatty).setLevel(logging.WARNING)
+
+
+def _formatter(form: Literal["text", "json"]) -> logging.Formatter:
+    if form == "text":
+        return logging.Formatter("%(levelname)s %(name)s: %(message)s")
+    about: list[Processor] = [
+        structlog.stdlib.add_log_level,
+        structlog.stdlib.add_logger_name,
+        structlog.processors.TimeStamper(fmt="iso", utc=True),
+        _process,
+        structlog.processors.format_exc_info,
+    ]
+    last: list[Processor] = [
+        structlog.stdlib.ProcessorFormatter.remove_processors_meta,
+        structlog.processors.JSONRenderer(),
+    ]
+    return structlog.stdlib.ProcessorFormatter(foreign_pre_chain=about, processors=last)
+
+
+def _process(_: WrappedLogger, __: str, event: EventDict) -> EventDict:
+    """Which of several server processes speaks."""
+    event["process"] = os.getpid()
+    return event

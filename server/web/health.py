@@ -1,0 +1,130 @@
+"""How the server is, for machines: alive, ready to play, and its figures in Prometheus' words. Changes nothing."""
+
+import asyncio
+import hmac
+import os
+import resource
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from fastapi import APIRouter, HTTPException, Request, Response
+from fastapi.responses import JSONResponse
+from sqlalchemy import Connection, text
+
+from server.store.database import DatabaseDown
+from server.web.deps import WebDep
+from server.web.elsewhere import Process
+from server.web.live import Live
+
+router = APIRouter()
+READY_WITHIN_S: Final = 1.0
+_MEMORY: Final = Path("/proc/self/statm")
+_FILES: Final = Path("/proc/self/fd")
+# Figure -> its kind in Prometheus and what it is.
+FIGURES: Final[Mapping[str, tuple[str, str]]] = {
+    "games": ("gauge", "Games that were taken up, running or not."),
+    "moving": ("gauge", "Games that count down or run."),
+    "sockets": ("gauge", "Open game sockets."),
+    "ticks_total": ("counter", "Timesteps that were made."),
+    "partner_waits_total": ("counter", "Timesteps in which the partner had to wait for its models."),
+    "tick_lateness_seconds_p50": ("gauge", "How late the last timesteps began: the median."),
+    "tick_lateness_seconds_p99": ("gauge", "How late the last timesteps began: the 99th percentile."),
+    "model_seconds_p50": ("gauge", "Time of a worker for one batch of questions: the median."),
+    "model_seconds_p99": ("gauge", "Time of a worker for one batch of questions: the 99th percentile."),
+    "model_restarts_total": ("counter", "Model workers that were replaced."),
+    "model_faults_total": ("counter", "Questions that a model broke on."),
+    "resident_memory_bytes": ("gauge", "Memory of the server process."),
+    "cpu_seconds_total": ("counter", "CPU time of the server process."),
+    "open_files": ("gauge", "Open files and sockets of the server process."),
+}
+
+
+def figures_of(state: Any) -> dict[str, float]:
+    """The FIGURES of this process; `state` is the application's."""
+    live: Live = state.live
+    loop, models = live.games.loop, state.models.statistics()
+    p50, p99 = np.quantile(list(loop.late_ms) or [0.0], (0.5, 0.99)).tolist()
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return {
+        "games": len(live.games),
+        "moving": loop.moving,
+        "sockets": len(live.sockets),
+        "ticks_total": loop.made,
+        "partner_waits_total": loop.waits,
+        "tick_lateness_seconds_p50": p50 / 1000,
+        "tick_lateness_seconds_p99": p99 / 1000,
+        "model_seconds_p50": models.model_ms[0] / 1000,
+        "model_seconds_p99": models.model_ms[1] / 1000,
+        "model_restarts_total": models.restarts,
+        "model_faults_total": sum(models.faults.values()),
+        "cpu_seconds_total": used.ru_utime + used.ru_stime,
+        **_memory_and_files(),
+    }
+
+
+def _memory_and_files() -> dict[str, float]:
+    """Nothing where the system does not tell."""
+    if not (_MEMORY.exists() and _FILES.exists()):
+        return {}
+    pages = int(_MEMORY.read_text().split()[1])
+    return {
+        "resident_memory_bytes": pages * os.sysconf("SC_PAGE_SIZE"),
+        "open_files": sum(1 for _ in _FILES.iterdir()),
+    }
+
+
+@router.get("/health/live")
+async def live() -> dict[str, str]:
+    """The process answers."""
+    return {"status": "alive"}
+
+
+@router.get("/health/ready")
+async def ready(request: Request, web: WebDep) -> Response:
+    """Games can be played: the database answers and models are there. 503 with what is missing."""
+    missing = []
+    if not request.app.state.models.ready:
+        missing.append("models")
+    try:
+        async with asyncio.timeout(READY_WITHIN_S):
+            await web.database.read(_touch)
+    except (DatabaseDown, TimeoutError):
+        missing.append("database")
+    if request.app.state.games.stopping:
+        missing.append("stopping")
+    return JSONResponse({"ready": not missing, "missing": missing}, 503 if missing else 200)
+
+
+def _touch(connection: Connection) -> None:
+    connection.execute(text("SELECT 1"))
+
+
+@router.get("/metrics")
+async def metrics(request: Request) -> Response:
+    """The figures of all server processes. Where KITCHENMIND_METRICS_TOKEN is set only for who has it; otherwise only
+    on one's own machine."""
+    _let_in(request)
+    elsewhere = request.app.state.live.elsewhere
+    processes = [Process(elsewhere.name, figures_of(request.app.state)), *await elsewhere.processes()]
+    return Response("\n".join(_lines(processes)) + "\n", media_type="text/plain; version=0.0.4")
+
+
+def _let_in(request: Request) -> None:
+    settings = request.app.state.settings
+    if settings.metrics_token is not None:
+        given = request.headers.get("authorization", "").encode()
+        if not hmac.compare_digest(given, b"Bearer " + settings.metrics_token.get_secret_value().encode()):
+            raise HTTPException(401, "the figures are for who has the token", {"WWW-Authenticate": "Bearer"})
+    elif settings.mode == "production":
+        raise HTTPException(404, "there are no figures here: KITCHENMIND_METRICS_TOKEN is not set")
+
+
+def _lines(processes: Sequence[Process]) -> Iterator[str]:
+    for name, (kind, meaning) in FIGURES.items():
+        yield f"# HELP kitchenmind_{name} {meaning}"
+        yield f"# TYPE kitchenmind_{name} {kind}"
+        for process in processes:
+            if name in process.figures:
+                yield f'kitchenmind_{name}{{process="{process.name}"}} {process.figures[name]:.10g}'

@@ -1,0 +1,177 @@
+"""Two server processes with one PostgreSQL and one Redis: what one plays, the other's researchers see and reach."""
+
+import asyncio
+from collections.abc import AsyncIterator, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from live_server import LiveServer
+from postgres_server import PostgresServer
+from real_server import SHORT_STUDY
+from redis_server import RedisServer
+
+from server.bot_cook import Traits
+from server.bot_game import BotGame, Journal
+from server.bots import Bot
+from server.play.game import Game
+from server.store import ticks
+from server.study.loader import StudyError
+
+pytestmark = pytest.mark.postgres
+STUDY = SHORT_STUDY.replace("tutorial, ", "").replace("horizon: 60", "horizon: 2000")
+Pair = tuple[LiveServer, LiveServer]
+
+
+@pytest.fixture(scope="module")
+def postgres() -> Iterator[PostgresServer]:
+    server = PostgresServer()
+    yield server
+    server.remove()
+
+
+@pytest.fixture
+def redis() -> Iterator[RedisServer]:
+    server = RedisServer()
+    yield server
+    server.remove()
+
+
+@pytest.fixture
+def pair(tmp_path: Path, postgres: PostgresServer, redis: RedisServer) -> Iterator[Pair]:
+    name = postgres.new_database()
+    shared: dict[str, Any] = {"database": postgres.url(name), "redis": redis.url}
+    with LiveServer(tmp_path, 2.0, STUDY, **shared) as one, LiveServer(tmp_path, 2.0, STUDY, **shared) as other:
+        yield one, other
+    postgres.drop_database(name)
+
+
+async def until(condition: Any, seconds: float = 20.0) -> Any:
+    async with asyncio.timeout(seconds):
+        while not (found := condition()):
+            await asyncio.sleep(0.02)
+        return found
+
+
+def running(live: LiveServer) -> Game | None:
+    """Its first game, once it runs."""
+    return next((game for game in live.app.state.games if game.session.phase == "running"), None)
+
+
+@pytest.fixture
+async def bot(pair: Pair) -> AsyncIterator[Bot]:
+    """Plays at the first server."""
+    made = Bot(pair[0].url, "short", 1)
+    page = await made.consent()
+    while not page.is_game:
+        page = await made.submit(page)
+    playing = asyncio.create_task(made.game().play())
+    await until(lambda: running(pair[0]))
+    yield made
+    playing.cancel()
+    await asyncio.gather(playing, return_exceptions=True)
+    await made.close()
+
+
+def elsewhere(live: LiveServer) -> list[Any]:
+    """What the dashboard of this server sees of the others."""
+    state = live.app.state
+    return live.do(lambda: state.live.views(state.web.studies.versions("short")))
+
+
+def does(live: LiveServer, deed: str, *given: Any) -> Any:
+    return live.do(lambda: live.app.state.control.do(deed, *given))
+
+
+async def test_the_dashboard_of_one_process_shows_the_games_of_the_other(pair: Pair, bot: Bot) -> None:
+    here, there = pair
+    game = running(here)
+    assert game is not None
+    views = await until(lambda: elsewhere(there))
+    assert [view.id for view in views] == [game.episode]
+    assert views[0].card["who"] == "B-001"
+    assert views[0].still["grid"] == list(game.session.trace.layout.grid)
+    later = await until(lambda: [view for view in elsewhere(there) if view.board["state"]["t"] > views[0].card["t"]])
+    assert later[0].phase == "running"
+    assert elsewhere(here) == []
+
+
+async def test_a_researcher_reaches_a_game_wherever_it_runs(pair: Pair, bot: Bot) -> None:
+    here, there = pair
+    game = running(here)
+    assert game is not None
+    assert does(there, "pause", game.episode)
+    await until(lambda: game.session.phase == "paused")
+    assert does(there, "tell", game.episode, "Nearly done.")
+    assert does(there, "resume", game.episode)
+    await until(lambda: game.session.phase == "running")
+    control = there.app.state.control
+    assert there.do(lambda: control.tell_study("short", "To all.")) == 1
+    there.do(lambda: control.pause_study("short"))
+    await until(lambda: game.session.phase == "paused")
+    there.do(lambda: control.resume_study("short"))
+    await until(lambda: game.session.phase == "running")
+    assert does(there, "end", game.episode)
+    await until(lambda: len(here.app.state.games) == 0)
+    assert not does(there, "pause", game.episode)
+
+
+async def test_another_tab_at_another_process_takes_the_game_over_where_it_stands(pair: Pair, bot: Bot) -> None:
+    here, there = pair
+    game = running(here)
+    assert game is not None
+    first = bot.game()
+    second = BotGame(first.url.replace(str(here.port), str(there.port)), first.cookie, Journal(), Traits.drawn(2))
+    playing = asyncio.create_task(second.play())
+    taken = await until(lambda: running(there))
+    await until(lambda: len(here.app.state.games) == 0)
+    assert taken.episode == game.episode
+    assert taken.session.trace.timestep >= game.session.trace.timestep - 1
+    await asyncio.sleep(0.3)
+    database = there.app.state.web.database
+    stored = there.do(lambda: database.read(ticks.of_episode, game.episode))
+    assert [tick.timestep for tick in stored] == list(range(len(stored)))
+    assert game.session.phase == "ended"
+    playing.cancel()
+    await asyncio.gather(playing, return_exceptions=True)
+
+
+async def test_games_go_on_without_redis_and_the_dashboard_comes_back_with_it(
+    pair: Pair,
+    bot: Bot,
+    redis: RedisServer,
+) -> None:
+    here, there = pair
+    game = running(here)
+    assert game is not None
+    await until(lambda: elsewhere(there))
+    redis.stop()
+    stood = game.session.trace.timestep
+    await until(lambda: game.session.trace.timestep > stood + 10)
+    assert game.session.phase == "running"
+    assert not does(there, "pause", game.episode)
+    redis.start()
+    await until(lambda: elsewhere(there))
+
+
+async def test_figures_of_all_processes_are_told_by_each(pair: Pair, bot: Bot) -> None:
+    def games() -> dict[str, float]:
+        text = httpx.get(f"{pair[1].url}/metrics").text
+        lines = [line.split() for line in text.splitlines() if line.startswith("kitchenmind_games{")]
+        return {name: float(value) for name, value in lines}
+
+    found = await until(lambda: (both := games()) and len(both) == 2 and sum(both.values()) == 1 and both)
+    assert len(found) == 2
+
+
+def test_people_who_play_with_people_need_one_process(
+    tmp_path: Path, postgres: PostgresServer, redis: RedisServer
+) -> None:
+    name = postgres.new_database()
+    study = STUDY.replace("{name: planner}", "{name: other, human: true, predictor: random}")
+    study = study.replace("conditions:", "order: {rule: fixed}\nconditions:")
+    live = LiveServer(tmp_path, study=study, database=postgres.url(name), redis=redis.url)
+    with pytest.raises(StudyError, match="must reach the same process"):
+        live.start()
+    postgres.drop_database(name)

@@ -1,0 +1,78 @@
+"""What machines ask of the server: alive, ready, and its figures."""
+
+import json
+import logging
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from live_server import LiveServer
+from real_server import SHORT_STUDY
+
+from server import logs
+from server.web.health import FIGURES
+
+TOKEN = "a token for those who watch"
+
+
+@pytest.fixture(scope="module")
+def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
+    with LiveServer(tmp_path_factory.mktemp("health"), metrics_token=TOKEN) as serving:
+        yield serving
+
+
+def test_a_server_that_can_play_is_alive_and_ready(live: LiveServer) -> None:
+    assert httpx.get(f"{live.url}/health/live").json() == {"status": "alive"}
+    answer = httpx.get(f"{live.url}/health/ready")
+    assert (answer.status_code, answer.json()) == (200, {"ready": True, "missing": []})
+
+
+def test_a_server_without_models_or_on_its_way_out_is_not_ready(
+    live: LiveServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live.models, "ready", False)
+    monkeypatch.setattr(live.app.state.games, "stopping", True)
+    answer = httpx.get(f"{live.url}/health/ready")
+    assert (answer.status_code, answer.json()["missing"]) == (503, ["models", "stopping"])
+    assert httpx.get(f"{live.url}/health/live").status_code == 200
+
+
+def test_figures_are_for_who_has_the_token(live: LiveServer) -> None:
+    assert httpx.get(f"{live.url}/metrics").status_code == 401
+    assert httpx.get(f"{live.url}/metrics", headers={"Authorization": "Bearer wrong"}).status_code == 401
+    answer = httpx.get(f"{live.url}/metrics", headers={"Authorization": f"Bearer {TOKEN}"})
+    lines = [line for line in answer.text.splitlines() if not line.startswith("#")]
+    told = {re.sub(r"\{.*", "", line): float(line.split()[-1]) for line in lines}
+    assert set(told) == {f"kitchenmind_{name}" for name in FIGURES}
+    assert told["kitchenmind_games"] == 0
+    assert told["kitchenmind_resident_memory_bytes"] > 1e6
+
+
+def test_a_log_for_machines_is_a_json_object_a_line(capfd: pytest.CaptureFixture[str]) -> None:
+    root = logging.getLogger()
+    before = root.handlers, root.level
+    try:
+        logs.configure("json")
+        try:
+            raise ValueError("broken on purpose")
+        except ValueError:
+            logging.getLogger("server.play.loop").exception("episode %s cannot go on", "abc")
+        (line,) = capfd.readouterr().err.splitlines()
+        told = json.loads(line)
+        assert (told["event"], told["level"], told["logger"]) == (
+            "episode abc cannot go on",
+            "error",
+            "server.play.loop",
+        )
+        assert "broken on purpose" in told["exception"]
+    finally:
+        root.handlers, root.level = before
+
+
+def test_figures_are_hidden_in_production_without_a_token(tmp_path: Path) -> None:
+    secret = {"mode": "production", "public_url": "https://lab.example.org"}
+    with LiveServer(tmp_path, 1.0, SHORT_STUDY.replace("planner}", "planner, predictor: random}"), **secret) as live:
+        assert httpx.get(f"{live.url}/metrics").status_code == 404
+        assert httpx.get(f"{live.url}/health/ready").status_code == 200
