@@ -63,6 +63,15 @@ def load_population(folders: Path | Sequence[Path], layout: Layout) -> list[Part
     return sorted(partners, key=lambda partner: partner.name)
 
 
+def load_extras(folders: Sequence[Path], layout: Layout) -> list[Partner]:
+    """Agents in these checkpoint folders that are only ever trained on, under their folders' names: the more ways of
+    cooking a predictor has met, the better it foretells with strangers. Raises what `load_agent` raises."""
+    return [
+        Partner(f"extra_{folder.name}", "extra", "extra", load_agent(str(folder.resolve()), layout).policy)
+        for folder in folders
+    ]
+
+
 def with_itself_and_extras(
     target: Target, population: Sequence[Partner], layout: Layout, extras: bool = True
 ) -> list[Partner]:

@@ -15,7 +15,7 @@ from overcooked.layout import load_layout
 from overcooked.state import Kitchens
 from training.collect import Partner, Plan, Target, collect, games_with, read_manifest, read_shard, split_by_agent
 from training.dataset import NONE, episodes_of, load_episodes, stream_batch, window_batch
-from training.population import NoisyPolicy, load_population, with_itself_and_extras
+from training.population import NoisyPolicy, load_extras, load_population, with_itself_and_extras
 
 RING = load_layout("coordination_ring")
 SMALL = Plan(trajectories=1, timesteps=60)
@@ -215,3 +215,16 @@ def test_a_population_on_disk_is_found_by_the_names_of_its_agents(tmp_path):
 def test_an_empty_population_names_the_remedy(tmp_path):
     with pytest.raises(ValueError, match="kitchenmind train study"):
         load_population(tmp_path, RING)
+
+
+def test_more_agents_can_be_trained_on_and_are_never_tested_on(tmp_path):
+    config = NetworkConfig(hidden=(16,))
+    folder = tmp_path / "sp_4_20"
+    save_agent(folder, build_network(config, RING), config, RING, Mode(), "A card.", agent="sp_4_20")
+    (extra,) = load_extras([folder], RING)
+    population = [uniform(f"sp_{k}_100", f"sp_{k}") for k in range(5)]
+    split = split_by_agent([*population, extra])
+    assert (extra.name, split[extra.agent]) == ("extra_sp_4_20", "train")
+    assert split["sp_4"] == "test"
+    with pytest.raises(ValueError, match="no agent"):
+        load_extras([tmp_path / "nobody"], RING)

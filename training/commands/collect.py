@@ -19,6 +19,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--trajectories", type=int, default=5, help="for each partner and setting (default: 5)")
     parser.add_argument("--timesteps", type=int, default=800, help="of a trajectory (default: 800)")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--extra", type=Path, nargs="*", default=[], metavar="FOLDER", help="more agents that are only trained on"
+    )
     parser.add_argument("--no-extras", action="store_true", help="the paper's partners only, no noisy or scripted ones")
 
 
@@ -39,7 +42,7 @@ def _collect(arguments: argparse.Namespace) -> int:
 
     from overcooked.layout import load_layout
     from training.collect import Plan, collect
-    from training.population import load_population, load_target, with_itself_and_extras
+    from training.population import load_extras, load_population, load_target, with_itself_and_extras
     from training.ship_predictor import population_folder
 
     if arguments.trajectories < 1 or arguments.timesteps < 10:
@@ -49,6 +52,7 @@ def _collect(arguments: argparse.Namespace) -> int:
     target = load_target(arguments.agent, layout)
     population = load_population(arguments.population or population_folder(layout), layout)
     partners = with_itself_and_extras(target, population, layout, extras=not arguments.no_extras)
+    partners += load_extras(arguments.extra, layout)
     plan = Plan(arguments.trajectories, arguments.timesteps, arguments.seed)
     out = arguments.out or arguments.runs / "games" / f"{layout.name}_{target.name}"
     with Progress(TextColumn(f"{target.name} on {layout.name}"), BarColumn(), TimeRemainingColumn()) as bar:
