@@ -124,7 +124,7 @@ class FaultProxy:
         for line, (near, far, *_) in broken:
             for writer in (near, far):
                 raw = writer.get_extra_info("socket")
-                if raw is not None:
+                with suppress(OSError):  # it may be closed already
                     raw.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
                 writer.transport.abort()
             line.cancel()

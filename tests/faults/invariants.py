@@ -79,7 +79,7 @@ def _inputs(connection: Connection, witnesses: Sequence[Witness], found: Finding
     for witness in witnesses:
         for episode, seq, tap in witness.testimony.inputs:
             sent[episode][seq] = tap
-    last: dict[tuple[str, int], int] = {}
+    moved: set[tuple[str, int, int]] = set()
     query = select(ticks).order_by(*ticks.primary_key.columns)
     for row in connection.execute(query):
         for seat, seq, action in ((0, row.key_seq_0, row.action_0), (1, row.key_seq_1, row.action_1)):
@@ -88,9 +88,9 @@ def _inputs(connection: Connection, witnesses: Sequence[Witness], found: Finding
             place = f"{row.episode_id} timestep {row.timestep}"
             if sent[row.episode_id].get(seq) != action:
                 found.doubled.append(f"{place}: input {seq} moved {action}, which nobody sent")
-            if last.get((row.episode_id, seat), -1) >= seq:
+            if (row.episode_id, seat, seq) in moved:
                 found.doubled.append(f"{place}: input {seq} moved a second time")
-            last[row.episode_id, seat] = seq
+            moved.add((row.episode_id, seat, seq))
 
 
 def _ends(connection: Connection, witnesses: Sequence[Witness], found: Findings) -> None:

@@ -77,7 +77,6 @@ class FaultMachine(RuleBasedStateMachine):
         async def again() -> None:
             old, witness = self.crowd._games[person], self.crowd.witnesses[person]
             new = witness.game()
-            new.seq = 10_000 + len(witness.testimony.inputs)
             if same_tab:
                 self.crowd._playing[person].cancel()
                 new.tab = old.tab

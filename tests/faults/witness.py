@@ -51,6 +51,7 @@ class Testimony:
     errors: list[int] = field(default_factory=list)  # statuses of 500 and more
     violations: list[str] = field(default_factory=list)
     reconnects: int = 0
+    seq: int = 0  # of the newest input, over all tabs
     code: str | None = None
 
     def note(self, kind: str, detail: Any = None, line: int = 0) -> None:
@@ -69,7 +70,7 @@ class Game:
         """`url`: ws://host/s/study/socket; `idle`: the share of timesteps without a key."""
         self.url, self.cookie, self.tab = url, cookie, f"tab-{chance.getrandbits(64):016x}"
         self.testimony, self.chance, self.idle = testimony, chance, idle
-        self.episode, self.seq = "", 0
+        self.episode = ""
         self.by_itself = True  # presses "go on" whenever it may
         self._kitchen: Kitchens | None = None
 
@@ -152,10 +153,10 @@ class Game:
 
     async def act(self, socket: ClientConnection) -> None:
         if self.chance.random() >= self.idle:
-            self.seq += 1
-            tap = self.chance.choice(TAPS)
-            self.testimony.inputs.append((self.episode, self.seq, tap))
-            await self.say(socket, messages.Input(self.seq, None, tap, float(self.seq)))
+            self.testimony.seq += 1
+            seq, tap = self.testimony.seq, self.chance.choice(TAPS)
+            self.testimony.inputs.append((self.episode, seq, tap))
+            await self.say(socket, messages.Input(seq, None, tap, float(seq)))
 
     @staticmethod
     async def say(socket: ClientConnection, message: messages.Incoming) -> None:
