@@ -16,6 +16,7 @@ from server.settings import ROOT
 
 START_WITHIN_S: Final = 240.0
 STOP_WITHIN_S: Final = 60.0
+LOCAL: Final = {"KITCHENMIND_MODE": "local", "KITCHENMIND_HOST": "127.0.0.1", "KITCHENMIND_PUBLIC_URL": ""}
 QUICK: Final = {"KITCHENMIND_SPEED": "10", "KITCHENMIND_PATIENCE_S": "2"}
 
 
@@ -29,7 +30,8 @@ class OwnServer:
     def __init__(self, database: str, study: Path, environment: Mapping[str, str] | None = None) -> None:
         self.url, self.database = "", database
         self._words = ["--study", str(study), "--database", database]
-        self._environment = {**os.environ, **(environment or {})}
+        own = {name: value for name, value in os.environ.items() if not name.startswith("KITCHENMIND_")}
+        self._environment = own | LOCAL | dict(environment or {})
         self._port = 0
         self._process: subprocess.Popen[bytes] | None = None
         self._log = Path(tempfile.mkstemp(prefix="kitchenmind-", suffix=".log")[1])

@@ -37,7 +37,7 @@ class BrowserCook:
         page.on("websocket", self._attach)
 
     def _attach(self, socket: WebSocket) -> None:
-        if socket.url.endswith("/socket"):  # not the one with which the consent page tries the line
+        if socket.url.partition("?")[0].endswith("/socket"):  # not the one with which the consent page tries the line
             self._applied = self._sent = -1
             socket.on("framereceived", self._receive)
             socket.on("framesent", self._note)

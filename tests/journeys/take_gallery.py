@@ -70,6 +70,8 @@ def signed_in(chromium: Browser, server: OwnServer, study: str) -> Page:
     page.fill("[name=password]", password.group(1))
     page.click("form button")
     page.wait_for_url(f"**/admin/s/{study}")
+    page.click(".switch")  # blind mode off: there is nobody whose condition could be given away
+    page.wait_for_load_state()
     return page
 
 

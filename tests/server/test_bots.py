@@ -17,6 +17,7 @@ from server.bot_crowd import Crowd, Outcome, judge, simulate
 from server.bot_faults import GUARANTEES, Trial, table
 from server.bot_promises import Claim, broken_at_code
 from server.bots import Bot
+from server.commands import bots as bots_command
 from server.own_server import QUICK, OwnServer
 from server.own_server import kitchenmind as command_line
 from server.store.database import Database
@@ -52,13 +53,17 @@ def simulated(*words: str) -> tuple[int, dict[str, Any]]:
 @pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.stem)
 def test_every_shipped_study_is_walked_to_its_end_and_its_data_can_be_exported(study: Path, tmp_path: Path) -> None:
     database = f"sqlite:///{tmp_path / 'kept.sqlite3'}"
-    status, outcome = simulated("2", "--study", str(shortened(study, tmp_path)), "--database", database, "--fast")
+    plan = load_study(study).study
+    # Two of a condition, where they play with each other.
+    number = 2 * len(plan.conditions) if any(agent.human for agent in plan.agents) else 2
+    status, outcome = simulated(
+        str(number), "--study", str(shortened(study, tmp_path)), "--database", database, "--fast"
+    )
     assert outcome["violations"] == []
     assert status == 0
-    assert (outcome["started"], outcome["completed"], outcome["dropped"]) == (2, 2, 0)
-    assert sum(outcome["by_condition"].values()) == 2
-    plan = load_study(study).study
-    assert outcome["episodes"] == 2 * len(plan.layouts) * len(plan.agents)
+    assert (outcome["started"], outcome["completed"], outcome["dropped"]) == (number, number, 0)
+    assert sum(outcome["by_condition"].values()) == number
+    assert outcome["episodes"] == number * len(plan.layouts) * len(plan.agents)
     exported = command("export", "--database", database, "--out", str(tmp_path / "export"))
     assert exported.returncode == 0, exported.stderr
 
@@ -237,3 +242,16 @@ def test_guarantees_hold_while_the_server_is_killed_and_lines_are_lost() -> None
     assert tried.stdout.count("PASS") == len(GUARANTEES) + 1
     assert "1 x server kill" in tried.stdout
     assert "seed 3" in tried.stdout
+
+
+@pytest.mark.parametrize("form", [[], ["--json"]], ids=["table", "json"])
+def test_a_violation_is_told_and_makes_the_exit_code_1(
+    form: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    broken = Outcome(3, 2, 1, {"tom": 2}, 20, ["episode 1 lost timesteps [7]"])
+    monkeypatch.setattr(bots_command, "_simulate", lambda _: broken)
+    assert kitchenmind.main(["bots", "3", *form]) == 1
+    told = capsys.readouterr().out
+    assert "episode 1 lost timesteps [7]" in told
+    if form:
+        assert set(json.loads(told)) == {"started", "completed", "dropped", "by_condition", "episodes", "violations"}
