@@ -85,15 +85,16 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
     files = _served(settings)
     async with AsyncExitStack() as stack:
         several = settings.redis is not None
+        models = _models(settings, files)
+        stack.push_async_callback(models.close)
+        starting = asyncio.create_task(models.start())  # takes longest, in a process of its own
+        stack.push_async_callback(_cancelled, starting)
+        await asyncio.to_thread(_warm, files)
         await asyncio.to_thread(migrate_shared if several else migrate, settings.database)
         database = Database(settings.database, shared=several, in_turn=several)
         stack.callback(database.close)
         studies = await Studies.opened(database, files)
-        cast = cast_of(files)
-        predictors = [name for name in cast.predictors if name not in cast.missing]
-        models = ModelServer(cast.agents, predictors, settings.model_workers, grids=cast.grids)
-        await models.start()
-        stack.push_async_callback(models.close)
+        await starting
         app.state.models = models
         app.state.web = Web(database, studies, app.state.guard, templates())
         member = await _member(settings, files, stack) if several else None
@@ -108,11 +109,22 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
         stack.push_async_callback(app.state.demonstrations.games.stop)
         stack.push_async_callback((await _researchers(app, settings, member)).stop)
         stack.push_async_callback(_alarm(app, settings))
-        _warm(files)
         gc.collect()
         gc.freeze()
         gc.set_threshold(*_GARBAGE_THRESHOLDS)
         yield
+
+
+def _models(settings: Settings, files: Sequence[StudyFile]) -> ModelServer:
+    cast = cast_of(files)
+    predictors = [name for name in cast.predictors if name not in cast.missing]
+    return ModelServer(cast.agents, predictors, settings.model_workers, grids=cast.grids)
+
+
+async def _cancelled(task: "asyncio.Task[None]") -> None:
+    """Nothing goes on when the server does not start."""
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
 
 
 def _served(settings: Settings) -> list[StudyFile]:

@@ -3,13 +3,14 @@
 import asyncio
 from collections import Counter
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sqlalchemy import Connection
 
-from server.store import judged
 from server.store.database import Database
-from server.store.judged import Key
+
+if TYPE_CHECKING:
+    from server.store.judged import Key
 
 AT_ONCE: Final = 4  # episodes of a call
 A_LOOK: Final = 24  # episodes of a look
@@ -34,7 +35,7 @@ class Verdicts:
     async def look(self, study_ids: tuple[int, ...]) -> int:
         """Judges some that are new, latest first; how many are still to be judged. Raises DatabaseDown."""
         async with self._judging:
-            new = [key for key in await self._database.read(judged.over, study_ids) if self._is_new(key)]
+            new = [key for key in await self._database.read(_over, study_ids) if self._is_new(key)]
             for start in range(0, min(A_LOOK, len(new)), AT_ONCE):
                 some = new[start : start + AT_ONCE]
                 said = await self._database.read(_judge, [episode for episode, *_ in some])
@@ -53,13 +54,20 @@ class Verdicts:
             found.setdefault(person, Counter())[verdict.proposal] += 1
         return found
 
-    def _is_new(self, key: Key) -> bool:
+    def _is_new(self, key: "Key") -> bool:
         known = self._known.get(key[0])
         return known is None or known[0] != key
 
 
+def _over(connection: Connection, study_ids: tuple[int, ...]) -> "list[Key]":
+    from server.store import judged  # late: the server starts sooner without pyarrow
+
+    return judged.over(connection, study_ids)
+
+
 def _judge(connection: Connection, episodes: list[str]) -> dict[str, Verdict]:
-    from analysis.verdict import judge  # late: polars is loaded when there is something to judge
+    from analysis.verdict import judge  # late, as it loads polars
+    from server.store import judged
 
     tables: dict[str, Any] = judged.tables(connection, episodes)
     return {episode: Verdict(*said) for episode, said in judge(tables).items()}
