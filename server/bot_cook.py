@@ -57,7 +57,6 @@ class Impression:
     blocked: int = 0  # of them, those that led nowhere because somebody stood there
     foretold: int = 0  # timesteps for which an arrow told what the partner would do
     right: int = 0  # of them, those that it did
-    partner_moved: int = 0
 
     def share(self, part: int, whole: int) -> float:
         return part / whole if whole else 0.0
@@ -126,7 +125,6 @@ class Cook:
         if actions[self._seat] < STAY:
             seen.tried += 1
             seen.blocked += unchanged and self._faced_a_chef(before, actions[self._seat])
-        seen.partner_moved += bool((now.players[0, other, :FACING] != before.players[0, other, :FACING]).any())
         if self._foretold is not None:
             seen.foretold += 1
             seen.right += actions[other] == self._foretold

@@ -8,7 +8,6 @@ from random import Random
 from typing import Any, Final
 from urllib.parse import urlencode
 
-import httpx
 from sqlalchemy import Connection
 
 from server import bot_promises
@@ -23,6 +22,7 @@ from server.study.steps import steps
 
 AT_ONCE: Final = 100  # more would only wait for each other
 _PAGES_UNKNOWN: Final = 12
+_FULL: Final = "answered 409"  # the study takes nobody any more: whoever comes then has not started
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,6 @@ class _One:
 
     bot: Bot
     came: bool = False
-    trouble: list[str] = field(default_factory=list)
 
 
 async def simulate(
@@ -88,7 +87,7 @@ async def simulate(
             told(done, crowd.number)
 
     await asyncio.gather(*(one(number) for number in range(crowd.number)))
-    return [one.bot for one in everyone if one.came]
+    return [one.bot for one in everyone if one.came or one.bot.journal.violations]
 
 
 async def _walk(one: _One, turn: asyncio.Event, following: asyncio.Event, database: Database | None) -> None:
@@ -105,26 +104,27 @@ async def _walk(one: _One, turn: asyncio.Event, following: asyncio.Event, databa
             await one.bot.go_on(page)
         if journal.code is not None and database is not None:
             journal.violations += await database.read(bot_promises.broken_at_code, Claim(one.bot.token, journal))
-    except (RuntimeError, httpx.HTTPError, ConnectionError) as error:
-        if one.came:
-            journal.violations.append(f"there was no way on: {error}")
+    except Exception as error:  # noqa: BLE001 - what goes wrong with one is told, and keeps nobody else from walking
+        if one.came or _FULL not in str(error):
+            journal.violations.append(f"there was no way on: {type(error).__name__}: {error}")
     finally:
         await one.bot.close()
 
 
 def judge(bots: Sequence[Bot], database: Database | None) -> Outcome:
     """Counts them, and holds every promise against what they saw and, where there is a database, what is stored."""
-    outcome = Outcome(started=len(bots))
+    outcome = Outcome()
     journals = [bot.journal for bot in bots]
     for bot in bots:
+        outcome.started += bool(bot.token)
         outcome.completed += bot.journal.code is not None
-        outcome.dropped += bot.journal.code is None
+        outcome.dropped += bool(bot.token) and bot.journal.code is None
         games, ended = bot.journal.games, bot.journal.ended
         outcome.episodes += sum(games[episode].kind == "episode" for episode in ended)
         outcome.violations += bot_promises.broken_in_journal(bot.journal)
     outcome.violations += bot_promises.broken_codes(journals)
     if database is not None:
-        outcome.violations += database.read_now(_stored, [Claim(bot.token, bot.journal) for bot in bots])
+        outcome.violations += database.read_now(_stored, [Claim(bot.token, bot.journal) for bot in bots if bot.token])
         outcome.by_condition = database.read_now(_by_condition, [bot.token for bot in bots])
     return outcome
 

@@ -255,3 +255,24 @@ def test_a_violation_is_told_and_makes_the_exit_code_1(
     assert "episode 1 lost timesteps [7]" in told
     if form:
         assert set(json.loads(told)) == {"started", "completed", "dropped", "by_condition", "episodes", "violations"}
+
+
+def test_a_server_that_lets_nobody_in_is_a_violation_not_a_success() -> None:
+    crowd = Crowd(1, "no_such_study")
+
+    async def nobody_answers() -> list[Bot]:
+        server = await asyncio.start_server(_refuse, "127.0.0.1", 0)
+        async with server:
+            port = server.sockets[0].getsockname()[1]
+            return await simulate(crowd, f"http://127.0.0.1:{port}", None)
+
+    outcome = judge(asyncio.run(nobody_answers()), None)
+    assert (outcome.started, outcome.completed) == (0, 0)
+    assert any("no way on" in violation for violation in outcome.violations)
+
+
+async def _refuse(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    await reader.readuntil(b"\r\n\r\n")
+    writer.write(b"HTTP/1.1 500 Broken\r\nContent-Length: 0\r\nConnection: close\r\n\r\n")
+    await writer.drain()
+    writer.close()
