@@ -68,6 +68,24 @@ def test_figures_for_documents_have_a_script() -> None:
             assert (ROOT / script).is_file(), f"{name}: {script}"
 
 
+def test_tests_that_documents_name_exist() -> None:
+    missing, named = [], 0
+    for name, text in documents().items():
+        for path, test in re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", text):
+            named += 1
+            file = ROOT / path
+            if not file.is_file() or not re.search(rf"^(?:async )?def {test}\(", file.read_text("utf-8"), re.MULTILINE):
+                missing.append(f"{name}: {path}::{test}")
+    assert missing == []
+    assert named > 40
+
+
+def test_every_one_of_the_thirty_promises_names_a_test() -> None:
+    rows = re.findall(r"^\| (\d+) \|.*$", documents()["docs/ux_checks.md"], re.MULTILINE)
+    held = re.findall(r"^\| (\d+) \|.*::test_.*$", documents()["docs/ux_checks.md"], re.MULTILINE)
+    assert rows == held == [str(number) for number in range(1, 31)]
+
+
 def test_decisions_have_numbers_of_their_own_and_say_what_was_decided() -> None:
     pages = sorted((ROOT / "docs/decisions").glob("*.md"))
     assert len({int(page.name[:4]) for page in pages}) == len(pages) >= 6

@@ -8,9 +8,11 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from page_site import SMALL_STUDY, Site
 from playwright.sync_api import Browser, BrowserContext, Page, expect
+from sqlalchemy import Connection
 
 from server.store import participants
 from server.store.participants import Participant
+from server.store.tables import participants as table
 
 pytestmark = pytest.mark.browser
 SHOTS = Path(__file__).parents[2] / "screenshots"
@@ -22,9 +24,18 @@ LONGER = SMALL_STUDY.replace("name: small", "name: strict", 1).replace(
 )
 
 
+HIRED = SMALL_STUDY.replace("name: small", "name: hired", 1).replace(
+    "seed: 11\n", "seed: 11\nrecruitment: {source: mturk, required: true, screened_out: {code: KM-OUT}}\n"
+)
+HIRED = HIRED.replace("predictor: none}", "predictor: none, quota: 1}").replace(
+    "predictor: tom}", "predictor: tom, quota: 1}"
+)
+ACCEPTED = "assignmentId=A1&hitId=H1&turkSubmitTo=https%3A%2F%2Fwww.mturk.com"
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    with Site(tmp_path_factory.mktemp("pages"), SMALL_STUDY, LONGER) as running:
+    with Site(tmp_path_factory.mktemp("pages"), SMALL_STUDY, LONGER, HIRED) as running:
         yield running
 
 
@@ -146,6 +157,83 @@ def test_axe_finds_nothing_on_any_page(
     context.close()
     assert person.troubles == []
     assert {place: problems for place, problems in found.items() if problems} == {}
+
+
+def test_axe_finds_nothing_where_the_way_ends_early(person: Person) -> None:
+    """Who only looks, comes twice, finds the study full, fails the quiz, was away too long, or guesses codes."""
+    page, site = person.page, person.site
+    found: dict[str, list[Any]] = {}
+
+    def look(place: str) -> None:
+        found[place] = violations(page)
+        person.shot(place)
+
+    def come(who: str) -> None:
+        page.context.clear_cookies()
+        page.goto(f"{site.url}/s/hired?workerId={who}&{ACCEPTED}")
+
+    def agree() -> None:
+        page.locator(".check input").check()
+        page.click("#agree")
+
+    page.goto(f"{site.url}/s/hired?assignmentId=ASSIGNMENT_ID_NOT_AVAILABLE")
+    look("mturk-preview")
+    page.goto("about:blank")
+    page.goto(f"{site.url}/s/hired")
+    look("link-needed")
+    for who in ("one", "two"):
+        come(who)
+        agree()
+        page.wait_for_url("**/now")
+    come("three")
+    agree()
+    look("full")
+    come("one")
+    assert page.url == f"{site.url}/s/hired", "nobody can read in the address who somebody is"
+    page.reload()
+    page.get_by_role("heading", name="Welcome back").wait_for()
+    look("welcome-back")
+    page.click("main .btn")
+    first, second = site.everybody("hired")
+    keys = [step.key for step in site.studies.way(first)]
+    site.database.write_now(participants.advance, first.id, 0, keys.index("goodbye"))
+    page.reload()
+    page.click("main .btn")
+    page.wait_for_selector("#code")
+    look("thanks-mturk")
+    site.database.write_now(participants.leave, second.id, "timed_out")
+    come("two")
+    page.click("main .btn")
+    look("timed-out")
+    come("two")
+    site.database.write_now(set_status, second.id, "screened_out")
+    page.click("main .btn")
+    look("screened-out")
+    page.context.clear_cookies()
+    page.goto(f"{site.url}/s/small/withdraw")
+    for _ in range(6):
+        page.fill("#code-input", "KM-0000-0000")
+        page.click(".danger")
+    look("too-many-codes")
+    site.app.state.code_tries.failed.clear()
+    assert {place: problems for place, problems in found.items() if problems} == {}
+
+
+def set_status(connection: Connection, participant_id: str, status: str) -> None:
+    connection.execute(table.update().where(table.c.id == participant_id).values(status=status))
+
+
+def test_the_assignment_is_sent_to_mturk_and_nowhere_else(person: Person) -> None:
+    page, sent = person.page, []
+    page.route("https://www.mturk.com/**", lambda route: (sent.append(route.request), route.fulfill(body="done")))
+    page.goto(f"{person.site.url}/s/hired?workerId=one&{ACCEPTED}")
+    page.click("main .btn")
+    page.get_by_role("button", name="Submit the assignment").click()
+    page.wait_for_url("https://www.mturk.com/**")
+    code = person.site.everybody("hired")[0].completion_code
+    assert [(one.method, one.url) for one in sent] == [("POST", "https://www.mturk.com/mturk/externalSubmit")]
+    assert sent[0].post_data == f"assignmentId=A1&code={code}"
+    person.asked.clear()
 
 
 def test_start_page_is_light_and_quick(person: Person) -> None:
