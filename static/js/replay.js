@@ -1,7 +1,7 @@
 // One game for researchers: plays what is stored, and follows what goes on. Wires player, time line, probabilities and downloads.
 
 import { heard, listen } from './admin.js';
-import { Film } from './replay-film.js';
+import { Film, canFilm } from './replay-film.js';
 import { showAccuracy, showChecked, showPrediction } from './replay-facts.js';
 import { Player } from './replay-player.js';
 import { TimeLine } from './replay-timeline.js';
@@ -148,9 +148,10 @@ function wire() {
     find('copy').textContent = 'Copied';
     setTimeout(() => { find('copy').textContent = 'Copy link'; }, 1500);
   });
-  const film = new Film(canvas, `${page.name}`);
+  const film = new Film(canvas, page.name, page.who);
   find('picture').addEventListener('click', () => film.picture(player.t));
-  find('video').addEventListener('click', () => film.record(find('video'), player, () => record, () => { following = false; }));
+  find('video').addEventListener('click', () => film.record(find('video'), record, player.t));
+  find('video').disabled = !canFilm;
   document.addEventListener('keydown', keys);
   window.addEventListener('hashchange', () => go(fromAddress() ?? player.t));
   new ResizeObserver(() => { fit(); if (record) show(player.t, 'jump'); }).observe(canvas.parentElement);
