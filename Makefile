@@ -9,7 +9,7 @@ AGAIN := --reruns 2 --only-rerun Timeout
 # Alone and first, so that pip takes the build that suits the machine and not what another package would draw in.
 TORCH := $(shell sed -n 's/.*"\(torch==[^"]*\)".*/\1/p' pyproject.toml)
 
-.PHONY: help setup serve test test-slow bench gallery lint format system clean
+.PHONY: help setup serve test test-slow bench audit gallery lint format system clean
 
 help:
 	@echo "make setup      the Python environment in .venv, for everything but the tests"
@@ -18,6 +18,7 @@ help:
 	@echo "make test-slow  the long proofs"
 	@echo "make lint       style and types only; make format puts the style right"
 	@echo "make bench      the measured figures"
+	@echo "make audit      known weaknesses of the dependencies (asks PyPI)"
 	@echo "make gallery    docs/gallery: a whole simulated study, its dashboard and report"
 
 setup: .venv/.complete
@@ -47,6 +48,10 @@ bench: .venv/.test
 # A whole simulated study with pictures of it: minutes. ARGS="--participants 6" for a taste.
 gallery: .venv/.test system
 	@$(BIN)/python tests/journeys/take_gallery.py $(ARGS)
+
+# Asks PyPI about known weaknesses of what is installed: needs the network, so it is no part of the tests.
+audit: .venv/.test
+	@$(BIN)/pip-audit --skip-editable $(ARGS)
 
 # Chromium, PostgreSQL and Redis: the tests use the real ones.
 system:

@@ -16,6 +16,7 @@ from live_fakes import RuleModels
 from real_server import SHORT_STUDY
 
 import server.main
+from models.runner import ModelStatistics
 from server.commands.serve import _server, listen
 from server.settings import Settings
 from server.store.database import DatabaseDown
@@ -33,6 +34,11 @@ class QuickModels(RuleModels):
     async def start(self) -> None: ...
 
     async def close(self) -> None: ...
+
+    ready = True
+
+    def statistics(self) -> ModelStatistics:
+        return ModelStatistics(0, 0, {}, (0.0, 0.0, 0.0))
 
 
 class LiveServer:

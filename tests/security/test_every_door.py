@@ -32,6 +32,9 @@ DOORS = {
     "GET /s/{name}/now": "participant",
     "POST /s/{name}/now": "participant",
     "POST /s/{name}/language": "participant",
+    "GET /watch": "all",  # agents among themselves: nobody's data
+    "GET /watch/game": "all",
+    "SOCKET /watch/socket": "all",
     "SOCKET /s/{name}/check": "all",
     "SOCKET /s/{study}/socket": "participant",
     "GET /admin/login": "all",
@@ -44,6 +47,8 @@ DOORS = {
     "POST /admin/accounts/{account}/{deed}": "own",
     "GET /admin/s/{name}": "watch",
     "GET /admin/s/{name}/games": "watch",
+    "GET /admin/s/{name}/course.json": "watch",
+    "GET /admin/s/{name}/verdicts.json": "watch",
     "GET /admin/s/{name}/person/{person}": "watch",
     "GET /admin/s/{name}/consort.svg": "watch",
     "GET /admin/s/{name}/game/{episode}": "watch",

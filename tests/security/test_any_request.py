@@ -1,0 +1,89 @@
+"""Requests that nobody would send by hand, to every route, in three roles: an answer always, an error of ours never."""
+
+import warnings
+from typing import Any
+
+import pytest
+import schemathesis
+from hypothesis import HealthCheck, given, settings
+from invariants import Holdings
+
+from server.web.auth import FORM_FIELD
+
+WORDS = {"type": "string"}
+FIELDS = (
+    "step", "visit", "language", "code", "name", "password", "next", "blind", "text", "note", "reason", "minutes",
+    "exclusion", "kind", "box_0", "satisfied", "simulated", "PROLIFIC_PID",
+)  # fmt: skip
+QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None, "derandomize": True}
+
+
+def schema_of(house: Any) -> dict[str, Any]:
+    """What FastAPI knows of the routes, with the forms that it does not know, and names that exist."""
+    schema: dict[str, Any] = house.app.openapi()
+    form = {"type": "object", "properties": dict.fromkeys(FIELDS, WORDS), "additionalProperties": True}
+    known = {
+        "name": ["short", "other"], "person": [house.person], "episode": [house.episode], "account": ["watch"],
+        "deed": ["pause", "resume", "end", "message", "extend", "exclude", "restore", "release", "removed"],
+    }  # fmt: skip
+    for operations in schema["paths"].values():
+        for method, operation in operations.items():
+            for parameter in operation.get("parameters", ()):
+                if parameter["in"] == "path":
+                    parameter["schema"] = {"anyOf": [{"enum": known[parameter["name"]]}, WORDS]}
+            if method == "post":
+                operation["requestBody"] = {"content": {"application/x-www-form-urlencoded": {"schema": form}}}
+    return schema
+
+
+def answered(case: Any, house: Any, role: str) -> None:
+    if role == "own" and house.knock("GET /admin", role).status_code != 200:
+        house.sign_in(role)
+    if isinstance(case.body, dict):
+        case.body[FORM_FIELD] = house.form_token(role, case.path.startswith("/admin"))
+    headers = {"origin": house.live.url} | ({"cookie": house.cookies[role]} if house.cookies[role] else {})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of the client, about what it was made to send
+        response = case.call(base_url=house.live.url, headers=headers)
+    assert response.status_code < 500 or response.status_code == 503, f"{role}: {case.as_curl_command()}"
+
+
+def throw(house: Any, role: str, most: int) -> int:
+    """So many requests at every route; how many routes there were."""
+    operations = [found.ok() for found in schemathesis.openapi.from_dict(schema_of(house)).get_all_operations()]
+    for operation in operations:
+
+        @settings(max_examples=most, **QUIET)
+        @given(case=operation.as_strategy())
+        def one(case: Any) -> None:
+            answered(case, house, role)
+
+        one()
+    return len(operations)
+
+
+@pytest.mark.parametrize("role", ["anonymous", "participant", "own"])
+def test_any_request_is_answered(house: Any, role: str) -> None:
+    assert throw(house, role, most=1) >= 30
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize("role", ["anonymous", "participant", "own"])
+def test_thousands_of_requests_are_answered(house: Any, role: str) -> None:
+    assert throw(house, role, most=100) >= 30
+
+
+def test_many_refused_requests_leave_nothing_behind(house: Any) -> None:
+    import os
+
+    def knock(times: int) -> None:
+        for _ in range(times):
+            house.knock("GET /admin/s/{name}/games", "anonymous")
+            house.knock("POST /s/{name}/now", "anonymous")
+
+    knock(20)
+    before = Holdings.of(os.getpid())
+    knock(40)
+    after = Holdings.of(os.getpid())
+    assert after.descriptors <= before.descriptors + 2

@@ -1,0 +1,37 @@
+"""The list of dependencies is true to what is installed, and every licence is one that a laboratory can live with."""
+
+import tomllib
+from pathlib import Path
+
+import list_dependencies
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def listed() -> dict[str, tuple[str, str]]:
+    """Name -> version and licence, as docs/dependencies.md has it."""
+    lines = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8").splitlines()
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("| ")]
+    return {name: (version, licence) for name, version, _, licence in cells if name != "package"}
+
+
+def test_everything_that_is_installed_with_us_is_listed_with_its_pin() -> None:
+    written, installed = listed(), {name: version for name, version, _, _ in list_dependencies.rows()}
+    missing = sorted(name for name, version in installed.items() if name not in written or written[name][0] != version)
+    assert missing == [], "python tests/security/list_dependencies.py > docs/dependencies.md"
+
+
+def test_no_licence_is_missing_or_forbids_what_we_do() -> None:
+    assert [name for name, (_, licence) in listed().items() if not list_dependencies.ALLOWED.search(licence)] == []
+
+
+@pytest.mark.parametrize("extra", list_dependencies.EXTRAS)
+def test_our_own_dependencies_are_pinned_to_one_version(extra: str) -> None:
+    for pin in list_dependencies.wanted()[extra]:
+        assert str(pin.specifier).startswith("=="), pin
+
+
+def test_extras_are_all_looked_at() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert set(list_dependencies.EXTRAS) == {"serve", *project["optional-dependencies"]}
