@@ -15,10 +15,12 @@ COPY --chown=kitchenmind . .
 RUN pip install --no-deps --editable .
 USER kitchenmind
 RUN python -c "import numpy as np; from overcooked.layout import load_layout as l; from overcooked.state import Kitchens as K; \
-    k = K.start(l('coordination_ring')); k.step(np.zeros((1, 2), np.int8), np.zeros((1, 2), np.int32)); k.encode()"
+    k = K.start(l('coordination_ring')); k.step(np.zeros((1, 2), np.int8), np.zeros((1, 2), np.int32)); k.encode(); \
+    from models.worker import Worker as W; from models.wire import Load as L; \
+    W(L((), (('coordination_ring', 'sp_predictor_stream'),)))"
 
 VOLUME /app/var
 EXPOSE 8000
 HEALTHCHECK --interval=10s --timeout=5s --start-period=60s \
-    CMD python -c "import urllib.request as u; u.urlopen('http://127.0.0.1:8000/', timeout=4)"
+    CMD python -c "import urllib.request as u; u.urlopen('http://127.0.0.1:8000/health/ready', timeout=4)"
 CMD ["kitchenmind", "serve", "--host", "0.0.0.0"]

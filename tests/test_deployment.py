@@ -4,9 +4,12 @@ import os
 import shutil
 import subprocess
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 import yaml
+
+from server.settings import Settings
 
 ROOT = Path(__file__).parent.parent
 SECRETS = {"POSTGRES_PASSWORD": "a", "KITCHENMIND_SECRET": "b", "KITCHENMIND_PUBLIC_URL": "https://lab.example.org"}
@@ -35,12 +38,27 @@ def test_compose_file_is_refused_without_a_secret(missing: str) -> None:
     assert "set it in .env" in refused.stderr
 
 
+def test_compose_file_is_the_set_up_of_several_processes() -> None:
+    services = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
+    given = {
+        name.removeprefix("KITCHENMIND_").lower(): value for name, value in services["server"]["environment"].items()
+    }
+    own = {name: value for name, value in given.items() if name in Settings.model_fields}
+    filled = own | {"workers": 2, "secret": "0123456789abcdefghij" * 2, "public_url": "https://lab.example.org"}
+    settings = Settings(**filled, _env_file=None)
+    assert settings.redis is not None
+    assert settings.redis.get_secret_value().split("/")[2].split(":")[0] in services
+    assert urlsplit(settings.database).hostname in services
+    assert set(services["server"]["depends_on"]) == services.keys() - {"server"}
+    assert "health/ready" in str(services["server"]["healthcheck"])
+
+
 def test_no_service_is_open_to_other_machines_and_all_are_watched() -> None:
     services = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
     ports = [port for service in services.values() for port in service.get("ports", [])]
     assert all(port.startswith("127.0.0.1:") for port in ports)
     assert "HEALTHCHECK" in (ROOT / "Dockerfile").read_text()
-    assert all("healthcheck" in service or "build" in service for service in services.values())
+    assert all("healthcheck" in service for service in services.values())
 
 
 def test_image_leaves_data_and_secrets_of_the_checkout_behind() -> None:

@@ -1,0 +1,78 @@
+"""A database of every earlier version opens, is brought up to date and keeps its data, on SQLite and PostgreSQL."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from alembic import command
+from alembic.config import Config
+from postgres_server import PostgresServer
+from sqlalchemy import Connection
+from study_data import SPEC, played
+
+from server.store import engines, episodes, fences, studies, ticks
+from server.store.database import Database
+from server.store.engines import DatabaseInUse
+from server.store.migrate import MIGRATIONS, known_revisions, migrate, migrate_shared, newest_revision, revision_of
+
+KINDS = ["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)]
+EARLIER = [revision for revision in known_revisions() if revision != newest_revision()]
+
+
+@pytest.fixture(params=KINDS)
+def empty(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+    """The address of a database without tables."""
+    if request.param == "sqlite":
+        yield f"sqlite:///{tmp_path}/study.db"
+        return
+    server: PostgresServer = request.getfixturevalue("postgres")
+    name = server.new_database()
+    yield server.url(name)
+    server.drop_database(name)
+
+
+def make_as_of(url: str, revision: str) -> None:
+    """The tables as that version had them."""
+    config = Config()
+    config.set_main_option("script_location", str(MIGRATIONS))
+    writer = engines.Writer(engines.normal_url(url))
+    with writer.transaction() as connection:
+        config.attributes["connection"] = connection
+        command.upgrade(config, revision)
+    writer.close()
+
+
+def fill(connection: Connection) -> str:
+    study = studies.register(connection, "ring", "text")
+    episode = episodes.create(connection, episodes.NewEpisode(SPEC, "episode-01", study_id=study.id))
+    ticks.insert(connection, played(episode))
+    return episode
+
+
+@pytest.mark.parametrize("revision", EARLIER)
+def test_a_database_of_an_earlier_version_keeps_its_data(empty: str, revision: str) -> None:
+    make_as_of(empty, revision)
+    with Database(empty) as database:
+        assert database.read_now(revision_of) == revision
+        episode = database.write_now(fill)
+    migrate(empty)
+    with Database(empty) as database:
+        assert database.read_now(revision_of) == newest_revision()
+        assert database.read_now(ticks.of_episode, episode) == played(episode)
+        loaded = database.read_now(episodes.load, episode)
+        assert loaded is not None
+        assert (loaded.status, loaded.last_hash) == ("running", played(episode)[-1].state_hash)
+        assert database.read_now(fences.current, episode) == 0
+        assert [study.key for study in database.read_now(studies.every, "ring")] == ["ring"]
+
+
+@pytest.mark.postgres
+def test_processes_that_start_beside_others_leave_tables_of_their_version_alone(postgres: PostgresServer) -> None:
+    name = postgres.new_database()
+    url = postgres.url(name)
+    migrate_shared(url)
+    with Database(url, shared=True):
+        migrate_shared(url)
+        with pytest.raises(DatabaseInUse):
+            migrate(url)
+    postgres.drop_database(name)
