@@ -43,6 +43,8 @@ class Told:
 class Testimony:
     """What one participant sent and saw, to be held against the database."""
 
+    __test__ = False  # for pytest, which would take the name for a test
+
     told: list[Told] = field(default_factory=list)
     states: dict[tuple[str, int], str] = field(default_factory=dict)  # (episode, timestep) -> hash of the state seen
     inputs: list[tuple[str, int, int]] = field(default_factory=list)  # episode, seq, tap
