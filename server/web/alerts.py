@@ -69,7 +69,8 @@ class Alerts:
 
     async def look(self) -> None:
         """Tells of what has begun and what is over since the last look."""
-        found = {alert.key: alert for alert in (*self._machine(), *await self._games())}
+        leads = await self._leads()
+        found = {alert.key: alert for alert in (*self._machine(leads), *await self._games(leads))}
         now = datetime.now(UTC)
         for key in self.open.keys() - found.keys():
             self._tell(self.open.pop(key), True)
@@ -86,19 +87,24 @@ class Alerts:
         ]
         return [{"text": one.text, "since_s": round((now - (one.since or now)).total_seconds())} for one in mine]
 
-    def _machine(self) -> Iterator[Alert]:
+    async def _leads(self) -> bool:
+        """Of several processes, the one whose name comes first tells what all of them see."""
+        elsewhere = self._live.elsewhere
+        return all(elsewhere.name < other.name for other in await elsewhere.processes())
+
+    def _machine(self, leads: bool) -> Iterator[Alert]:
         late = sorted(list(self._live.games.loop.late_ms)[-LATEST:])
         if late and late[int(0.99 * len(late))] > LATE_MS:
             p99 = late[int(0.99 * len(late))]
             yield Alert("late", f"Timesteps come late: {p99:.0f} ms at the 99th percentile.")
         if any(DATABASE in game.session.holds for game in self._live.games):
             yield Alert("database", "The database does not take data: games stand still until it does.")
-        if self._file is not None and self._file.exists():
+        if leads and self._file is not None and self._file.exists():
             free_gb = shutil.disk_usage(self._file.parent).free / 1e9
             if free_gb < DISK_GB:
                 yield Alert("disk", f"The disk is nearly full: {free_gb:.1f} GB are free.")
 
-    async def _games(self) -> list[Alert]:
+    async def _games(self, leads: bool) -> list[Alert]:
         """Of people who are away, and of errors in their browsers; none while the database cannot be read."""
         found: list[Alert] = []
         studies = self._live.web.studies
@@ -111,7 +117,7 @@ class Alerts:
                         text = f"{name}: {who(card.played)} is away ({card.flag.word.lower()}) for {since_s} s."
                         path = f"/admin/s/{name}/game/{card.played.id}"
                         found.append(Alert(f"game {card.played.id}", text, path, name))
-                found += await self._troubles(name, versions)
+                found += await self._troubles(name, versions) if leads else []
         except DatabaseDown:
             found.append(Alert("unreadable", "The database cannot be reached."))
         return found

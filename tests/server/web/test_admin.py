@@ -30,6 +30,7 @@ from server.web.admin_auth import Tries
 from server.web.alerts import Alert, Alerts, message_of
 from server.web.control import Control
 from server.web.course import Course
+from server.web.elsewhere import Alone, Process
 from server.web.episodes import episode_spec, layout_of
 from server.web.everywhere import Everywhere
 from server.web.figures import Figures
@@ -311,6 +312,23 @@ def test_alerts_are_told_when_they_begin_and_when_they_are_over(site: Site, tmp_
     site.app.state.live.games.loop.late_ms.clear()
     asyncio.run(alerts.look())
     assert told[-1] == ("late", True)
+
+
+def test_of_several_processes_one_tells_what_all_see(site: Site, tmp_path: Path) -> None:
+    class Several(Alone):
+        other = ""
+
+        async def processes(self) -> list[Process]:
+            return [Process(self.other, {})]
+
+    Visitor(site).consent("small")
+    person = site.only("small").id
+    site.database.write_now(events.add, events.Event("trouble", datetime.now(UTC), person, detail={"text": "x"}))
+    site.app.state.live.elsewhere = several = Several()
+    for several.other, told in (("another", []), ("the last", [f"trouble {person}"])):
+        alerts = Alerts(site.app.state.live, tmp_path / "site.db", lambda *_: None)
+        asyncio.run(alerts.look())
+        assert list(alerts.open) == told
 
 
 def test_an_alert_carries_a_text_for_a_chat_and_parts_for_a_program() -> None:
