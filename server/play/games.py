@@ -186,6 +186,7 @@ class Games:
         games = list(self._games.values())
         for game in games:
             game.pause("server", "server")
+            game.store(game.session.end_pause(self.clock.now()))  # whoever takes it up begins a pause of their own
         await self.loop.close()
         try:
             async with asyncio.timeout(STOP_WITHIN_S):

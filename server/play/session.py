@@ -144,6 +144,10 @@ class Session:
         """The game moves at `go`; returns the PauseRecord of the pause that is over, to be stored."""
         self.phase = "countdown"
         self.start_at(go)
+        return self.end_pause(now)
+
+    def end_pause(self, now: float) -> PauseRecord | None:
+        """The pause that lasts, as over now, to be stored: the game moves again, or this server stops playing it."""
         record, self.pause_record = self.pause_record, None
         return None if record is None else replace(record, duration_ms=round((now - self.paused_since) * 1000, 3))
 
