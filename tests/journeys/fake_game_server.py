@@ -81,7 +81,7 @@ class FakeGameServer:
 
     def reset(self, **page: Any) -> None:
         """As if newly made, at the same address."""
-        self.page = {"language": "en", "lessons": [], "away_s": 30, "ready_page": False, **page}
+        self.page = {"language": "en", "leave": "/blank", "lessons": [], "away_s": 30, "ready_page": False, **page}
         self.received: list[messages.Incoming] = []
         self.welcome: Outgoing | None = welcome()
         self.on_hello: Callable[[Hello], list[Outgoing]] | None = None
