@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from sqlalchemy import text
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks"), str(ROOT / "tests" / "server" / "store")]
@@ -27,6 +28,7 @@ from server.store.database import Database  # noqa: E402
 from server.store.migrate import migrate  # noqa: E402
 
 TICK_S = 0.2
+_SIZE = "SELECT pg_total_relation_size('ticks'), count(*) FROM ticks"
 SLOTS = 20  # a process commits in so many parts of a tick
 
 
@@ -74,6 +76,8 @@ def measure(url: str, games: int, processes: int, timesteps: int) -> dict[str, A
     found = [told.get() for _ in running]
     for process in running:
         process.join()
+    with Database(url, read_only=True, readers=1) as database:
+        size, rows = database.read_now(lambda connection: connection.execute(text(_SIZE)).one())
     waits = np.concatenate([waits for _, _, waits, _ in found]) * 1000
     wall = max(took for _, took, _, _ in found)
     stored = sum(count for count, _, _, _ in found)
@@ -85,6 +89,7 @@ def measure(url: str, games: int, processes: int, timesteps: int) -> dict[str, A
         "wanted_per_s": round(share * processes / TICK_S),
         "commit_p50_ms": round(float(np.percentile(waits, 50)), 1),
         "commit_p99_ms": round(float(np.percentile(waits, 99)), 1),
+        "bytes_per_tick": round(size / rows),
         "behind_s": round(max(late for _, _, _, late in found), 2),
     }
 

@@ -20,7 +20,7 @@ from server.store import ticks
 from server.store.database import Database
 from server.store.tables import episodes
 
-STUDY = SHORT_STUDY.replace("tutorial, ", "").replace("horizon: 60", "horizon: 250")
+STUDY = SHORT_STUDY.replace("tutorial, ", "")
 pytestmark = pytest.mark.postgres
 
 
@@ -41,8 +41,8 @@ def redis() -> Iterator[RedisServer]:
 class SeveralWorkers(RealServer):
     """Two server processes behind one address."""
 
-    def __init__(self, folder: Path, database: str, redis: str, speed: float = 5.0) -> None:
-        super().__init__(folder, speed, STUDY)
+    def __init__(self, folder: Path, database: str, redis: str, horizon: int = 250) -> None:
+        super().__init__(folder, 5.0, STUDY.replace("horizon: 60", f"horizon: {horizon}"))
         self.database = database
         self.more_words = ["--workers", "2", "--redis", redis]
 
@@ -85,26 +85,40 @@ async def to_the_game(bot: Bot) -> None:
     await bot.close()
 
 
-async def test_when_a_process_is_killed_its_games_go_on_in_the_other(serving: SeveralWorkers) -> None:
-    bots = [Bot(serving.url, "short", seed) for seed in range(6)]
+async def play_through_kills(serving: SeveralWorkers, players: int, kills: int, horizon: int) -> None:
+    """Games are begun, processes are killed one after the other, every game is played to its end."""
+    bots = [Bot(serving.url, "short", seed) for seed in range(players)]
     await asyncio.gather(*map(to_the_game, bots))
     games = [asyncio.create_task(bot.game().play()) for bot in bots]
     with Database(serving.database, read_only=True) as database:
-        for _ in range(2):
-            while await database.read(running) < 6:
+        for kill in range(kills):
+            while await database.read(running) < players:
                 await asyncio.sleep(0.05)
             await asyncio.sleep(1)
-            victim = serving.pids()[0]
+            victim = serving.pids()[kill % 2]
             os.kill(victim, signal.SIGKILL)
             while len(serving.pids()) < 2 or victim in serving.pids():
                 await asyncio.sleep(0.05)
-        ends = await asyncio.wait_for(asyncio.gather(*games), 120)
+        ends = await asyncio.wait_for(asyncio.gather(*games), 600)
         found = await database.read(played)
     assert all(ends)
-    assert [bot.journal.violations for bot in bots] == [[]] * 6
+    assert [bot.journal.violations for bot in bots] == [[]] * players
     assert {status for status, _, _ in found.values()} == {"done"}
-    assert [timesteps for _, _, timesteps in found.values()] == [list(range(251))] * 6
+    assert [timesteps for _, _, timesteps in found.values()] == [list(range(horizon + 1))] * players
     assert max(fence for _, fence, _ in found.values()) > 1, "no game was running where a process was killed"
+
+
+async def test_when_a_process_is_killed_its_games_go_on_in_the_other(serving: SeveralWorkers) -> None:
+    await play_through_kills(serving, players=6, kills=2, horizon=250)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+async def test_many_kills_lose_and_double_nothing(tmp_path: Path, postgres: PostgresServer, redis: RedisServer) -> None:
+    name = postgres.new_database()
+    with SeveralWorkers(tmp_path, postgres.url(name), redis.url, horizon=1500) as server:
+        await play_through_kills(server, players=20, kills=12, horizon=1500)
+    postgres.drop_database(name)
 
 
 def test_several_workers_are_refused_without_what_they_need() -> None:
