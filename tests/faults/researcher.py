@@ -2,18 +2,23 @@
 
 import asyncio
 import json
+import os
 import re
+import subprocess
+import sys
 from contextlib import AsyncExitStack
 from typing import Any
 
 import httpx
-from real_server import RealServer
+from real_server import ROOT, RealServer
 from websockets.asyncio.client import connect
 
 
 def account_for(server: RealServer) -> None:
     """`ada` may sign in; the password is made and kept for `Researcher`."""
-    made = server.command("admin", "create", "ada", "--role", "own")
+    line = [sys.executable, str(ROOT / "kitchenmind.py"), "admin", "create", "ada", "--role", "own"]
+    environment = {**os.environ, "KITCHENMIND_DATABASE": server.database}
+    made = subprocess.run(line, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stderr
     Researcher.password = re.search(r"password: (\S+)", made.stdout).group(1)  # type: ignore[union-attr]
 
