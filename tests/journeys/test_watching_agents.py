@@ -6,7 +6,7 @@ import pytest
 from browser_cook import BrowserCook
 from game_page import DESKTOP, PHONE, screenshot
 from playwright.sync_api import Browser
-from real_server import RealServer
+from real_server import SHORT_STUDY, RealServer
 from sqlalchemy import func, select
 
 from server.store.database import Database
@@ -15,9 +15,12 @@ from server.store.tables import episodes, participants
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(240)]
 
 
+STUDY = SHORT_STUDY.replace("{name: planner}", "{name: planner, predictor: random}")
+
+
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealServer]:
-    with RealServer(tmp_path_factory.mktemp("watch"), speed=4.0) as running:
+    with RealServer(tmp_path_factory.mktemp("watch"), speed=4.0, study=STUDY) as running:
         yield running
 
 
