@@ -1,5 +1,6 @@
 """The container set-up: a valid compose file that does not start without its secrets."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -44,7 +45,14 @@ def test_compose_file_is_the_set_up_of_several_processes() -> None:
         name.removeprefix("KITCHENMIND_").lower(): value for name, value in services["server"]["environment"].items()
     }
     own = {name: value for name, value in given.items() if name in Settings.model_fields}
-    filled = own | {"workers": 2, "secret": "0123456789abcdefghij" * 2, "public_url": "https://lab.example.org"}
+    studies = json.loads(own.pop("studies").partition(":-")[2].removesuffix("}"))
+    assert all((ROOT / study).is_file() for study in studies)
+    filled = own | {
+        "studies": studies,
+        "workers": 2,
+        "secret": "0123456789abcdefghij" * 2,
+        "public_url": "https://lab.example.org",
+    }
     settings = Settings(**filled, _env_file=None)
     assert settings.redis is not None
     assert settings.redis.get_secret_value().split("/")[2].split(":")[0] in services

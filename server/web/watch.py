@@ -147,7 +147,8 @@ async def game(request: Request, web: WebDep, wish: WishDep) -> Response:
     """The game that was chosen; what was chosen stands in the address."""
     made = page(request, web)
     socket = "/watch/socket?" + urlencode(asdict(wish) | {"lang": made.language})
-    about = {"socket": socket, "lessons": (), "away_s": 30, "leave": "/watch", "leave_word": made.words("watch.others")}
+    leave = {"leave": "/watch", "leave_word": made.words("watch.others")}
+    about = {"socket": socket, "lessons": (), "away_s": 30, "watched": True, **leave}
     return made.render("participant/game.html", game=about)
 
 
