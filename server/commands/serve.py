@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
             stack.enter_context(unbundled(arguments))
             settings = settings_of(arguments)
             process = supervised()
-            listening = process.listening if process else listen(settings.host, settings.port)
+            listening = stack.enter_context(process.listening if process else listen(settings.host, settings.port))
         except (ValueError, OSError) as error:
             return _refuse(error, 2)
         if settings.workers > 1 and process is None:

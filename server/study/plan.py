@@ -58,7 +58,7 @@ class Condition(Part):
     predictor: Literal["none", "random", "tom", "degraded"]
     """What is drawn: nothing, uniformly random steps, the predictor's, or those of a predictor made worse."""
     accuracy: Annotated[float, Field(ge=0.17, le=1)] | None = None
-    """With `degraded`: the wanted accuracy, mean of the three steps, e.g. 0.6; the predictor errs the more to reach it."""
+    """With `degraded`: the wanted accuracy (mean of its steps), e.g. 0.6; the predictor errs the more to reach it."""
     weight: Annotated[int, Field(ge=1, le=1000)] = 1
     quota: Annotated[int, Field(ge=1)] | None = None
     """At most so many participants. Empty: no limit."""

@@ -107,7 +107,8 @@ class LiveServer:
                 self._failed = error
                 started.set()
 
-        asyncio.run(serve())
+        with listening:  # also when it never came to serving
+            asyncio.run(serve())
 
     async def _die(self, listening: socket.socket) -> None:
         """No farewell and no last commit: sockets break, whatever waited is gone."""

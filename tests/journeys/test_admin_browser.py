@@ -2,6 +2,7 @@
 
 import asyncio
 import base64
+import contextlib
 import re
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 
+import httpx
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect
@@ -20,10 +22,16 @@ STUDY = SHORT_STUDY.replace("horizon: 60", "horizon: 600").replace(", {name: mat
 PATIENCE_MS = 60_000
 
 
+def play_along(url: str) -> None:
+    """A bot plays for as long as there is a server."""
+    with contextlib.suppress(ConnectionError, OSError, httpx.HTTPError):
+        asyncio.run(Bot(url, "short", 1).walk())
+
+
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealServer]:
     with RealServer(tmp_path_factory.mktemp("admin"), speed=2.0, study=STUDY) as running:
-        threading.Thread(target=lambda: asyncio.run(Bot(running.url, "short", 1).walk()), daemon=True).start()
+        threading.Thread(target=play_along, args=(running.url,), daemon=True).start()
         yield running
 
 

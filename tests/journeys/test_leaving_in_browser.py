@@ -14,7 +14,7 @@ from server.store.database import Database
 from server.store.tables import metadata
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(240)]
-KEPT = {"studies", "withdrawals", "audit"}
+KEPT = {"studies", "withdrawals", "audit", "arrivals"}  # arrivals: a count of opened links, of nobody in particular
 
 
 @pytest.fixture(scope="module")

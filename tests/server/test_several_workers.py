@@ -91,11 +91,11 @@ async def play_through_kills(serving: SeveralWorkers, players: int, kills: int, 
     await asyncio.gather(*map(to_the_game, bots))
     games = [asyncio.create_task(bot.game().play()) for bot in bots]
     with Database(serving.database, read_only=True) as database:
-        for kill in range(kills):
+        for _ in range(kills):
             while await database.read(running) < players:
                 await asyncio.sleep(0.05)
             await asyncio.sleep(1)
-            victim = serving.pids()[kill % 2]
+            victim = serving.pids()[0]  # the older one: the last to be killed has a successor behind it
             os.kill(victim, signal.SIGKILL)
             while len(serving.pids()) < 2 or victim in serving.pids():
                 await asyncio.sleep(0.05)

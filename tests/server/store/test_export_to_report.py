@@ -110,7 +110,7 @@ def test_the_example_of_the_guide_runs_and_finds_the_same_accuracy(
     monkeypatch.chdir(tmp_path)
     assert kitchenmind.main(["export", "--database", database.url, "--out", "data"]) == 0
     guide = Path(__file__).parents[3] / "docs/guides/read_the_data.md"
-    code = guide.read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
+    code = guide.read_text(encoding="utf-8").split("```python accuracy.py\n")[1].split("```")[0]
     names: dict[str, pl.DataFrame] = {}
     exec(compile(code, guide.name, "exec"), names)
     third = names["ticks"].select(pl.col("predicted_3") == pl.col("partner").shift(-2).over("episode")).to_series()

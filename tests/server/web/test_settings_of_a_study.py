@@ -185,7 +185,7 @@ def test_questions_follow_the_condition_and_scales_have_their_points(site: Site)
     ("predictor", "message"),
     [
         ("my.module:Mine", "cannot be made worse"),
-        ("sp_predictor_stream", "reaches 85% on coordination_ring"),
+        ("sp_predictor_stream", "so 90 % cannot be had by making it worse"),
     ],
 )
 def test_a_predictor_that_cannot_be_made_worse_is_refused_before_the_study_runs(predictor: str, message: str) -> None:
