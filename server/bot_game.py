@@ -236,7 +236,8 @@ class BotGame:
         self._seq += 1
         self._journal.inputs.append((self._welcome.episode, state.t, action))
         tap = None if action == STAY else action
-        await self._send(socket, messages.Input(self._seq, None, tap, float(self._seq)))
+        client_ms = float(state.t * self._welcome.tick_ms)  # its clock goes as the game's does, however fast that is
+        await self._send(socket, messages.Input(self._seq, None, tap, client_ms))
 
     @staticmethod
     async def _send(socket: ClientConnection, message: messages.Incoming) -> None:

@@ -126,6 +126,15 @@ def test_kept_promises_are_no_violations(walked: Walked, tmp_path: Path) -> None
     assert walked.tampered(tmp_path) == []
 
 
+def test_the_clock_of_a_simulated_browser_goes_as_the_game_s_however_fast_that_is(walked: Walked) -> None:
+    columns = select(ticks.c.timestep, ticks.c.key_client_ms_0, ticks.c.key_client_ms_1)
+    with Database(f"sqlite:///{walked.path}", read_only=True) as database:
+        rows = database.read_now(lambda connection: connection.execute(columns).all())
+    pressed = [(timestep, ms) for timestep, *both in rows for ms in both if ms is not None]
+    assert pressed
+    assert all(ms % 200 == 0 and ms < 200 * timestep for timestep, ms in pressed)
+
+
 def an_episode(walked: Walked) -> str:
     return next(episode for episode, game in walked.bots[1].journal.games.items() if game.kind == "episode")
 
