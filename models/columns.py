@@ -1,10 +1,12 @@
 """Which entries of the encoding can change in a layout: what small networks look at. Numpy only, knows no network."""
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from overcooked.constants import COOKING, DISH, FLOOR, HORIZON, ONION, ONIONS_PER_SOUP, READY, SOUP
-from overcooked.layout import Layout
+from overcooked.layout import Layout, parse_layout
 from overcooked.observe import PLANES
 from overcooked.state import Kitchens
 
@@ -15,13 +17,20 @@ def varying_columns(layout: Layout, distinct: bool = True) -> tuple[NDArray[np.i
     Found by looking: one state for every chef's cell, facing and hand, every item on every counter, every pot's
     contents and the end of the episode. `distinct` keeps one of entries that are always equal (the urgency plane).
     """
+    columns, largest = _found(layout.text, distinct)
+    return columns.copy(), largest.copy()
+
+
+@lru_cache(maxsize=64)  # every model of a layout asks
+def _found(grid: str, distinct: bool) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    layout = parse_layout(grid, "grid")
     seen = _all_single_changes(layout).encode(horizon=HORIZON)[:, 0].reshape(-1, layout.width * layout.height * PLANES)
-    changes = (seen != seen[0]).any(axis=0)
-    columns = np.flatnonzero(changes)
+    columns = np.flatnonzero((seen != seen[0]).any(axis=0)).astype(np.int64)
     if distinct:
-        _, first = np.unique(seen[:, columns], axis=1, return_index=True)
-        columns = columns[np.sort(first)]
-    return columns.astype(np.int64), seen[:, columns].max(axis=0).astype(np.float32)
+        values = np.ascontiguousarray(seen[:, columns].T)  # (columns, states)
+        first = {column.tobytes(): place for place, column in reversed(list(enumerate(values)))}
+        columns = columns[sorted(first.values())]
+    return columns, seen[:, columns].max(axis=0).astype(np.float32)
 
 
 def _all_single_changes(layout: Layout) -> Kitchens:

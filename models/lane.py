@@ -3,22 +3,17 @@
 import asyncio
 import itertools
 import logging
-import os
-import signal
-import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 from models.breaker import Breaker
+from models.launch import Launched, launch
 from models.wire import LENGTH, Answer, Ask, Failed, Forget, Load, Loaded, Row, frame, from_worker
 
 MOST_WAITING = 256  # frames a worker may owe before it is asked nothing more
+SPARE_AFTER_S = 2.0  # a server that has just started has better things to do
 log = logging.getLogger("models")
-_ROOT = Path(__file__).resolve().parent.parent
 
 
 class ModelsDown(Exception):
@@ -26,25 +21,20 @@ class ModelsDown(Exception):
 
 
 class WorkerProcess:
-    """A process of `models.worker` and the connection to it."""
+    """A process of `models.worker` and the connection to it. `ahead`: one that has been launched already."""
 
-    def __init__(self, load: Load) -> None:
+    def __init__(self, load: Load, ahead: Launched | None = None) -> None:
         self._load = load
-        self._process: subprocess.Popen[bytes] | None = None
+        self._launched = ahead
         self._writer: asyncio.StreamWriter | None = None
         self._reader: asyncio.StreamReader | None = None
         self.memory = 1
 
     async def start(self) -> "WorkerProcess":
         """Returns when everything is loaded and warm. Raises ModelsDown."""
-        ours, theirs = socket.socketpair()
-        one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        environment = {**os.environ, **one_thread, "PYTHONPATH": os.pathsep.join([str(_ROOT), *sys.path])}
-        command = [sys.executable, "-m", "models.worker", str(theirs.fileno())]
-        with theirs:
-            self._process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment)  # noqa: S603
+        self._launched = self._launched or launch()
         try:
-            self._reader, self._writer = await asyncio.open_unix_connection(sock=ours)
+            self._reader, self._writer = await asyncio.open_unix_connection(sock=self._launched.connection)
             self.send(self._load)
             self.memory = await self._loaded()
         except BaseException:
@@ -64,7 +54,7 @@ class WorkerProcess:
 
     @property
     def pid(self) -> int:
-        return 0 if self._process is None else self._process.pid
+        return 0 if self._launched is None else self._launched.process.pid
 
     def send(self, message: Load | Ask | Forget) -> None:
         if self._writer is not None and not self._writer.is_closing():
@@ -89,10 +79,8 @@ class WorkerProcess:
         """Kills the process and leaves nothing behind. May be called twice."""
         if self._writer is not None:
             self._writer.close()
-        if self._process is not None:
-            if self._process.poll() is None:
-                self._process.send_signal(signal.SIGKILL)
-            await asyncio.to_thread(self._process.wait)
+        if self._launched is not None:
+            await asyncio.to_thread(self._launched.end)
 
 
 @dataclass(frozen=True)
@@ -105,10 +93,14 @@ class _Waiting:
 
 
 class Lane:
-    """A worker that is always there, or nearly: it is replaced when it dies or no longer answers."""
+    """A worker that is always there, or nearly: it is replaced when it dies or no longer answers.
 
-    def __init__(self, load: Load, spares: int, hang_s: float) -> None:
+    `ahead`: a process that has been launched already, to be the first.
+    """
+
+    def __init__(self, load: Load, spares: int, hang_s: float, ahead: Launched | None = None) -> None:
         self._load = load
+        self._ahead = ahead
         self._hang_s = hang_s
         self._spares_wanted = spares
         self._spares: list[asyncio.Task[WorkerProcess]] = []
@@ -117,14 +109,15 @@ class Lane:
         self._waiting: dict[int, _Waiting] = {}  # in the order asked
         self._ids = itertools.count()
         self._care: asyncio.Task[None] | None = None
+        self._later: asyncio.TimerHandle | None = None
         self._breaker = Breaker(faults_to_open=3)
         self.restarts = 0
 
     async def start(self) -> None:
         """Raises ModelsDown when a model does not load."""
-        self._worker = await WorkerProcess(self._load).start()
+        self._worker = await WorkerProcess(self._load, self._ahead).start()
         self._care = asyncio.create_task(self._keep_alive())
-        self._fill_spares()
+        self._later = asyncio.get_running_loop().call_later(SPARE_AFTER_S, self._fill_spares)
 
     @property
     def pid(self) -> int:
@@ -170,6 +163,8 @@ class Lane:
         return answer
 
     async def close(self) -> None:
+        if self._later is not None:
+            self._later.cancel()
         if self._care is not None:
             self._care.cancel()
             await asyncio.gather(self._care, return_exceptions=True)

@@ -15,6 +15,7 @@ import numpy as np
 
 from models.blackbox import is_foreign
 from models.lane import Lane, ModelsDown
+from models.launch import Launched
 from models.protocols import STEPS, Decision, Question
 from models.wire import Answer, Load, Name, Row
 from overcooked.constants import ACTIONS, STAY
@@ -39,7 +40,8 @@ class ModelServer:
     """The `Models` of the live game. `start`, then `ask` from the event loop, `close` at the end.
 
     `agents` and `predictors` are (layout, name) pairs, each name as the catalogue or a foreign model is called; a
-    question about any other is not answered. `grids`: layouts that are not shipped, name -> grid.
+    question about any other is not answered. `grids`: layouts that are not shipped, name -> grid. `ahead`: a worker's
+    process that has been launched already; used if there are models of our own, and then ended with the others.
     """
 
     def __init__(
@@ -49,6 +51,7 @@ class ModelServer:
         workers: int = 1,
         hang_s: float = HANG_S,
         grids: Mapping[str, str] | None = None,
+        ahead: Launched | None = None,
     ) -> None:
         drawn = dict(grids or {})
         own = Load(
@@ -57,7 +60,8 @@ class ModelServer:
             drawn,
         )
         self._own = [
-            Lane(own, int(number == 0), hang_s) for number in range(workers if any((own.agents, own.predictors)) else 0)
+            Lane(own, int(number == 0), hang_s, ahead if number == 0 else None)
+            for number in range(workers if any((own.agents, own.predictors)) else 0)
         ]
         self._foreign: dict[str, Lane] = {}
         for foreign in dict.fromkeys(name for _, name in (*agents, *predictors) if is_foreign(name)):

@@ -14,6 +14,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from models import attention
 from models.acting import distribution, draw
 from models.batches import joined, parted, together
 from models.breaker import Breaker
@@ -239,11 +240,19 @@ def _memory(predictor: Predictor) -> int:
     return int(getattr(predictor, "memory", HISTORY))
 
 
+def _warm() -> None:
+    """The compiled code that every study needs."""
+    for _ in _start_states(load_layout("practice")):
+        pass
+    attention.warm()
+
+
 def main(descriptor: int) -> None:
     """Serves the connection at `descriptor` until it closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C belongs to the server, which closes the connection
     connection = socket.socket(fileno=descriptor)
     inbox = Inbox(connection)
+    _warm()  # while the server finds out what its studies need
     first = inbox.wait()
     load = from_server(first[0]) if first else None
     if not isinstance(load, Load):

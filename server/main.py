@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from fastapi import Depends, FastAPI
 from fastapi.staticfiles import StaticFiles
 
+from models.launch import Launched
 from models.runner import ModelServer
 from overcooked.constants import STAY
 from server.cast import cast_of, fingerprint
@@ -47,7 +48,6 @@ from server.web.socket import Sockets
 from server.web.studies import Studies
 from server.web.waiting import WaitingRoom
 from server.web.watch import Demonstrations
-from server.webhook import Webhook
 
 if TYPE_CHECKING:
     from server.member import Member
@@ -56,12 +56,13 @@ log = logging.getLogger(__name__)
 _GARBAGE_THRESHOLDS = (50_000, 20, 20)  # a full collection costs milliseconds, and a game makes hardly any cycles
 
 
-def create_app(settings: Settings) -> FastAPI:
-    """The application; `wired` starts and stops its parts."""
+def create_app(settings: Settings, ahead: Launched | None = None) -> FastAPI:
+    """The application; `wired` starts and stops its parts. `ahead`: a model worker's process, launched already."""
     limits = [Depends(keep_to_the_rate)]
     app = FastAPI(
         title="kitchenmind", docs_url=None, redoc_url=None, openapi_url=None, lifespan=wired, dependencies=limits
     )
+    app.state.launched = ahead
     app.state.rates = Rates()
     app.state.settings = settings
     guard = Guard(settings.signing_key(), settings.public_url)
@@ -85,7 +86,7 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
     files = _served(settings)
     async with AsyncExitStack() as stack:
         several = settings.redis is not None
-        models = _models(settings, files)
+        models = _models(settings, files, app.state.launched)
         stack.push_async_callback(models.close)
         starting = asyncio.create_task(models.start())  # takes longest, in a process of its own
         stack.push_async_callback(_cancelled, starting)
@@ -109,16 +110,16 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
         stack.push_async_callback(app.state.demonstrations.games.stop)
         stack.push_async_callback((await _researchers(app, settings, member)).stop)
         stack.push_async_callback(_alarm(app, settings))
-        gc.collect()
         gc.freeze()
         gc.set_threshold(*_GARBAGE_THRESHOLDS)
+        gc.enable()
         yield
 
 
-def _models(settings: Settings, files: Sequence[StudyFile]) -> ModelServer:
+def _models(settings: Settings, files: Sequence[StudyFile], ahead: Launched | None) -> ModelServer:
     cast = cast_of(files)
     predictors = [name for name in cast.predictors if name not in cast.missing]
-    return ModelServer(cast.agents, predictors, settings.model_workers, grids=cast.grids)
+    return ModelServer(cast.agents, predictors, settings.model_workers, grids=cast.grids, ahead=ahead)
 
 
 async def _cancelled(task: "asyncio.Task[None]") -> None:
@@ -207,7 +208,11 @@ async def _researchers(app: FastAPI, settings: Settings, member: "Member | None"
 
 def _alarm(app: FastAPI, settings: Settings) -> Callable[[], Coroutine[Any, Any, None]]:
     """Looks for alerts, posts them where the settings say, and samples the course; returns what stops it."""
-    hook = Webhook(settings.alert_webhook.get_secret_value()) if settings.alert_webhook else None
+    hook = None
+    if settings.alert_webhook:
+        from server.webhook import Webhook
+
+        hook = Webhook(settings.alert_webhook.get_secret_value())
 
     def tell(alert: Alert, over: bool) -> None:
         log.log(logging.INFO if alert.study else logging.WARNING, "alert%s: %s", " over" if over else "", alert.text)

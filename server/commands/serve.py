@@ -2,6 +2,7 @@
 
 import argparse
 import asyncio
+import gc
 import signal
 import socket
 import sys
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     import uvicorn
     from fastapi import FastAPI
 
+    from models.launch import Launched
     from server.settings import Settings
 
 _UNSENT_GIVE_UP_MS = 10_000  # a peer that takes nothing in for so long is gone, whatever its socket says
@@ -125,6 +127,10 @@ def _serve_several(settings: "Settings", listening: socket.socket) -> int:
 
 def serve(settings: "Settings", listening: socket.socket, process: Supervised | None = None) -> int:
     """Runs the application on the socket until a signal stops it; the exit status."""
+    from models.launch import launch
+
+    gc.disable()  # nothing of what a start makes is garbage; `wired` lets it work again
+    launched = launch()  # the models' process starts while this one still imports
     import uvloop
 
     from models.lane import ModelsDown
@@ -137,20 +143,24 @@ def serve(settings: "Settings", listening: socket.socket, process: Supervised | 
     logs.configure(settings.log)
     try:
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-            runner.run(_serve(settings, listening, process))
+            runner.run(_serve(settings, listening, process, launched))
     except (StudyError, ValueError, FileNotFoundError) as error:
         return _refuse(error, 2)
     except (ModelsDown, DatabaseDown, DatabaseInUse, DatabaseTooNew, ClusterDown) as error:
         return _refuse(error, 1)
+    finally:
+        launched.end()
     return 0
 
 
-async def _serve(settings: "Settings", listening: socket.socket, process: Supervised | None) -> None:
+async def _serve(
+    settings: "Settings", listening: socket.socket, process: Supervised | None, launched: "Launched"
+) -> None:
     from server.connections import raise_descriptor_limit
     from server.main import create_app, wired
 
     raise_descriptor_limit()
-    app = create_app(settings)
+    app = create_app(settings, launched)
     async with wired(app):
         server = _server(app, settings, announced=process is None or process.first)
         loop = asyncio.get_running_loop()

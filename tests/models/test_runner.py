@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 
+from models.launch import launch
 from models.protocols import History, Question
 from models.runner import ModelsDown, ModelServer
 from overcooked.constants import EAST, NORTH, STAY
@@ -264,3 +265,18 @@ async def test_a_worker_that_owes_old_answers_is_asked_nothing_more(serving):
     await asyncio.sleep(0.1)
     (decision,) = await server.ask([game.play().question(predictor=REMEMBERING)], PATIENT_MS)
     assert np.argmax(decision.prediction[0]) == np.array(game.actions[-8:]).sum() % 6
+
+
+async def test_a_process_launched_ahead_becomes_the_first_worker_and_ends_with_the_server(serving):
+    ahead = launch()
+    server = await serving(agents=["sp"], ahead=ahead)
+    assert server.worker_pids()[0] == ahead.process.pid
+    await server.close()
+    assert ahead.process.poll() is not None
+
+
+def test_a_process_launched_ahead_that_nobody_uses_can_be_ended_twice():
+    ahead = launch()
+    ahead.end()
+    ahead.end()
+    assert ahead.process.returncode == -signal.SIGKILL
