@@ -54,18 +54,17 @@ async def kills(folder: Path, tries: int, games: int, seed: int = 0, budget_s: f
     welcomed: list[float] = []
     moving: list[float] = []
     wrong: list[str] = []
-    orphans = done = 0
+    done, had = 0, set[int]()
     with RealServer(folder, speed=2.0, study=LONG_STUDY) as server:
         async with Crowd(server.url, games, seed, idle=0.9) as crowd:
             while done < tries and time.monotonic() < ends:
                 await asyncio.sleep(chance.uniform(0.0, 2.0))
-                workers = children(server.pid)
+                had.update(children(server.pid))
                 await asyncio.to_thread(server.end, signal.SIGKILL)
                 done += 1
                 stood, began = last_timesteps(server.database), time.monotonic()
                 await asyncio.to_thread(server.start)
                 opened.append(time.monotonic() - began)
-                orphans += sum(Path(f"/proc/{pid}").exists() for pid in workers)
                 if chance.random() < 0.3 and done < tries:
                     continue  # the next kill comes while games are being taken up
                 welcomed += await crowd.told("welcome", began)
@@ -73,6 +72,7 @@ async def kills(folder: Path, tries: int, games: int, seed: int = 0, budget_s: f
                 wrong += elsewhere(crowd, stood, began)
         await asyncio.to_thread(server.end, signal.SIGTERM)
         found = held_against(server.database, crowd.witnesses, silence_s=10)
+    orphans = sum(map(_is_model_worker, had))
     figure = found.figures() | {"games": games, "elsewhere": len(wrong), "orphans": orphans, "seed": seed}
     figure |= {"pages_open_p50_s": rounded(sorted(opened)[len(opened) // 2]), "pages_open_most_s": rounded(max(opened))}
     figure |= {"games_back_p99_s": rounded(p99(welcomed)), "games_moving_p99_s": rounded(p99(moving))}
@@ -161,8 +161,14 @@ async def worker_kills(folder: Path, tries: int, games: int) -> Row:
 
 def _kill_a_model_worker(pid: int) -> None:
     """The one that answers: the oldest."""
-    workers = [child for child in children(pid) if b"models.worker" in Path(f"/proc/{child}/cmdline").read_bytes()]
-    os.kill(min(workers), signal.SIGKILL)
+    os.kill(min(filter(_is_model_worker, children(pid))), signal.SIGKILL)
+
+
+def _is_model_worker(pid: int) -> bool:
+    try:
+        return b"models.worker" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:  # there is none any more
+        return False
 
 
 async def _late_until(url: str, _killed: float) -> float:
