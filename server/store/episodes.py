@@ -4,8 +4,9 @@ import asyncio
 import hashlib
 import secrets
 from collections.abc import Sequence
-from dataclasses import dataclass
-from datetime import UTC, datetime
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from itertools import zip_longest
 from typing import Any
 
 import msgspec
@@ -150,8 +151,6 @@ def load(connection: Connection, episode_id: str) -> EpisodeRecord | None:
         if tick.timestep != expected:
             raise BrokenEpisode(f"episode {episode_id} has no tick {expected} although it has tick {tick.timestep}")
     last = tick_rows.record_of(stored[-1]) if stored else None
-    paused = select(func.coalesce(func.sum(pauses.c.duration_ms), 0.0))
-    paused = paused.where(pauses.c.episode_id == episode_id, pauses.c.reason.in_(AWAY_REASONS))
     return EpisodeRecord(
         episode=episode_id,
         participants=(row.participant_0, row.participant_1),
@@ -159,14 +158,29 @@ def load(connection: Connection, episode_id: str) -> EpisodeRecord | None:
         joint_actions=tuple((tick.action_0, tick.action_1) for tick in stored[1:]),
         last_hash=last.state_hash if last else None,
         status=row.status,
-        paused_ms=connection.execute(paused).scalar_one(),
+        paused_ms=_away_ms(pauses_of(connection, episode_id)),
         next_actions=last.next_actions if last else None,
         displayed=last.displayed if last else None,
     )
 
 
+def _away_ms(stored: Sequence[PauseRecord]) -> float:
+    """How long people were away. An absence that lasted when a server died ends with the pause of the next one: how
+    much of it was the person's nobody knows, so it is not held against them."""
+    away = 0.0
+    for one, following in zip_longest(stored, stored[1:]):
+        if one.reason in AWAY_REASONS and one.duration_ms is not None:
+            end = one.started_at + timedelta(milliseconds=one.duration_ms)
+            cut_off = following is not None and following.reason == "server" and following.started_at == end
+            away += 0.0 if cut_off else one.duration_ms
+    return away
+
+
 def pause(connection: Connection, record: PauseRecord) -> None:
-    """Stores the beginning of a pause, and its end when called again with the same start."""
+    """Stores the beginning of a pause, and its end when called again with the same start.
+
+    A game has one pause at a time: one that is still open was left by a server that died, and ends where this begins.
+    """
     row: dict[str, Any] = {
         "timestep": record.timestep,
         "reason": record.reason,
@@ -174,6 +188,10 @@ def pause(connection: Connection, record: PauseRecord) -> None:
     }
     here = (pauses.c.episode_id == record.episode, pauses.c.started_at == record.started_at)
     if connection.execute(update(pauses).where(*here).values(row)).rowcount == 0 and get(connection, record.episode):
+        for left in pauses_of(connection, record.episode):
+            if left.duration_ms is None and left.started_at < record.started_at:
+                lasted_ms = (record.started_at - left.started_at) / timedelta(milliseconds=1)
+                pause(connection, replace(left, duration_ms=lasted_ms))
         connection.execute(pauses.insert().values(episode_id=record.episode, started_at=record.started_at, **row))
 
 

@@ -70,12 +70,16 @@ class Crowd:
 
     async def told(self, kind: str, after: float, detail: Any = None, within_s: float = 30.0) -> list[float]:
         """Waits until everybody was told; how many seconds each took."""
-        async with asyncio.timeout(within_s):
-            while True:
-                found = [one.testimony.first(kind, after, detail) for one in self.witnesses]
-                if all(found):
-                    return [told.at - after for told in found if told is not None]
-                await asyncio.sleep(0.01)
+        ends = time.monotonic() + within_s
+        while True:
+            found = [one.testimony.first(kind, after, detail) for one in self.witnesses]
+            if all(found):
+                return [told.at - after for told in found if told is not None]
+            if time.monotonic() > ends:
+                waiting = [one for one, told in zip(self.witnesses, found, strict=True) if told is None]
+                last = [(told.kind, told.detail, round(told.at - after, 2)) for told in waiting[0].testimony.told[-12:]]
+                raise TimeoutError(f"{len(waiting)} were told no {kind!r}; the last that one of them was told: {last}")
+            await asyncio.sleep(0.01)
 
     def since(self, kind: str, after: float) -> list[Told]:
         return [told for one in self.witnesses for told in one.testimony.told if told.kind == kind and told.at > after]

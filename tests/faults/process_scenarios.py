@@ -67,7 +67,10 @@ async def kills(folder: Path, tries: int, games: int, seed: int = 0, budget_s: f
                 opened.append(time.monotonic() - began)
                 if chance.random() < 0.3 and done < tries:
                     continue  # the next kill comes while games are being taken up
-                welcomed += await crowd.told("welcome", began)
+                try:
+                    welcomed += await crowd.told("welcome", began)
+                except TimeoutError as late:
+                    raise TimeoutError(f"{late}\nkill {done}, the server says: {server.log.read_text()}") from None
                 moving += await crowd.moving(began)
                 wrong += elsewhere(crowd, stood, began)
         await asyncio.to_thread(server.end, signal.SIGTERM)

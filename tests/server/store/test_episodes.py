@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -138,6 +139,20 @@ async def test_pause_is_told_when_it_begins_and_when_it_ends(
     for _ in range(2):
         await recorder.pause(over)
     assert database.read_now(episodes.pauses_of, episode) == [over]
+
+
+async def test_an_absence_cut_off_by_a_dying_server_ends_with_the_next_ones_pause_and_is_nobodys_fault(
+    database: Database, recorder: StoreRecorder, episode: str
+) -> None:
+    await recorder.pause(PauseRecord(episode, 2, "blur", START, 40.0))
+    away = PauseRecord(episode, 3, "lost", START + timedelta(seconds=1), None)
+    await recorder.pause(away)
+    taken_up = PauseRecord(episode, 3, "server", START + timedelta(seconds=61.25), None)
+    await recorder.pause(taken_up)
+    assert database.read_now(episodes.pauses_of, episode)[1:] == [replace(away, duration_ms=60_250.0), taken_up]
+    record = database.read_now(episodes.load, episode)
+    assert record is not None
+    assert record.paused_ms == 40.0
 
 
 async def test_first_end_of_an_episode_stays(database: Database, recorder: StoreRecorder, episode: str) -> None:
