@@ -14,6 +14,7 @@ import torch
 from models.catalogue import WEIGHTS, load_agent
 from models.policy import NetworkPolicy, load_network
 from models.protocols import Policy
+from overcooked.constants import HORIZON
 from overcooked.layout import Layout
 from training.agents import PEOPLE, SKILLS, ship
 from training.evaluate_agents import Player, measured
@@ -69,7 +70,9 @@ def ship_cast(work: Work, layout: Layout) -> None:
                 _copy(folder / str(skill), target / HELD_OUT / f"{name}_{skill}")
 
 
-def evaluate_shipped(layout: Layout, names: Sequence[str] = ("sp", "fcp"), episodes: int = 40) -> list[dict[str, Any]]:
+def evaluate_shipped(
+    layout: Layout, names: Sequence[str] = ("sp", "fcp"), episodes: int = 40, timesteps: int = HORIZON
+) -> list[dict[str, Any]]:
     """What `kitchenmind evaluate agents --json` prints for one layout: the shipped agents with themselves and with the
     partners that travel with them and that neither ever met."""
     torch.set_num_threads(1)  # networks this small only wait for each other
@@ -77,7 +80,8 @@ def evaluate_shipped(layout: Layout, names: Sequence[str] = ("sp", "fcp"), episo
     folders = sorted([*(shipped / HELD_OUT).glob("*"), *(shipped / "population").glob("fcp_*")])
     strangers: list[Policy] = [NetworkPolicy(load_network(folder)) for folder in folders]
     present = [name for name in names if name == "planner" or (WEIGHTS / layout.name / name).is_dir()]
-    return [measured(layout, name, Player(*load_agent(name, layout)), strangers, episodes) for name in present]
+    players = {name: Player(*load_agent(name, layout)) for name in present}
+    return [measured(layout, name, player, strangers, episodes, timesteps) for name, player in players.items()]
 
 
 def _is_stranger(name: str, chosen: str, inputs: Iterable[str]) -> bool:

@@ -62,41 +62,40 @@ def play(layout: Layout, players: Sequence[Player], games: int, seed: int, horiz
     return Games(scores * HORIZON / horizon, certainty / horizon, stuck_share / horizon, longest)
 
 
-def with_itself(layout: Layout, player: Player, episodes: int = 40, seed: int = 0) -> Games:
+def with_itself(layout: Layout, player: Player, episodes: int = 40, seed: int = 0, timesteps: int = HORIZON) -> Games:
     """Self-play."""
-    return play(layout, (player, player), episodes, seed)
+    return play(layout, (player, player), episodes, seed, timesteps)
 
 
 def with_partners(
-    layout: Layout, player: Player, partners: Iterable[Policy], episodes: int = 8, seed: int = 0
+    layout: Layout,
+    player: Player,
+    partners: Iterable[Policy],
+    episodes: int = 8,
+    seed: int = 0,
+    timesteps: int = HORIZON,
 ) -> NDArray[np.float64]:
     """Mean points with each partner, (partners, 2 seats, 2 modes): the partner in our own mode, then sampling."""
     modes = (player.mode, replace(player.mode, temperature=1.0))
-    means = [
-        [
-            [_from_seat(layout, player, Player(partner, mode), seat, episodes, seed).mean() for mode in modes]
-            for seat in range(PLAYERS)
-        ]
-        for partner in partners
-    ]
-    return np.array(means)
 
+    def points(partner: Player, seat: int) -> float:
+        pair = (player, partner) if seat == 0 else (partner, player)
+        return float(play(layout, pair, episodes, seed, timesteps).scores.mean())
 
-def _from_seat(
-    layout: Layout, player: Player, partner: Player, seat: int, episodes: int, seed: int
-) -> NDArray[np.float64]:
-    pair = (player, partner) if seat == 0 else (partner, player)
-    return play(layout, pair, episodes, seed).scores
+    return np.array(
+        [[[points(Player(partner, mode), seat) for mode in modes] for seat in range(PLAYERS)] for partner in partners]
+    )
 
 
 def measured(
-    layout: Layout, name: str, player: Player, partners: Sequence[Policy], episodes: int = 40
+    layout: Layout, name: str, player: Player, partners: Sequence[Policy], episodes: int = 40, timesteps: int = HORIZON
 ) -> dict[str, Any]:
-    """One entry of `kitchenmind evaluate agents --json`: self-play over episodes, held-out over partners."""
-    own = with_itself(layout, player, episodes).scores
+    """One entry of `kitchenmind evaluate agents --json`: self-play over episodes, held-out over partners (with each of
+    them at most 8 episodes a seat and mode)."""
+    own = with_itself(layout, player, episodes, timesteps=timesteps).scores
     entry: dict[str, Any] = {"layout": layout.name, "agent": name, "self_play": _mean_se(own)}
     if partners:
-        others = with_partners(layout, player, partners)
+        others = with_partners(layout, player, partners, min(8, episodes), timesteps=timesteps)
         entry["held_out"] = _mean_se(others.mean(axis=(1, 2)))
     return {**entry, "episodes": episodes}
 

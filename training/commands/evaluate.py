@@ -16,6 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     agents = kinds.add_parser("agents", help="points with themselves and with partners they never met")
     agents.add_argument("--layouts", nargs="*", metavar="LAYOUT", help="only these kitchens")
     agents.add_argument("--episodes", type=int, default=40)
+    agents.add_argument("--timesteps", type=int, default=400, help="of an episode; points are for 400 (default: 400)")
     predictor = kinds.add_parser("predictor", help="accuracy on partners never seen, beside ceiling and baselines")
     predictor.add_argument("--all", action="store_true", help="every shipped predictor")
     predictor.add_argument("--layout", help="a shipped layout")
@@ -24,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     predictor.add_argument("--population", type=Path, help="folder of partner agents (default: the shipped ones)")
     predictor.add_argument("--partner", metavar="AGENT", help="instead of the test partners, e.g. human_bc")
     predictor.add_argument("--trajectories", type=int, default=5, help="for each partner and setting (default: 5)")
+    predictor.add_argument("--timesteps", type=int, default=800, help="of a trajectory (default: 800)")
     for kind in (agents, predictor):
         kind.add_argument("--json", action="store_true", help="a list of figures")
 
@@ -49,7 +51,8 @@ def _agents(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     from training.choose import evaluate_shipped
 
     layouts = [load_layout(name) for name in arguments.layouts or layout_names()]
-    return [entry for layout in layouts for entry in evaluate_shipped(layout, episodes=arguments.episodes)]
+    size = {"episodes": arguments.episodes, "timesteps": arguments.timesteps}
+    return [entry for layout in layouts for entry in evaluate_shipped(layout, **size)]
 
 
 def _predictors(arguments: argparse.Namespace) -> list[dict[str, Any]]:
@@ -74,7 +77,10 @@ def _of_layout(layout: "Layout", arguments: argparse.Namespace) -> list[dict[str
     from training.population import load_target
     from training.ship_predictor import population_folder, unseen_games
 
-    population, plan = arguments.population or population_folder(layout), Plan(arguments.trajectories)
+    population, plan = (
+        arguments.population or population_folder(layout),
+        Plan(arguments.trajectories, arguments.timesteps),
+    )
     asked = None if arguments.agent is None else load_target(arguments.agent, layout)
     entries = []
     for config in sorted((WEIGHTS / layout.name).glob("*_predictor_*/config.json")):

@@ -1,0 +1,52 @@
+"""What `kitchenmind evaluate ... --json` prints is what scripts may rely on: these keys and no others, in percent."""
+
+import json
+
+import pytest
+
+import kitchenmind
+from training.cast import STUDY_LAYOUTS
+
+CELLS = sorted((layout, agent) for layout in STUDY_LAYOUTS for agent in ("sp", "fcp"))
+MEAN = {"mean": float, "se": float}
+AGENT = {"layout": str, "agent": str, "self_play": MEAN, "held_out": MEAN, "episodes": int}
+PREDICTOR = {
+    "layout": str,
+    "agent": str,
+    "form": str,
+    "accuracy": {"step1": float, "step2": float, "step3": float, "mean": float},
+    "ceiling_step1": float,
+    "baselines": {"repeat": float, "frequent": float},
+    "not_stuck": {"mean": float},
+    "ece": float,
+    "windows": int,
+}
+
+
+def kinds(value):
+    """The types of everything in it."""
+    return {key: kinds(item) for key, item in value.items()} if isinstance(value, dict) else type(value)
+
+
+def printed(capsys, *words):
+    assert kitchenmind.main(["evaluate", *words, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_agents_are_a_list_of_points_with_themselves_and_with_strangers(capsys):
+    entries = printed(capsys, "agents", "--episodes", "1", "--timesteps", "20")
+    assert [kinds(entry) for entry in entries] == [AGENT] * len(entries)
+    assert sorted((entry["layout"], entry["agent"]) for entry in entries) == CELLS
+    assert all(entry["episodes"] == 1 for entry in entries)
+
+
+def test_predictors_are_a_list_of_accuracies_beside_ceiling_and_baselines(capsys):
+    entries = printed(capsys, "predictor", "--all", "--trajectories", "1", "--timesteps", "40")
+    assert [kinds(entry) for entry in entries] == [PREDICTOR] * len(entries)
+    assert sorted((entry["layout"], entry["agent"]) for entry in entries if entry["form"] == "stream") == CELLS
+    for entry in entries:
+        steps = [entry["accuracy"][key] for key in ("step1", "step2", "step3")]
+        assert entry["accuracy"]["mean"] == pytest.approx(sum(steps) / 3, abs=0.02)
+        assert 50 < entry["accuracy"]["mean"] <= 100
+        assert 0 <= entry["ece"] < 1
+        assert entry["windows"] % (4 * 40) == 0
