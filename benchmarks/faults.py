@@ -71,7 +71,7 @@ def scenarios(quick: bool, kills: int, kill_s: float) -> Iterator[tuple[int, Sce
     yield 25, lambda folder: people.clock_jumps(folder, 0.3)
     yield 26, database.second_server
     yield 27, lambda folder: people.busy_dashboard(folder, 5 if q else 20, 10, SHIFT_MS)
-    yield 28, lambda folder: process.soak(folder, 20 if q else 3600, 20)
+    yield 28, lambda folder: process.soak(folder, 20 if q else 3600, 20 if q else 250)
     yield 29, people.withdrawal
     yield 30, lambda folder: people.last_page(folder, 10 if q else 1000)
 

@@ -33,5 +33,5 @@ async def test_a_killed_model_worker_is_back_within_a_second_and_no_game_ends(tm
 
 
 @pytest.mark.slow
-async def test_people_who_come_and_go_leave_no_descriptor_behind(tmp_path: Path) -> None:
+async def test_people_who_come_and_go_leave_neither_descriptors_nor_memory_behind(tmp_path: Path) -> None:
     (await process.soak(tmp_path, seconds=60, games=20)).hold()
