@@ -210,8 +210,13 @@ async def soak(folder: Path, seconds: float, games: int) -> Row:
     grown_mib = min(one.rss_kib for one in late) / 1024 - rss_mib
     left = min(one.descriptors for one in late) - min(one.descriptors for one in early)
     done = sum(person.testimony.code is not None for person in people)
-    figure = found.figures() | {"seconds": seconds, "games": games, "participants": len(people), "walked_to_the_end": done}
-    figure |= {"descriptors_left": left, "rss_mib": rounded(rss_mib), "grown_mib": rounded(grown_mib)}
+    figure = found.figures() | {"seconds": seconds, "games": games, "participants": len(people)}
+    figure |= {
+        "walked_to_the_end": done,
+        "descriptors_left": left,
+        "rss_mib": rounded(rss_mib),
+        "grown_mib": rounded(grown_mib),
+    }
     passed = found.ok and left <= 2 and grown_mib <= MAY_GROW * rss_mib
     return Row(28, "soak with people who come and go", len(people), passed, figure)
 
