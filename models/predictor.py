@@ -116,7 +116,11 @@ class PredictorNetwork(nn.Module):
 
     def forward(self, features: Tensor, actions: Tensor, present: Tensor | None = None) -> Tensor:
         """`present` (B, T), window form: False for steps before the start of the game."""
-        x = self.token(torch.cat([functional.relu(self.state(features)), self.action(actions)], -1))
+        return self.decode(self.tokens(features, actions, present))
+
+    def tokens(self, features: Tensor, actions: Tensor, present: Tensor | None = None) -> Tensor:
+        """What the layers make of a game, to be decoded: (B, T, hidden), in the window form (B, hidden)."""
+        x: Tensor = self.token(torch.cat([functional.relu(self.state(features)), self.action(actions)], -1))
         if self.position is not None:
             mask = None if present is None else present[:, None, None, :]
             x, rotation = x + self.position, None
@@ -125,7 +129,7 @@ class PredictorNetwork(nn.Module):
             rotation = rotations(torch.arange(x.shape[1]), self.config.hidden // self.config.heads)
         for layer in self.layers:
             x = layer(x, mask, rotation)
-        return self.decode(x if self.position is None else x[:, -1])
+        return x if self.position is None else x[:, -1]
 
     def decode(self, x: Tensor) -> Tensor:
         """Tokens (..., hidden) to logits (..., 3, 6)."""

@@ -1,13 +1,14 @@
-"""A partner like people: a small network that does what humans did in recorded games (behaviour cloning).
+"""Partners like people: small networks that do what humans did in recorded games (behaviour cloning).
 
-The recordings are Carroll et al.'s human-human games on Coordination Ring (tests/data). It must not know how it is
-used. Run it as `python -m training.behaviour_cloning`.
+The recordings are Carroll et al.'s human-human games on Coordination Ring (tests/data). Half of the games make the
+clone with whom predictors are measured, the other half the clones that they learn with: no pair of people is in both.
+It must not know how clones are used. Run it as `python -m training.behaviour_cloning`.
 """
 
 import argparse
 import gzip
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,15 +25,18 @@ from overcooked.layout import Layout, load_layout
 from overcooked.state import Kitchens
 from training.runlog import revision
 
+RECORDED = "coordination_ring"
 RECORDINGS = Path(__file__).parent.parent / "tests" / "data" / "coordination_ring_train.jsonl.gz"
 NAME = "human_bc"
 LIKE_PEOPLE = Mode(temperature=1.0, stuck_after=3, stuck_mix=0.5)  # cloned people get stuck far more than people do
+MEASURED_GAMES, LEARNT_GAMES = (4, 5, 6, 7), (0, 1, 2, 3)  # of the 8 recorded
 
 
 @dataclass(frozen=True)
 class CloningConfig:
     """How the clone learns."""
 
+    games: tuple[int, ...] = MEASURED_GAMES  # that it imitates; the last one only says when to stop
     hidden: tuple[int, ...] = (64, 64)
     epochs: int = 100  # at most
     minibatch: int = 256
@@ -70,6 +74,23 @@ def read_human_games(path: Path, layout: Layout) -> HumanGames:
     return HumanGames(observations, np.array(done, np.int64).ravel(), np.array(games, np.int64).ravel())
 
 
+def companions() -> dict[str, tuple[CloningConfig, Mode]]:
+    """The clones that predictors learn with, by name: unlike one another, as people are."""
+    decided, patient = replace(LIKE_PEOPLE, temperature=0.7), replace(LIKE_PEOPLE, stuck_after=8)
+    kinds = (
+        (CloningConfig(), LIKE_PEOPLE),
+        (CloningConfig(hidden=(32,), noise=0.2), LIKE_PEOPLE),
+        (CloningConfig(hidden=(128, 64), weight_decay=0.3), decided),
+        (CloningConfig(noise=0.3), patient),
+    )
+    found = {}
+    for k, last in enumerate(LEARNT_GAMES):
+        games = (*(game for game in LEARNT_GAMES if game != last), last)
+        for j, (config, mode) in enumerate(kinds):
+            found[f"human_{k}{j}"] = replace(config, games=games, seed=len(kinds) * k + j), mode
+    return found
+
+
 def clone(games: HumanGames, layout: Layout, config: CloningConfig) -> tuple[MlpPolicy, dict[str, float]]:
     """The network that does as they did, and its figures on the one game that it never saw."""
     torch.manual_seed(config.seed)
@@ -78,12 +99,12 @@ def clone(games: HumanGames, layout: Layout, config: CloningConfig) -> tuple[Mlp
     assert isinstance(network, MlpPolicy)  # noqa: S101 the default kind
     with torch.no_grad():
         first: Any = network.head.layers[0].weight
-        first *= _changing(games, network)  # what never changed for them must not matter
+        first *= _changing(games, config, network)  # what never changed for them must not matter
     entries = torch.from_numpy(games.observations).flatten(1)[:, network.columns].float()
     actions = torch.from_numpy(games.actions)
-    apart = torch.from_numpy(games.game == games.game.max())
+    apart = torch.from_numpy(games.game == config.games[-1])
     optimiser = torch.optim.AdamW(network.parameters(), config.learning_rate, weight_decay=config.weight_decay)
-    rows = np.flatnonzero(games.game != games.game.max())
+    rows = np.flatnonzero(np.isin(games.game, config.games[:-1]))
     best, kept = {"loss": float("inf")}, {}
     for epoch in range(config.epochs):
         order = draws.permutation(rows)
@@ -106,24 +127,42 @@ def clone(games: HumanGames, layout: Layout, config: CloningConfig) -> tuple[Mlp
     return network, best
 
 
-def _changing(games: HumanGames, network: MlpPolicy) -> torch.Tensor:
-    """(inputs,): 1 for entries that took more than one value in the recordings."""
-    seen = games.observations.reshape(len(games.observations), -1)[:, network.columns.numpy()]
+def _changing(games: HumanGames, config: CloningConfig, network: MlpPolicy) -> torch.Tensor:
+    """(inputs,): 1 for entries that took more than one value in these recordings."""
+    seen = games.observations[np.isin(games.game, config.games)]
+    seen = seen.reshape(len(seen), -1)[:, network.columns.numpy()]
     return torch.from_numpy((seen != seen[0]).any(0).astype(np.float32))
 
 
+def make_companions(folder: Path, recordings: Path = RECORDINGS) -> list[Path]:
+    """Writes the clones that predictors learn with, a checkpoint folder each, and says where they are."""
+    layout, made = load_layout(RECORDED), []
+    games = read_human_games(recordings, layout)
+    for name, (config, mode) in companions().items():
+        network, figures = clone(games, layout, config)
+        save_clone(folder / name, network, layout, config, figures, mode)
+        made.append(folder / name)
+    return made
+
+
 def save_clone(
-    folder: Path, network: MlpPolicy, layout: Layout, config: CloningConfig, figures: dict[str, float]
+    folder: Path,
+    network: MlpPolicy,
+    layout: Layout,
+    config: CloningConfig,
+    figures: dict[str, float],
+    mode: Mode = LIKE_PEOPLE,
 ) -> str:
-    """Writes the agent's checkpoint folder with its card; returns its sha256."""
-    mode = LIKE_PEOPLE
+    """Writes the agent's checkpoint folder, whose name is the agent's, with its card; returns its sha256."""
+    numbers = ", ".join(str(game + 1) for game in config.games)
     card = "\n".join(
         [
-            f"# {NAME}: a behaviour-cloned human for {layout.name}",
+            f"# {folder.name}: a behaviour-cloned human for {layout.name}",
             "",
-            "A small network that imitates the people of 8 human-human games (9,619 joint steps, 150 ms each):",
-            "Carroll et al. 2019, collected by CHAI, UC Berkeley, anonymised by them, MIT. For testing partners and",
-            f"predictors; it is no study partner. Samples (temperature {mode.temperature:g}); after {mode.stuck_after}",
+            f"A small network that imitates the people of games {numbers} of 8 human-human games (9,619 joint steps,",
+            "150 ms each): Carroll et al. 2019, collected by CHAI, UC Berkeley, anonymised by them, MIT. Predictors",
+            "learn with clones of games 1 to 4 and are measured with one of games 5 to 8. It is no study partner.",
+            f"Samples (temperature {mode.temperature:g}); after {mode.stuck_after}",
             f"timesteps without a change of its own cell, facing or hand, {mode.stuck_mix:.0%} of the probability goes",
             "to the four moves.",
             "",
@@ -143,7 +182,7 @@ def save_clone(
         layout,
         mode,
         card,
-        agent=NAME,
+        agent=folder.name,
         seed=config.seed,
         measured=figures,
         revision=revision(),
@@ -154,10 +193,14 @@ def main() -> None:
     """Clones the shipped recordings and writes the agent where studies and evaluations find it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--recordings", type=Path, default=RECORDINGS)
-    parser.add_argument("--layout", default="coordination_ring")
+    parser.add_argument("--layout", default=RECORDED)
     parser.add_argument("--out", type=Path, help="default: models/weights/LAYOUT/human_bc")
+    parser.add_argument("--companions", type=Path, metavar="FOLDER", help="instead those that predictors learn with")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
+    if arguments.companions:
+        print(*make_companions(arguments.companions, arguments.recordings), sep="\n")
+        return
     layout, config = load_layout(arguments.layout), CloningConfig()
     network, figures = clone(read_human_games(arguments.recordings, layout), layout, config)
     folder = arguments.out or WEIGHTS / layout.name / NAME

@@ -1,4 +1,5 @@
-"""The tasks that make the agents of one kitchen: the population, the targets, the feature lender, and their choice.
+"""The tasks that make the agents of one kitchen: the population, the targets, the feature lender, their choice, and a
+crowd of further agents that only predictors learn with.
 
 It must not know how tasks are scheduled. Presets are TOML files in training/configs (`study_*.toml`).
 """
@@ -18,7 +19,12 @@ from training.study import Task, Work
 
 STUDY_LAYOUTS = ("coordination_ring", "double_rings", "double_counters", "matrix", "clear_division")
 ROLES = ("population_sp", "target_sp", "population_fcp", "target_fcp", "features")
-_SEEDS = {"population_sp": 1, "target_sp": 11, "population_fcp": 21, "target_fcp": 31, "features": 41}
+CROWD = ("crowd_sp", "crowd_fcp")
+_SEEDS = {
+    "population_sp": 1, "target_sp": 11, "population_fcp": 21, "target_fcp": 31, "features": 41,
+    "crowd_sp": 101, "crowd_fcp": 201,
+}  # fmt: skip
+_CIRCLE = 5  # SP agents of the crowd that one of its FCP agents learns to cook with
 
 
 @dataclass(frozen=True)
@@ -30,8 +36,14 @@ class Preset:
     targets: int
     settings: dict[str, Any]
 
+    def crowd(self, layout: str) -> int:
+        """How many SP agents, and half as many FCP agents, join those that the kitchen's predictors learn with."""
+        return int(self.settings.get("layout", {}).get(layout, {}).get("crowd", 0))
+
     def config(self, layout: str, role: str, run: str = "") -> AgentConfig:
-        """The training config of a role in a kitchen, and of one of its runs. Raises ConfigError."""
+        """The training config of a role in a kitchen, and of one of its runs; the crowd learns as the population does.
+        Raises ConfigError."""
+        role = role.replace("crowd", "population")
         here = self.settings.get("layout", {}).get(layout, {})
         config = AgentConfig()
         for tables, prefix in ((self.settings, ""), (here, f"layout.{layout}.")):
@@ -53,14 +65,30 @@ def load_preset(name: str) -> Preset:
 def agent_tasks(layout: str, preset: Preset) -> list[Task]:
     """Everything that trains an agent for `layout`: names are ROLE_SEED."""
     population = seeds("population_sp", preset)
-    tasks = []
-    for role in ROLES:
-        for name in seeds(role, preset):
-            config = preset.config(layout, role, name)
-            settings = {"config": differences(config), "grid": load_layout(layout).text}
-            minutes = config.timesteps / (50_000 if config.network == "mlp" else 7_000) / 60
-            tasks.append(Task(layout, name, _train, settings, _partners(role, population), minutes))
-    return tasks
+    return [
+        _agent_task(layout, preset, role, name, _partners(role, population))
+        for role in ROLES
+        for name in seeds(role, preset)
+    ]
+
+
+def crowd_tasks(layout: str, preset: Preset) -> list[Task]:
+    """The crowd: SP agents, then FCP agents that learn with some of those and never meet the population."""
+    counts = zip(CROWD, (preset.crowd(layout), preset.crowd(layout) // 2), strict=True)
+    sp, fcp = ([f"{role}_{_SEEDS[role] + k}" for k in range(count)] for role, count in counts)
+    alone = [_agent_task(layout, preset, CROWD[0], name, ()) for name in sp]
+    circles = [tuple(sorted({sp[(k + j) % len(sp)] for j in range(_CIRCLE)})) for k in range(len(fcp))]
+    return [
+        *alone,
+        *(_agent_task(layout, preset, CROWD[1], name, circle) for name, circle in zip(fcp, circles, strict=True)),
+    ]
+
+
+def _agent_task(layout: str, preset: Preset, role: str, name: str, partners: tuple[str, ...]) -> Task:
+    config = preset.config(layout, role, name)
+    settings = {"config": differences(config), "grid": load_layout(layout).text}
+    minutes = config.timesteps / (50_000 if config.network == "mlp" else 7_000) / 60
+    return Task(layout, name, _train, settings, partners, minutes)
 
 
 def _partners(role: str, population: Sequence[str]) -> tuple[str, ...]:
@@ -92,10 +120,14 @@ def study_tasks(layout: str, preset: Preset) -> list[Task]:
 
 
 def foretelling_tasks(layout: str, preset: Preset) -> list[Task]:
-    """The predictors of both targets of a kitchen; their inputs are tasks of `study_tasks`."""
+    """The crowd of a kitchen and the predictors of both its targets; their inputs are tasks of `study_tasks`."""
     population = (*seeds("population_sp", preset), *seeds("population_fcp", preset))
     (lender,) = seeds("features", preset)
-    return predictor_tasks(load_layout(layout), population, lender, preset.settings.get("predictor", {}))
+    crowd = crowd_tasks(layout, preset)
+    partners = (*population, *(task.name for task in crowd))
+    here = preset.settings.get("layout", {}).get(layout, {})
+    settings = {**preset.settings.get("predictor", {}), **here.get("predictor", {})}
+    return [*crowd, *predictor_tasks(load_layout(layout), partners, lender, settings)]
 
 
 def seeds(role: str, preset: Preset) -> list[str]:

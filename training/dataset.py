@@ -38,10 +38,21 @@ class Episodes:
 
     def labels(self) -> NDArray[np.int64]:
         """(E, T, 3): the target's next actions, from the one in the state on; NONE beyond the end."""
-        labels = np.full((*self.own.shape, STEPS), NONE, np.int64)
-        for step in range(STEPS):
-            labels[:, : self.own.shape[1] - step, step] = self.own[:, step:]
-        return labels
+        return _coming(self.own)
+
+    def partner_labels(self) -> NDArray[np.int64]:
+        """(E, T, 3): the same of the partner, as far as the next state tells."""
+        partner = np.full_like(self.own, NONE)
+        partner[:, :-1] = self.before[:, 1:, 1]
+        return _coming(partner)
+
+
+def _coming(actions: NDArray[np.int8]) -> NDArray[np.int64]:
+    """Actions (E, T) to the next three of each timestep, (E, T, 3)."""
+    labels = np.full((*actions.shape, STEPS), NONE, np.int64)
+    for step in range(STEPS):
+        labels[:, : actions.shape[1] - step, step] = actions[:, step:]
+    return labels
 
 
 def load_episodes(folder: Path, split: str, layout: Layout, eyes: Eyes) -> Episodes:
@@ -98,7 +109,7 @@ def _features(cut: Shard, seat: NDArray[np.int8], layout: Layout, eyes: Eyes) ->
 def stream_batch(
     episodes: Episodes, labels: NDArray[np.int64], chosen: NDArray[np.intp], first: NDArray[np.intp], timesteps: int
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Stretches of `timesteps` from `first` on: features (B, T, size), actions (B, T, 12), labels (B, T, 3)."""
+    """Stretches of `timesteps` from `first` on: features (B, T, size), actions (B, T, 12), labels (B, T, ...)."""
     rows, columns = chosen[:, None], first[:, None] + np.arange(timesteps)
     features = episodes.features[torch.from_numpy(rows), torch.from_numpy(columns)].float()
     actions = torch.from_numpy(one_hot(episodes.before[rows, columns]))
@@ -109,7 +120,7 @@ def window_batch(
     episodes: Episodes, labels: NDArray[np.int64], chosen: NDArray[np.intp], last: NDArray[np.intp]
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
     """Windows of ten that end with `last`: features (B, 10, size), actions (B, 10, 12) with the current one zero, which
-    steps are within the game (B, 10), labels (B, 3)."""
+    steps are within the game (B, 10), labels (B, ...)."""
     columns = last[:, None] + np.arange(1 - HISTORY, 1)
     present = columns >= 0
     rows, columns = chosen[:, None], np.maximum(columns, 0)

@@ -4,7 +4,7 @@ It must not know what is learned from the games.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -63,13 +63,15 @@ def load_population(folders: Path | Sequence[Path], layout: Layout) -> list[Part
     return sorted(partners, key=lambda partner: partner.name)
 
 
-def load_extras(folders: Sequence[Path], layout: Layout) -> list[Partner]:
-    """Agents in these checkpoint folders that are only ever trained on, under their folders' names: the more ways of
-    cooking a predictor has met, the better it foretells with strangers. Raises what `load_agent` raises."""
-    return [
-        Partner(f"extra_{folder.name}", "extra", "extra", load_agent(str(folder.resolve()), layout).policy)
-        for folder in folders
-    ]
+def load_extras(folders: Mapping[str, Path], layout: Layout) -> list[Partner]:
+    """Agents in these checkpoint folders, by name, that are only ever trained on: the more ways of cooking a predictor
+    has met, the better it foretells with strangers. Who samples by its card always does. Raises what `load_agent`
+    raises."""
+    extras = []
+    for name, folder in folders.items():
+        policy, mode = load_agent(str(folder.resolve()), layout)
+        extras.append(Partner(f"extra_{name}", "extra", "extra", policy, mode if mode.temperature > 0 else None))
+    return extras
 
 
 def with_itself_and_extras(

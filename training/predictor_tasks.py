@@ -1,6 +1,7 @@
 """The tasks that make a kitchen's predictors: games of each target, a predictor in each form, the shipped folders.
 
-It must not know how tasks are scheduled.
+On the kitchen of which people's games are recorded they learn with cloned people too. It must not know how tasks are
+scheduled.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,9 +12,11 @@ from typing import Any
 
 from models.network_config import PredictorConfig
 from overcooked.layout import Layout
+from training.agents import SKILLS
+from training.behaviour_cloning import RECORDED, companions, make_companions
 from training.collect import TEST, Plan, Target, collect
 from training.dataset import load_episodes
-from training.population import load_population, load_target, with_itself_and_extras
+from training.population import load_extras, load_population, load_target, with_itself_and_extras
 from training.predictor_config import Configs, TrainingConfig, changed
 from training.runlog import RunFolder
 from training.ship_predictor import predictor_folder, write_predictor
@@ -21,16 +24,21 @@ from training.study import Task, Work
 from training.train_predictor import prepared, train_predictor
 
 AGENTS, FORMS = ("sp", "fcp"), ("stream", "window")
-LENDER = "features"
+LENDER, CLONES = "features", "clones"
 
 
-def predictor_tasks(layout: Layout, population: Sequence[str], lender: str, settings: Mapping[str, Any]) -> list[Task]:
-    """Games, predictors and their shipping for both targets of a kitchen, inputs first. `population` and `lender` are
-    names of tasks that leave checkpoints; `settings` change the configs for all forms, or in a table for one."""
+def predictor_tasks(layout: Layout, partners: Sequence[str], lender: str, settings: Mapping[str, Any]) -> list[Task]:
+    """Games, predictors and their shipping for both targets of a kitchen, inputs first. `partners` (the population, and
+    a crowd that is only trained on) and `lender` are names of tasks that leave checkpoints; `settings` change the
+    configs for all forms, or in a table for one."""
     tasks = []
+    if layout.name == RECORDED:
+        clones = {name: [asdict(config), asdict(mode)] for name, (config, mode) in companions().items()}
+        tasks.append(Task(layout.name, CLONES, _clone, clones, (), 2.0))
+        partners = (*partners, CLONES)
     for agent in AGENTS:
         chosen, games = f"choose_{agent}", f"games_{agent}"
-        inputs: tuple[str, ...] = (chosen, *population)
+        inputs: tuple[str, ...] = (chosen, *partners)
         tasks.append(Task(layout.name, games, partial(_collect, layout, agent), asdict(Plan()), inputs))
         for form in FORMS:
             configs = _configs(form, settings)
@@ -52,19 +60,28 @@ def _target(work: Work, layout: Layout, agent: str) -> Target:
     return Target(agent, found.policy, found.mode, found.sha256)
 
 
+def _clone(work: Work) -> None:
+    make_companions(work.folder)
+
+
 def _collect(layout: Layout, agent: str, work: Work) -> None:
     target = _target(work, layout, agent)
-    folders = [folder for name, folder in work.inputs.items() if name.startswith("population")]
+    folders = [folder for _, folder in _inputs(work, "population")]
     partners = with_itself_and_extras(target, load_population(folders, layout), layout)
+    crowd = {f"{name}_{k}": folder / str(k) for name, folder in _inputs(work, "crowd") for k in SKILLS}
+    clones = {clone.parent.name: clone.parent for _, at in _inputs(work, CLONES) for clone in at.glob("*/config.json")}
+    partners += load_extras({**crowd, **dict(sorted(clones.items()))}, layout)
     collect(work.folder / "games", layout, target, partners, Plan(), work.report)
+
+
+def _inputs(work: Work, prefix: str) -> list[tuple[str, Path]]:
+    return [(name, folder) for name, folder in work.inputs.items() if name.startswith(prefix)]
 
 
 def _train(layout: Layout, agent: str, configs: Configs, work: Work) -> None:
     """Trains a predictor and leaves it in <folder>/predictor and among the shipped weights."""
     games = work.inputs[f"games_{agent}"] / "games"
-    lender: Path | None = next(
-        (folder / "100" for name, folder in work.inputs.items() if name.startswith(LENDER)), None
-    )
+    lender: Path | None = next((folder / "100" for _, folder in _inputs(work, LENDER)), None)
     network, training = configs
     trainer = prepared(layout, network, training, games, lender)
     run = RunFolder(work.folder / "run", work.task.settings)

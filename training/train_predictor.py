@@ -4,6 +4,7 @@ validation.
 Resumable to the step. It must not know how the games were collected.
 """
 
+import copy
 import math
 import time
 from collections.abc import Callable, Mapping
@@ -39,9 +40,11 @@ class Trainer:
     ) -> None:
         self.network, self.config = network, config
         self.train, self.validation = train, validation
-        self._labels = train.labels()
+        self._labels = np.concatenate([train.labels(), train.partner_labels()], -1)  # (E, T, 6)
+        self._of_partner = copy.deepcopy(network.decoder)
+        learning = (*network.parameters(), *self._of_partner.parameters())
         self._optimiser = torch.optim.AdamW(
-            [parameter for parameter in network.parameters() if parameter.requires_grad],
+            [parameter for parameter in learning if parameter.requires_grad],
             config.learning_rate, (0.9, 0.98), weight_decay=config.weight_decay,
         )  # fmt: skip
         self.average = {name: value.clone() for name, value in self._learned().items()}
@@ -77,13 +80,17 @@ class Trainer:
             chosen = draws.integers(len(self.train), size=config.stretches)
             first = draws.integers(timesteps - length + 1, size=config.stretches)
             features, actions, labels = stream_batch(self.train, self._labels, chosen, first, length)
-            said = self.network(features, actions)
+            tokens = self.network.tokens(features, actions)
         else:
             chosen = draws.integers(len(self.train), size=config.windows)
             last = draws.integers(timesteps, size=config.windows)
             features, actions, present, labels = window_batch(self.train, self._labels, chosen, last)
-            said = self.network(features, actions, present)
-        return functional.cross_entropy(said.float().view(-1, ACTIONS), labels.flatten(), ignore_index=NONE) * STEPS
+            tokens = self.network.tokens(features, actions, present)
+        own, partner = labels[..., :STEPS], labels[..., STEPS:]
+        loss = _cross_entropy(self.network.decode(tokens), own)
+        if config.partner_weight:
+            loss = loss + config.partner_weight * _cross_entropy(self._of_partner(self.network.norm(tokens)), partner)
+        return loss
 
     def look(self) -> Evaluation:
         """Validates the averaged weights and remembers them if they are the best."""
@@ -109,7 +116,8 @@ class Trainer:
 
     def state(self) -> tuple[dict[str, Tensor], dict[str, Any]]:
         """Everything that decides how it goes on, for a run folder."""
-        kept = {"now": self._learned(), "average": self.average, "best": self.best}
+        aside = {name: value.detach() for name, value in self._of_partner.named_parameters()}
+        kept = {"now": self._learned(), "average": self.average, "best": self.best, "partner": aside}
         tensors = {f"{group}.{name}": value for group, values in kept.items() for name, value in values.items()}
         tensors["random."] = torch.get_rng_state()
         for index, moments in self._optimiser.state_dict()["state"].items():
@@ -121,12 +129,14 @@ class Trainer:
 
     def restore(self, tensors: dict[str, Tensor], numbers: dict[str, Any]) -> None:
         """Goes on from what `state` gave."""
-        groups: dict[str, dict[str, Tensor]] = {"now": {}, "average": {}, "best": {}, "adam": {}, "random": {}}
+        names = ("now", "average", "best", "partner", "adam", "random")
+        groups: dict[str, dict[str, Tensor]] = {name: {} for name in names}
         for full, value in tensors.items():
             group, _, name = full.partition(".")
             groups[group][name] = value
         torch.set_rng_state(groups["random"][""])
         self._load(groups["now"])
+        self._of_partner.load_state_dict(groups["partner"])
         self.average, self.best = groups["average"], groups["best"]
         settings = self._optimiser.state_dict()
         moments: dict[int, dict[str, Tensor]] = {}
@@ -145,6 +155,11 @@ class Trainer:
         for name, value in self.network.named_parameters():
             if name in values:
                 value.copy_(values[name])
+
+
+def _cross_entropy(said: Tensor, labels: Tensor) -> Tensor:
+    """Summed over the three steps: logits of (..., 3, 6), labels (..., 3)."""
+    return functional.cross_entropy(said.float().view(-1, ACTIONS), labels.flatten(), ignore_index=NONE) * STEPS
 
 
 def prepared(

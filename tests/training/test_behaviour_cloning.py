@@ -1,5 +1,7 @@
 """The cloned human does what people did in the recordings."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -8,7 +10,14 @@ from models.catalogue import load_agent
 from models.policy import NetworkPolicy
 from overcooked.constants import STAY
 from overcooked.layout import load_layout
-from training.behaviour_cloning import RECORDINGS, CloningConfig, clone, read_human_games, save_clone
+from training.behaviour_cloning import (
+    RECORDINGS,
+    CloningConfig,
+    clone,
+    companions,
+    read_human_games,
+    save_clone,
+)
 
 RING = load_layout("coordination_ring")
 
@@ -26,7 +35,7 @@ def test_every_recorded_action_is_read_for_both_people(games):
 
 def test_a_clone_foretells_people_better_than_their_habits_alone(games, tmp_path):
     torch.set_num_threads(1)
-    config = CloningConfig(epochs=6)
+    config = CloningConfig(epochs=15)
     network, figures = clone(games, RING, config)
     apart = games.actions[games.game == 7]
     shares = np.bincount(apart) / len(apart)
@@ -36,6 +45,25 @@ def test_a_clone_foretells_people_better_than_their_habits_alone(games, tmp_path
     assert agent.mode.temperature == 1
     seen = games.observations[:50]
     assert np.allclose(agent.policy.probabilities(seen), NetworkPolicy(network).probabilities(seen), atol=0.01)
+
+
+def test_predictors_never_learn_with_the_people_they_are_measured_with():
+    learnt = {game for config, _ in companions().values() for game in config.games}
+    assert learnt.isdisjoint(CloningConfig().games)
+    assert learnt | set(CloningConfig().games) == set(range(8))
+
+
+def test_a_clone_knows_only_the_games_it_is_given(games):
+    torch.set_num_threads(1)
+    config = CloningConfig(epochs=2)
+    others = ~np.isin(games.game, config.games)
+    changed = replace(
+        games,
+        observations=np.where(others[:, None, None, None], games.observations[0], games.observations),
+        actions=np.where(others, STAY, games.actions),
+    )
+    first, again = (clone(each, RING, config)[0].state_dict() for each in (games, changed))
+    assert all(torch.equal(first[name], again[name]) for name in first)
 
 
 def test_a_file_without_actions_is_refused(tmp_path):

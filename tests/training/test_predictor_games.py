@@ -221,10 +221,29 @@ def test_more_agents_can_be_trained_on_and_are_never_tested_on(tmp_path):
     config = NetworkConfig(hidden=(16,))
     folder = tmp_path / "sp_4_20"
     save_agent(folder, build_network(config, RING), config, RING, Mode(), "A card.", agent="sp_4_20")
-    (extra,) = load_extras([folder], RING)
+    (extra,) = load_extras({"sp_4_20": folder}, RING)
     population = [uniform(f"sp_{k}_100", f"sp_{k}") for k in range(5)]
     split = split_by_agent([*population, extra])
     assert (extra.name, split[extra.agent]) == ("extra_sp_4_20", "train")
     assert split["sp_4"] == "test"
     with pytest.raises(ValueError, match="no agent"):
-        load_extras([tmp_path / "nobody"], RING)
+        load_extras({"nobody": tmp_path / "nobody"}, RING)
+
+
+def test_who_samples_by_its_card_does_so_whenever_it_is_a_partner(tmp_path):
+    config = NetworkConfig(hidden=(16,))
+    for name, mode in {"like_people": Mode(0.7, 3, 0.5), "decided": Mode(0.0, 8, 0.5)}.items():
+        save_agent(tmp_path / name, build_network(config, RING), config, RING, mode, "A card.", agent=name)
+    extras = load_extras({folder.name: folder for folder in sorted(tmp_path.iterdir())}, RING)
+    assert [extra.mode for extra in extras] == [None, Mode(0.7, 3, 0.5)]
+
+
+def test_what_a_partner_does_next_is_known_up_to_the_last_timestep():
+    shard = games_with(RING, planner(), uniform("random"), SMALL)
+    episodes = episodes_of(shard, RING, Eyes(RING, PredictorConfig()))
+    labels = episodes.partner_labels()
+    did = shard["actions"][0, :, 1]
+    for step in range(3):
+        known = len(did) - 1 - step
+        assert labels[0, :known, step].tolist() == did[step : step + known].tolist()
+        assert (labels[0, known:, step] == NONE).all()

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from training.cast import STUDY_LAYOUTS, load_preset, study_tasks
+from training.cast import STUDY_LAYOUTS, foretelling_tasks, load_preset, study_tasks
 from training.study import Graph, Task, Work
 
 
@@ -76,3 +76,17 @@ def test_every_preset_makes_a_whole_cast_for_every_kitchen(name: str, tmp_path: 
             assert all(f"{layout}/{needed}" in graph.tasks for needed in task.inputs)
             if task.name.startswith("target_fcp"):
                 assert last not in task.inputs  # they are measured with it later
+
+
+def test_a_crowd_is_only_trained_on_and_never_meets_the_population(tmp_path: Path) -> None:
+    preset = load_preset("cpu")
+    agents, foretelling = (make("coordination_ring", preset) for make in (study_tasks, foretelling_tasks))
+    graph = Graph([*agents, *foretelling], tmp_path)
+    crowd = [task for task in foretelling if task.name.startswith("crowd")]
+    assert len(crowd) == preset.crowd("coordination_ring") * 3 // 2 > 0
+    assert all(needed.startswith("crowd_sp") for task in crowd for needed in task.inputs)
+    games = graph.tasks["coordination_ring/games_sp"].inputs
+    assert {task.name for task in crowd} < set(games)
+    assert "clones" in games
+    assert not any(needed.startswith("crowd") or needed == "clones" for task in agents for needed in task.inputs)
+    assert not any(task.name.startswith(("crowd", "clones")) for task in foretelling_tasks("matrix", preset))
