@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import IO, Any, Final
 from urllib.parse import quote
 
-import psycopg
 from sqlalchemy import Connection, Engine, create_engine, event, text
 from sqlalchemy.engine import URL, make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError
@@ -86,6 +85,8 @@ def is_down(error: BaseException) -> bool:
         return getattr(original, "sqlite_errorcode", 0) & 0xFF in _SQLITE_DOWN
     if error.connection_invalidated:
         return True
+    import psycopg  # here: who serves from SQLite does not wait for it
+
     if isinstance(original, psycopg.Error):
         if original.sqlstate is None:
             return isinstance(original, psycopg.OperationalError | psycopg.InterfaceError)
