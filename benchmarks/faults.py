@@ -1,6 +1,6 @@
 """The rows of docs/faults.md with figures: faults made on purpose, what people saw held against the database.
 
-    python benchmarks/faults.py [--quick] [--json] [--rows 1,5,12] [--kills N] [--kill-seconds S]
+    python benchmarks/faults.py [--quick] [--json] [--rows 1,5,12] [--kills N] [--seed N] [--kill-seconds S]
 
 Needs what the tests need; row 6 is left out without strace, row 7 for who may not mount. Run it on a quiet machine:
 rows 1, 10, 19 and 27 measure times.
@@ -37,10 +37,10 @@ KILLS_AT_ONCE = 100  # with one database; then the next seed begins with an empt
 SHIFT_MS = 2.0  # a fault in one game may move the others' 99th percentile by less
 
 
-def scenarios(quick: bool, kills: int, kill_s: float) -> Iterator[tuple[int, Scenario]]:
+def scenarios(quick: bool, kills: int, kill_s: float, first: int) -> Iterator[tuple[int, Scenario]]:
     """Row numbers with what makes them; `quick`: a taste of each."""
     q = quick
-    for seed, start in enumerate(range(0, kills, KILLS_AT_ONCE), start=1):
+    for seed, start in enumerate(range(0, kills, KILLS_AT_ONCE), start=first):
         count = min(KILLS_AT_ONCE, kills - start)
         yield 1, partial(process.kills, tries=count, games=50, seed=seed, budget_s=kill_s)
     yield 2, lambda folder: process.stops(folder, 1 if q else 5, 10 if q else 100)
@@ -76,8 +76,8 @@ def scenarios(quick: bool, kills: int, kill_s: float) -> Iterator[tuple[int, Sce
     yield 30, lambda folder: people.last_page(folder, 10 if q else 1000)
 
 
-def measure(quick: bool, rows: set[int], kills: int, kill_s: float) -> Iterator[Row]:
-    for number, scenario in scenarios(quick, kills, kill_s):
+def measure(quick: bool, rows: set[int], kills: int, kill_s: float, first: int) -> Iterator[Row]:
+    for number, scenario in scenarios(quick, kills, kill_s, first):
         if rows and number not in rows:
             continue
         with tempfile.TemporaryDirectory(prefix="kitchenmind-faults-") as folder:
@@ -95,13 +95,16 @@ def main() -> int:
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--rows", default="", help="only these, separated by commas")
     parser.add_argument("--kills", type=int, help="how many kills in row 1 (1000; quick: 3)")
+    parser.add_argument(
+        "--seed", type=int, default=1, help="of the first hundred kills; each further hundred has the next"
+    )
     parser.add_argument("--kill-seconds", type=float, default=1e9, help="stop killing after so long, each hundred")
     arguments = parser.parse_args()
     rows = {int(number) for number in arguments.rows.split(",") if number}
     kills = arguments.kills or (3 if arguments.quick else 1000)
     found = []
     sys.stdout, said = sys.stderr, sys.stdout  # servers in this process say where they are
-    for row in measure(arguments.quick, rows, kills, arguments.kill_seconds):
+    for row in measure(arguments.quick, rows, kills, arguments.kill_seconds, arguments.seed):
         found.append(row)
         if not arguments.json:
             figures = "  ".join(f"{name} {value}" for name, value in row.figure.items())

@@ -20,6 +20,9 @@ from server.store.database import Database, DatabaseDown
 from server.store.tables import episodes, pauses, ticks
 
 PATIENCE_S = 1.0
+# msgspec (0.22) looks at a type when it first meets it, and two threads that do so at once can crash the process: after
+# a restart many games are taken up at once. So it meets this one here, in one thread.
+msgspec.json.Decoder(EpisodeSpec)
 
 
 @dataclass(frozen=True)
