@@ -37,7 +37,7 @@ WARNING = """\
 Ours beside the paper's, in kind and not to the digit: only Coordination Ring is the published grid, the other four are
 drawn here after its pictures; every agent was trained here, on far fewer timesteps, and acts nearly always decided, so
 that it is easier to foretell (see the ceiling). Accuracy is measured on partner agents that no predictor was trained or
-stopped on. One of the ten cells, FCP on Coordination Ring, stays a little below the paper's."""
+stopped on."""
 
 
 def main() -> None:

@@ -9,6 +9,7 @@ import argparse
 import gzip
 import json
 from dataclasses import asdict, dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ RECORDINGS = Path(__file__).parent.parent / "tests" / "data" / "coordination_rin
 NAME = "human_bc"
 LIKE_PEOPLE = Mode(temperature=1.0, stuck_after=3, stuck_mix=0.5)  # cloned people get stuck far more than people do
 MEASURED_GAMES, LEARNT_GAMES = (4, 5, 6, 7), (0, 1, 2, 3)  # of the 8 recorded
+CLONES_OF_A_KIND = 3
 
 
 @dataclass(frozen=True)
@@ -84,10 +86,9 @@ def companions() -> dict[str, tuple[CloningConfig, Mode]]:
         (CloningConfig(noise=0.3), patient),
     )
     found = {}
-    for k, last in enumerate(LEARNT_GAMES):
+    for number, (last, (config, mode), _) in enumerate(product(LEARNT_GAMES, kinds, range(CLONES_OF_A_KIND))):
         games = (*(game for game in LEARNT_GAMES if game != last), last)
-        for j, (config, mode) in enumerate(kinds):
-            found[f"human_{k}{j}"] = replace(config, games=games, seed=len(kinds) * k + j), mode
+        found[f"human_{number:02}"] = replace(config, games=games, seed=number), mode
     return found
 
 
@@ -135,13 +136,16 @@ def _changing(games: HumanGames, config: CloningConfig, network: MlpPolicy) -> t
 
 
 def make_companions(folder: Path, recordings: Path = RECORDINGS) -> list[Path]:
-    """Writes the clones that predictors learn with, a checkpoint folder each, and says where they are."""
+    """Writes the clones that predictors learn with, a checkpoint folder each, and says where they are; those that are
+    there already stay."""
     layout, made = load_layout(RECORDED), []
     games = read_human_games(recordings, layout)
     for name, (config, mode) in companions().items():
+        made.append(folder / name)
+        if made[-1].is_dir():
+            continue
         network, figures = clone(games, layout, config)
         save_clone(folder / name, network, layout, config, figures, mode)
-        made.append(folder / name)
     return made
 
 

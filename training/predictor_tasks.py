@@ -69,8 +69,8 @@ def _collect(layout: Layout, agent: str, work: Work) -> None:
     folders = [folder for _, folder in _inputs(work, "population")]
     partners = with_itself_and_extras(target, load_population(folders, layout), layout)
     crowd = {f"{name}_{k}": folder / str(k) for name, folder in _inputs(work, "crowd") for k in SKILLS}
-    clones = {clone.parent.name: clone.parent for _, at in _inputs(work, CLONES) for clone in at.glob("*/config.json")}
-    partners += load_extras({**crowd, **dict(sorted(clones.items()))}, layout)
+    clones = {name: at / name for _, at in _inputs(work, CLONES) for name in companions()}
+    partners += load_extras({**crowd, **clones}, layout)
     collect(work.folder / "games", layout, target, partners, Plan(), work.report)
 
 

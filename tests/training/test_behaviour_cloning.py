@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import torch
 
-from models.catalogue import load_agent
+from models.catalogue import WEIGHTS, load_agent
 from models.policy import NetworkPolicy
 from overcooked.constants import STAY
 from overcooked.layout import load_layout
 from training.behaviour_cloning import (
+    NAME,
     RECORDINGS,
     CloningConfig,
     clone,
@@ -51,6 +52,11 @@ def test_predictors_never_learn_with_the_people_they_are_measured_with():
     learnt = {game for config, _ in companions().values() for game in config.games}
     assert learnt.isdisjoint(CloningConfig().games)
     assert learnt | set(CloningConfig().games) == set(range(8))
+
+
+def test_the_shipped_clone_says_which_games_it_imitates():
+    card = (WEIGHTS / "coordination_ring" / NAME / "card.md").read_text()
+    assert "the people of games 5, 6, 7, 8 of 8" in card
 
 
 def test_a_clone_knows_only_the_games_it_is_given(games):

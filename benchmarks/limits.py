@@ -1,0 +1,98 @@
+"""How often anybody could foretell an agent of Coordination Ring who knew both agents' minds, but not their dice.
+
+    python benchmarks/limits.py [--partner human_bc] [--states 6000] [--json]
+
+All courses that the next timesteps may take are followed with their probabilities: the likeliest action's is how
+often the best prediction is right. A predictor that knows neither agent stays below.
+"""
+
+import argparse
+import json
+import os
+
+os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.acting import distribution
+from models.catalogue import Agent, load_agent
+from models.protocols import STEPS, Mode, Observations, Policy, Probabilities
+from overcooked.constants import ACTIONS, HORIZON, PLAYERS
+from overcooked.layout import Layout, load_layout
+from overcooked.state import Kitchens
+from training.collect import Partner, Plan, Target, games_with
+
+LIKELY = 0.003  # courses less likely than this, of one timestep, are not followed
+Ints = NDArray[np.integer]
+
+
+def law_ahead(
+    kitchens: Kitchens, agents: tuple[Agent, Agent], seat: Ints, stuck: Ints, timesteps: int
+) -> Probabilities:
+    """(games, 6): the first agent's action law `timesteps` from now, it in `seat` (games,), `stuck` (games, 2)."""
+    games, seen = np.arange(kitchens.games), kitchens.encode()
+    seats = np.stack([seat, 1 - seat])
+    own = _law(agents[0].policy, agents[0].mode, seen[games, seats[0]], stuck[:, 0])
+    if timesteps == 0:
+        return own
+    other = _law(agents[1].policy, agents[1].mode, seen[games, seats[1]], stuck[:, 1])
+    joint = own[:, :, None] * other[:, None, :]
+    game, *actions = np.nonzero(joint > LIKELY)
+    share = joint[game, actions[0], actions[1]]
+    before = kitchens.players[game]
+    after = Kitchens(kitchens.layout, before.copy(), kitchens.contents[game].copy(), kitchens.timestep[game].copy())
+    by_seat = np.zeros((len(game), PLAYERS), np.int8)
+    rows = np.arange(len(game))
+    for k in range(PLAYERS):
+        by_seat[rows, seats[k, game]] = actions[k]
+    after.step(by_seat, np.zeros((len(game), PLAYERS), np.int32))
+    still = (after.players == before).all(-1)[rows[:, None], seats[:, game].T]  # (courses, 2), the agent's own first
+    ahead = law_ahead(after, agents, seat[game], np.where(still, stuck[game] + 1, 0), timesteps - 1)
+    law = np.zeros((kitchens.games, ACTIONS))
+    np.add.at(law, game, share[:, None] * ahead)
+    return np.asarray(law, np.float32)
+
+
+def _law(policy: Policy, mode: Mode, seen: Observations, stuck: Ints) -> Probabilities:
+    return distribution(policy.probabilities(np.ascontiguousarray(seen)), stuck, mode)
+
+
+def limits(layout: Layout, agent: str, partner: str, states: int) -> list[float]:
+    """The best accuracy (%) of each of the three steps, over `states` timesteps of their games."""
+    agents = load_agent(agent, layout), load_agent(partner, layout)
+    target = Target(agent, *agents[0])
+    games = games_with(layout, target, Partner(partner, partner, "extra", *agents[1]), Plan(trajectories=2))
+    seat = np.repeat(games["seat"][:, None], games["timestep"].shape[1], 1).astype(np.int64)
+    early = np.flatnonzero(games["timestep"] < HORIZON - STEPS)
+    chosen = np.random.default_rng(0).choice(early, min(states, len(early)), replace=False)
+    at = {name: games[name].reshape(-1, *games[name].shape[2:])[chosen] for name in ("players", "contents", "stuck")}
+    clock = games["timestep"].ravel()[chosen].astype(np.int32)
+    best = []
+    for step in range(STEPS):
+        kitchens = Kitchens(layout, at["players"].copy(), at["contents"].copy(), clock.copy())
+        law = law_ahead(kitchens, agents, seat.ravel()[chosen], at["stuck"].astype(np.int64), step)
+        best.append(round(100 * float(law.max(1).mean()), 1))
+    return best
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--partner", default="human_bc")
+    parser.add_argument("--states", type=int, default=6000)
+    parser.add_argument("--json", action="store_true", help="a list of {agent, partner, steps, mean}")
+    arguments = parser.parse_args()
+    rows = []
+    for agent in ("sp", "fcp"):
+        steps = limits(load_layout("coordination_ring"), agent, arguments.partner, arguments.states)
+        mean = round(sum(steps) / STEPS, 1)
+        rows.append({"agent": agent, "partner": arguments.partner, "steps": steps, "mean": mean})
+    if arguments.json:
+        print(json.dumps(rows))
+        return
+    for row in rows:
+        print(f"{row['agent']:4} with {row['partner']}: steps 1 to 3 at best {row['steps']}, mean {row['mean']}")
+
+
+if __name__ == "__main__":
+    main()
