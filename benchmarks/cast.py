@@ -73,10 +73,11 @@ def measured() -> dict[str, Any]:
     layouts = [load_layout(name) for name in LAYOUTS]
     planners = [measured_agent(layout, PLANNER, Player(*load_agent(PLANNER, layout)), ()) for layout in layouts]
     ring, with_human = load_layout("coordination_ring"), []
+    plan = Plan(trajectories=20)  # one partner only: with five, another seed moves the figure by two points
     for folder in sorted((WEIGHTS / ring.name).glob("*_predictor_*")):
         agent, _, form = folder.name.partition("_predictor_")
         network, _ = predictor_network(load_checkpoint(folder))
-        games = unseen_games(ring, load_target(agent, ring), network, population_folder(ring), Plan(), HUMAN)
+        games = unseen_games(ring, load_target(agent, ring), network, population_folder(ring), plan, HUMAN)
         with_human.append(evaluate(network, games).entry(ring.name, agent, form))
     return {
         "sha256": shipped_agents(),
