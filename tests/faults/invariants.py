@@ -38,9 +38,11 @@ class Findings:
     def ok(self) -> bool:
         return not any((self.lost, self.doubled, self.holes, self.mismatches, self.people, self.untrue))
 
-    def figures(self) -> dict[str, int]:
+    def figures(self) -> dict[str, Any]:
         names = ("lost", "doubled", "holes", "mismatches", "people", "untrue")
-        return {name: len(getattr(self, name)) for name in names} | {"compared": self.compared}
+        counts: dict[str, Any] = {name: len(getattr(self, name)) for name in names}
+        examples = [text for name in names for text in getattr(self, name)[:3]]
+        return counts | {"compared": self.compared} | ({"examples": examples} if examples else {})
 
 
 def held_against(url: str, witnesses: Sequence[Witness], silence_s: float = SILENCE_S) -> Findings:
