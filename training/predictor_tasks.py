@@ -14,12 +14,12 @@ from models.network_config import PredictorConfig
 from overcooked.layout import Layout
 from training.agents import SKILLS
 from training.behaviour_cloning import RECORDED, companions, make_companions
-from training.collect import TEST, Plan, Target, collect
+from training.collect import TEST, Plan, Target, collect, read_manifest
 from training.dataset import load_episodes
 from training.population import load_extras, load_population, load_target, with_itself_and_extras
 from training.predictor_config import Configs, TrainingConfig, changed
 from training.runlog import RunFolder
-from training.ship_predictor import predictor_folder, write_predictor
+from training.ship_predictor import partners_met, predictor_folder, write_predictor
 from training.study import Task, Work
 from training.train_predictor import prepared, train_predictor
 
@@ -86,7 +86,8 @@ def _train(layout: Layout, agent: str, configs: Configs, work: Work) -> None:
     trainer = prepared(layout, network, training, games, lender)
     run = RunFolder(work.folder / "run", work.task.settings)
     trained = train_predictor(trainer, run, lambda share, _: work.report(share))
-    how = {"updates": trainer.update, "training games": len(trainer.train), **work.task.settings}
+    counts = {"updates": trainer.update, "training games": len(trainer.train)}
+    how = {**counts, **partners_met(read_manifest(games)), **work.task.settings}
     test = load_episodes(games, TEST, layout, trained.eyes)
     for folder in (work.folder / "predictor", predictor_folder(layout, agent, network.form)):
         write_predictor(folder, trained, layout, _target(work, layout, agent), test, how)

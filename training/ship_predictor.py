@@ -3,6 +3,7 @@
 It must not know how training went on.
 """
 
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 from models.catalogue import WEIGHTS, load_agent
 from models.predictor import PredictorNetwork, save_predictor
 from overcooked.layout import Layout
-from training.collect import TEST, Partner, Plan, Target, games_with, split_by_agent
+from training.collect import TEST, TRAIN, VALIDATION, Partner, Plan, Target, games_with, split_by_agent
 from training.dataset import Episodes, episodes_of, joined
 from training.evaluate_predictor import STUCK_AFTER, Evaluation, evaluate
 from training.population import load_population
@@ -54,6 +55,21 @@ def games_of(
     return joined(
         [episodes_of(games_with(layout, target, partner, plan), layout, network.eyes) for partner in partners]
     )
+
+
+def partners_met(manifest: Mapping[str, Any]) -> dict[str, str]:
+    """Rows for a card, from the manifest of its games: with whom it learned, stopped and is measured."""
+    by_split: dict[str, set[str]] = {split: set() for split in (TRAIN, VALIDATION, TEST)}
+    extras = Counter[str]()
+    for name, facts in manifest["shards"].items():
+        if facts["kind"] == "extra":
+            word = name.removeprefix("extra_").partition("_")[0] if name.startswith("extra_") else "noisy or scripted"
+            extras[{"human": "clones of people", "crowd": "of the crowd"}.get(word, word)] += 1
+        else:
+            by_split[facts["split"]].add(facts["agent"])
+    names = {split: ", ".join(sorted(agents)) for split, agents in by_split.items()}
+    more = "".join(f"; {count} {word}" for word, count in sorted(extras.items()))
+    return {"learned with": names[TRAIN] + more, "stopped on": names[VALIDATION], "measured with": names[TEST]}
 
 
 def write_predictor(

@@ -16,13 +16,13 @@ from models.predictor import PredictorNetwork, predictor_network
 from models.predictor_at_work import load_trained_predictor
 from models.protocols import Mode
 from overcooked.layout import load_layout
-from training.collect import TEST, Partner, Plan, Target, collect
+from training.collect import TEST, Partner, Plan, Target, collect, read_manifest
 from training.config import ConfigError
 from training.dataset import load_episodes
 from training.evaluate_predictor import calibration_error, evaluate, fitted_temperature, logits
 from training.predictor_config import TrainingConfig, changed, parsed_changes
 from training.runlog import RunFolder
-from training.ship_predictor import write_predictor
+from training.ship_predictor import partners_met, write_predictor
 from training.train_predictor import prepared, train_predictor
 
 RING = load_layout("coordination_ring")
@@ -141,6 +141,18 @@ def test_a_shipped_predictor_says_on_its_card_what_it_does(games, tmp_path):
     stored, _ = predictor_network(load_checkpoint(tmp_path / "p"))
     assert evaluate(stored, test).accuracy.mean == pytest.approx(result.accuracy.mean, abs=0.01)
     assert load_trained_predictor(tmp_path / "p", RING)[1] == round(result.accuracy.mean, 4)
+
+
+def test_a_card_says_with_whom_a_predictor_learned_and_who_was_kept_from_it(games, tmp_path):
+    manifest = read_manifest(games)
+    extras = ("extra_human_00", "extra_human_01", "itself_noise_30")
+    more = {name: {"kind": "extra", "split": "train"} for name in extras}
+    met = partners_met({**manifest, "shards": {**manifest["shards"], **more}})
+    assert met == {
+        "learned with": "sp_0, sp_1, sp_2; 2 clones of people; 1 noisy or scripted",
+        "stopped on": "sp_3",
+        "measured with": "sp_9",
+    }
 
 
 def test_an_unknown_setting_names_the_known_ones():

@@ -32,7 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
     from training.population import load_target
     from training.predictor_config import TrainingConfig, changed, parsed_changes
     from training.runlog import RunFolder
-    from training.ship_predictor import predictor_folder, write_predictor
+    from training.ship_predictor import partners_met, predictor_folder, write_predictor
     from training.train_predictor import prepared, train_predictor
 
     defaults = (PredictorConfig(form=arguments.form), TrainingConfig())
@@ -75,6 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
         "training games": len(trainer.train),
         "seed": training.seed,
         "begun with": begun or "nothing",
+        **partners_met(collected),
         "settings": settings,
     }
     result = write_predictor(out, trained, layout, target, load_episodes(games, TEST, layout, trained.eyes), how)
