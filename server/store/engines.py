@@ -61,9 +61,7 @@ def normal_url(url: str) -> URL:
     try:
         parsed = make_url(url)
     except ArgumentError:
-        raise ValueError(
-            f"{url!r} is no database address. Use sqlite:///file.db or postgresql://user@host/name."
-        ) from None
+        raise ValueError(f"{url!r} is no database address. {_ADDRESSES}") from None
     backend = parsed.get_backend_name()
     if backend == "postgresql":
         return parsed.set(drivername="postgresql+psycopg")

@@ -86,6 +86,14 @@ def forget_cookie(response: Response, study: str, *, secure: bool) -> None:
     response.delete_cookie(name, path=f"/s/{study}", secure=secure, httponly=True, samesite="lax")
 
 
+NOBODY = "nobody"
+
+
 def session_of(request: Request) -> str:
     """What a form is bound to: the participant's token, or nothing before consent."""
-    return token_of(request) or "nobody"
+    return token_of(request) or NOBODY
+
+
+def token_for(secret: bytes, study: str, visit: str) -> str:
+    """The participant's token. It follows from the consent page that was shown: sending it twice makes nobody twice."""
+    return hmac.new(secret, f"participant\n{study}\n{visit}".encode(), hashlib.sha256).hexdigest()

@@ -16,8 +16,8 @@ from server.store.database import Database
 from server.store.participants import Participant
 from server.study.locale import Locale, best_language, languages, locale
 from server.study.plan import Study
-from server.web.auth import FORM_FIELD, Guard, session_of, token_of
-from server.web.forms import Form, read_form
+from server.web.auth import FORM_FIELD, Guard, session_of, token_for, token_of
+from server.web.forms import Form, first, read_form
 from server.web.headers import policy
 from server.web.studies import Studies
 
@@ -62,6 +62,17 @@ async def own_form(request: Request, web: WebDep) -> Form:
 
 
 FormDep = Annotated[Form, Depends(own_form)]
+
+
+async def consent_form(request: Request, name: str, web: WebDep) -> Form:
+    """`own_form` of the consent page, also when it is sent again: what was sent first gave this browser its cookie."""
+    secret, cookie = web.guard.secret, token_of(request)
+    return await read_form(
+        request, web.guard, was_nobodys=lambda form: token_for(secret, name, first(form, "visit")) == cookie
+    )
+
+
+ConsentFormDep = Annotated[Form, Depends(consent_form)]
 
 
 async def participant_of(request: Request, name: str, web: WebDep) -> Participant | None:

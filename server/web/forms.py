@@ -1,12 +1,12 @@
 """What comes in with a form: read within limits, never trusted. Knows no database."""
 
 import asyncio
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from urllib.parse import parse_qs
 
 from fastapi import HTTPException, Request
 
-from server.web.auth import FORM_FIELD, Guard, session_of
+from server.web.auth import FORM_FIELD, NOBODY, Guard, session_of
 
 LARGEST_FORM_BYTES = 128 * 1024
 FORM_WITHIN_S = 30.0
@@ -15,9 +15,12 @@ MOST_FIELDS = 300
 Form = Mapping[str, list[str]]
 
 
-async def read_form(request: Request, guard: Guard, session: str | None = None) -> Form:
+async def read_form(
+    request: Request, guard: Guard, session: str | None = None, was_nobodys: Callable[[Form], bool] | None = None
+) -> Form:
     """All values by field name. Refuses (413, 400, 403) what is too large, unreadable, or not from our own pages.
-    `session`: what the form was made for; None: the participant's."""
+    `session`: what the form was made for; None: the participant's. `was_nobodys`: whether the form may have been made
+    before there was a session."""
     if not guard.is_own_origin(request):
         raise HTTPException(403, "this form was not sent by our own page")
     try:
@@ -28,7 +31,10 @@ async def read_form(request: Request, guard: Guard, session: str | None = None) 
         form = parse_qs(body.decode("utf-8"), keep_blank_values=True, max_num_fields=MOST_FIELDS, errors="strict")
     except ValueError:  # also UnicodeDecodeError
         raise HTTPException(400, "this is no form in UTF-8") from None
-    if not guard.is_own_form(first(form, FORM_FIELD), session_of(request) if session is None else session):
+    sessions = [session_of(request) if session is None else session]
+    if was_nobodys is not None and was_nobodys(form):
+        sessions.append(NOBODY)
+    if not any(guard.is_own_form(first(form, FORM_FIELD), one) for one in sessions):
         raise HTTPException(403, "the form is too old or not ours")
     return {name: [_clean(value) for value in values] for name, values in form.items()}
 

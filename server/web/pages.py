@@ -2,8 +2,6 @@
 
 import asyncio
 import contextlib
-import hashlib
-import hmac
 import secrets
 
 from fastapi import APIRouter, HTTPException, Request, Response, WebSocket, WebSocketDisconnect
@@ -16,8 +14,8 @@ from server.study.plan import Study
 from server.study.questionnaire import Checked, Fault, asked, check_answers, is_attentive, is_correct
 from server.study.steps import Step
 from server.web import arrivals, walk
-from server.web.auth import set_cookie
-from server.web.deps import FormDep, OpenStudyDep, Page, ParticipantDep, Web, WebDep, page
+from server.web.auth import set_cookie, token_for
+from server.web.deps import ConsentFormDep, FormDep, OpenStudyDep, Page, ParticipantDep, Web, WebDep, page
 from server.web.forms import Form, first
 from server.web.recruiting import is_preview, recruitment_of
 from server.web.views import Filled, consent_context, render_step
@@ -78,7 +76,7 @@ def _in_mturk(made: Page, study: Study) -> Response | None:
 
 
 @router.post("/s/{name}/consent")
-async def consent(request: Request, opened: OpenStudyDep, web: WebDep, form: FormDep) -> Response:
+async def consent(request: Request, opened: OpenStudyDep, web: WebDep, form: ConsentFormDep) -> Response:
     """Makes the participant and the cookie. The same page sent twice makes one participant."""
     study = opened.study
     person, extra = recruitment_of(study.recruitment, {key: values[0] for key, values in form.items()})
@@ -91,7 +89,7 @@ async def consent(request: Request, opened: OpenStudyDep, web: WebDep, form: For
     visit = first(form, "visit")
     if not 16 <= len(visit) <= 64:
         raise HTTPException(400, "the form lacks its number")
-    token = _token(web, study, visit)
+    token = token_for(web.guard.secret, study.name, visit)
     known = await web.database.read(walk.known, web.studies, study.name, person)
     open_boxes = [index for index in range(len(study.consent.boxes)) if not first(form, f"box_{index}")]
     if open_boxes and known is None:
@@ -108,12 +106,6 @@ async def consent(request: Request, opened: OpenStudyDep, web: WebDep, form: For
     response = _to(f"/s/{study.name}/now")
     set_cookie(response, study.name, token, secure=web.guard.secure)
     return response
-
-
-def _token(web: Web, study: Study, visit: str) -> str:
-    """The cookie's token follows from the consent page that was shown, so sending it twice makes nobody twice."""
-    key = f"participant\n{study.name}\n{visit}".encode()
-    return hmac.new(web.guard.secret, key, hashlib.sha256).hexdigest()
 
 
 @router.websocket("/s/{name}/check")

@@ -38,6 +38,7 @@ def schema_of(house: Any) -> dict[str, Any]:
 
 def answered(case: Any, house: Any, role: str) -> None:
     if role == "own" and house.knock("GET /admin", role).status_code != 200:
+        house.app.state.tries.failed.clear()  # what was thrown at the door locks this address, as it should
         house.sign_in(role)
     if isinstance(case.body, dict):
         case.body[FORM_FIELD] = house.form_token(role, case.path.startswith("/admin"))

@@ -98,6 +98,20 @@ def test_consent_page_sent_twice_makes_one_participant(site: Site) -> None:
     assert len(site.everybody("small")) == 1
 
 
+def test_consent_page_sent_again_after_its_answer_was_lost_leads_on(site: Site) -> None:
+    """The answer brought the cookie, then the line broke: the page in the browser is older than the cookie."""
+    visitor = Visitor(site)
+    visitor.get("/s/small")
+    fields = visitor.fields("/consent") | {"box_0": "yes"}
+    assert visitor.send("/s/small/consent", fields).url.path == "/s/small/now"
+    assert visitor.client.cookies
+    assert visitor.send("/s/small/consent", fields).url.path == "/s/small/now"
+    assert len(site.everybody("small")) == 1
+    another = Visitor(site)
+    another.get("/s/small")
+    assert visitor.client.post("/s/small/consent", data=another.fields("/consent")).status_code == 403
+
+
 def test_consent_without_every_box_is_refused_and_stores_nothing(site: Site) -> None:
     visitor = Visitor(site)
     visitor.get("/s/small")
