@@ -13,6 +13,7 @@ COOKIE = "participant"
 COOKIE_S = 30 * 24 * 3600
 FORM_S = 12 * 3600
 FORM_FIELD = "form_token"
+NOBODY = "nobody"  # the session of a form that was made before consent
 _LOCAL_HOSTS = frozenset({"127.0.0.1", "localhost", "[::1]"})
 
 
@@ -84,9 +85,6 @@ def set_cookie(response: Response, study: str, token: str, *, secure: bool) -> N
 def forget_cookie(response: Response, study: str, *, secure: bool) -> None:
     name = cookie_name(COOKIE, secure)
     response.delete_cookie(name, path=f"/s/{study}", secure=secure, httponly=True, samesite="lax")
-
-
-NOBODY = "nobody"
 
 
 def session_of(request: Request) -> str:
