@@ -1,21 +1,25 @@
-"""What a connection has to do to be kept: say something whole soon. And how many there may be: games keep theirs.
+"""What a connection has to do to be kept: say something whole soon. How many there may be: games keep theirs. And how
+much of one is read at a time: nobody holds the others up.
 
-Knows HTTP's outermost layer only; once a connection has become a game's socket, server.web.socket looks after it.
+Knows the outermost layer only; what a game's socket says is for server.web.socket.
 """
 
 import asyncio
 import logging
 import resource
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 from weakref import WeakKeyDictionary
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from uvicorn.server import ServerState
 
 log = logging.getLogger(__name__)
 SAY_SOMETHING_WITHIN_S = 10.0  # from the first byte (or none) of a request to the end of its headers
 _FOR_OURSELVES: Final = 128  # descriptors: database, models, files that are being sent
 _WANTED: Final = 65_536
+_MOUTHFUL_BYTES: Final = 2048  # two of the longest messages there are, or some thirty usual ones
+_AFTER_CLOSE_EVERY_S: Final = 0.02  # a mouthful of what still comes then: the peer's own close may be behind it
 _FULL: Final = b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 5\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
 
 
@@ -81,3 +85,41 @@ class PatientProtocol(H11Protocol):
         oldest._heard()
         self.connections.discard(oldest)
         return True
+
+
+class SparingProtocol(asyncio.BufferedProtocol):
+    """uvicorn's websocket, which by itself takes in and parses a quarter of a megabyte at once, and goes on with all
+    that comes after it has closed: thousands of messages of one flood, for which every other game would wait."""
+
+    def __init__(self, **parts: Any) -> None:
+        self._websocket = WebSocketsSansIOProtocol(**parts)
+        self._buffer = bytearray(_MOUTHFUL_BYTES)
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._websocket.connection_made(transport)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._websocket.connection_lost(exc)
+
+    def eof_received(self) -> None:
+        self._websocket.eof_received()
+
+    def pause_writing(self) -> None:
+        self._websocket.pause_writing()
+
+    def resume_writing(self) -> None:
+        self._websocket.resume_writing()
+
+    def data_received(self, data: bytes) -> None:
+        """The request of the handshake, which HTTP has read."""
+        self._websocket.data_received(data)
+
+    def get_buffer(self, _sizehint: int) -> bytearray:
+        return self._buffer
+
+    def buffer_updated(self, nbytes: int) -> None:
+        self._websocket.data_received(bytes(self._buffer[:nbytes]))
+        transport = self._websocket.transport
+        if self._websocket.close_sent and not transport.is_closing():
+            transport.pause_reading()
+            self._websocket.loop.call_later(_AFTER_CLOSE_EVERY_S, transport.resume_reading)

@@ -174,7 +174,7 @@ async def _serve(
 def _server(app: "FastAPI", settings: "Settings", announced: bool = True) -> "uvicorn.Server":
     import uvicorn
 
-    from server.connections import PatientProtocol
+    from server.connections import PatientProtocol, SparingProtocol
     from server.play.messages import MAX_FRAME_BYTES
 
     class Server(uvicorn.Server):
@@ -199,7 +199,7 @@ def _server(app: "FastAPI", settings: "Settings", announced: bool = True) -> "uv
             app,
             lifespan="off",
             http=PatientProtocol,
-            ws="websockets-sansio",
+            ws=SparingProtocol,  # type: ignore[arg-type] # uvicorn does with it what any protocol can
             ws_max_size=MAX_FRAME_BYTES,
             ws_per_message_deflate=False,
             ws_ping_interval=None,

@@ -3,12 +3,13 @@ Shares nothing with the simulated participants but the protocol, and plays at ra
 """
 
 import asyncio
-import itertools
 import random
 import time
+from bisect import bisect_right
 from contextlib import suppress
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
+from itertools import count
 from typing import Any
 
 import httpx
@@ -25,7 +26,7 @@ from server.play import messages
 FINAL = frozenset({1008, 4001, 4004})  # close codes after which a page does not come back by itself
 OPEN_S = 5.0
 TAPS = (0, 1, 2, 3, 5)
-_lines = itertools.count(1)
+_lines = count(1)
 _decoder = msgspec.json.Decoder(messages.Outgoing)
 
 
@@ -61,8 +62,8 @@ class Testimony:
 
     def first(self, kind: str, after: float, detail: Any = None) -> Told | None:
         """The first of its kind after a moment."""
-        wanted = (told for told in self.told if told.kind == kind and told.at > after)
-        return next((told for told in wanted if detail is None or told.detail == detail), None)
+        later = self.told[bisect_right(self.told, after, key=lambda told: told.at) :]
+        return next((told for told in later if told.kind == kind and detail in (None, told.detail)), None)
 
 
 class Game:

@@ -11,10 +11,12 @@ import uvicorn
 from fastapi import FastAPI
 from live_fakes import MemoryRecorder, RuleModels, make_spec
 from starlette.requests import HTTPConnection
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.typing import Origin
 
+from server.connections import SparingProtocol
 from server.play import outlet
 from server.play.clock import Clock
 from server.play.games import Games
@@ -25,6 +27,8 @@ from server.web import socket as game_socket
 from server.web.auth import Guard
 from server.web.socket import Player, Sockets
 
+# Half a megabyte of small messages, masked with zeros.
+FLOOD = 30_000 * (bytes([0x81, 0x80 | 10, 0, 0, 0, 0]) + b'{"type":1}')
 HELLO = {"type": "hello", "protocol": 1, "tab": "tab-0001"}
 
 
@@ -67,7 +71,7 @@ async def served() -> AsyncIterator[Served]:
     made = Served()
     config = uvicorn.Config(
         made.app,
-        ws="websockets-sansio",
+        ws=SparingProtocol,  # type: ignore[arg-type] # as `kitchenmind serve`
         ws_max_size=MAX_FRAME_BYTES,
         ws_per_message_deflate=False,
         ws_ping_interval=None,
@@ -217,13 +221,36 @@ async def test_oversized_frames_close_with_1009(served: Served) -> None:
 
 
 async def test_flood_closes_with_1008_for_this_participant_only(served: Served) -> None:
-    async with served.connect("ann") as flooding, served.connect("bob") as calm:
+    async with served.connect("ann") as flooding, served.connect("bob", max_queue=None) as calm:
         await play(calm)
         await say(flooding, **HELLO)
         for seq in range(2000):
             await say(flooding, type="input", seq=seq, held=None, tap=None, client_ms=seq)
         assert await close_code(flooding) == 1008
         assert await hear(calm, "tick")
+
+
+async def test_flood_that_goes_on_after_the_close_is_read_a_little_at_a_time(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mouthfuls: list[int] = []
+    take_in = WebSocketsSansIOProtocol.data_received
+
+    def count(self: WebSocketsSansIOProtocol, data: bytes) -> None:
+        mouthfuls.append(len(data))
+        take_in(self, data)
+
+    monkeypatch.setattr(WebSocketsSansIOProtocol, "data_received", count)
+    async with served.connect() as socket:
+        socket.transport.write(FLOOD)  # past the library, which would stop at the close
+        while socket.protocol.close_rcvd is None:
+            await asyncio.sleep(0.01)
+        assert socket.protocol.close_rcvd.code == 1008
+        until_closed = len(mouthfuls)
+        await asyncio.sleep(0.4)
+        assert max(mouthfuls) <= 4096
+        assert 1 <= len(mouthfuls) - until_closed <= 25
+        socket.transport.abort()
 
 
 async def test_replayed_and_reordered_inputs_move_once(served: Served) -> None:
