@@ -3,7 +3,8 @@ PYTHON ?= python3
 BIN := .venv/bin
 # --no-compile: Python compiles what it imports; compiling every file of every dependency would delay the first page.
 PIP := $(BIN)/python -m pip install --quiet --no-compile
-PYTEST_WORKERS ?= 2
+# More than the cores of a small machine: much of the time the tests wait for browsers and servers.
+PYTEST_WORKERS ?= 3
 # A real browser or server that was too slow once is no verdict: only time-outs are tried again, everything else fails.
 AGAIN := --reruns 2 --only-rerun Timeout
 # Alone and first, so that pip takes the build that suits the machine and not what another package would draw in.
@@ -27,8 +28,8 @@ setup: .venv/.complete
 serve: .venv/.serving
 	@$(BIN)/kitchenmind serve $(ARGS)
 
-test: lint system
-	$(BIN)/python -m pytest -n $(PYTEST_WORKERS) --dist loadfile -m "not slow" $(AGAIN) $(ARGS)
+test: .venv/.test system
+	$(BIN)/python -m pytest -n $(PYTEST_WORKERS) --dist loadfile --no-loadscope-reorder -m "not slow" $(AGAIN) $(ARGS)
 
 test-slow: .venv/.test system
 	$(BIN)/python -m pytest -m slow --timeout 3600 $(ARGS)

@@ -110,10 +110,11 @@ class FakeGameServer:
         self._loop.call_soon_threadsafe(self._connection.transport.abort)
 
     def wait_for(self, wanted: Callable[["FakeGameServer"], bool], seconds: float = 10.0) -> None:
-        """Returns as soon as `wanted(self)`; AssertionError with what did come otherwise."""
+        """Returns as soon as `wanted(self)`; TimeoutError with what did come otherwise."""
         until = time.monotonic() + seconds
         while not wanted(self):
-            assert time.monotonic() < until, f"the browser sent only {self.received}"
+            if time.monotonic() > until:
+                raise TimeoutError(f"the browser sent only {self.received}")
             time.sleep(0.005)
 
     def inputs(self) -> list[Input]:

@@ -30,8 +30,10 @@ def test_a_disconnected_participant_is_told_to_the_chat(tmp_path: Path, monkeypa
 
     class Chat(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
-            heard.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
-            arrived.set()
+            message = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+            if "late" not in message["text"]:  # a machine that is busy with other tests may say so too
+                heard.append(message)
+                arrived.set()
             self.send_response(204)
             self.end_headers()
 
