@@ -1,6 +1,8 @@
 """The one decorator of the compiled kernels, and the care for their cache. It knows nothing of kitchens."""
 
-from contextlib import suppress
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from numba import njit
@@ -23,6 +25,21 @@ def forget_stale_code(folder: Path = _FOLDER) -> int:
     for file in stale:
         file.unlink(missing_ok=True)
     return len(stale)
+
+
+@contextmanager
+def only_our_kernels() -> Iterator[None]:
+    """For the first call of a kernel in a process that compiles nothing else and is waited for.
+
+    At that call numba imports scipy and cffi if they are installed, for kernels that call BLAS or C; ours do neither.
+    """
+    unneeded = {"scipy", "cffi"} - sys.modules.keys()
+    sys.modules.update(dict.fromkeys(unneeded))  # type: ignore[arg-type] # None: as if it were not installed
+    try:
+        yield
+    finally:
+        for name in unneeded:
+            del sys.modules[name]
 
 
 with suppress(OSError):  # installed where we may not write: then nobody edits the sources there either

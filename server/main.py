@@ -14,6 +14,7 @@ from fastapi.staticfiles import StaticFiles
 
 from models.launch import Launched
 from models.runner import ModelServer
+from overcooked.compiled import only_our_kernels
 from overcooked.constants import STAY
 from server.cast import cast_of, fingerprint
 from server.play.clock import Clock
@@ -234,7 +235,8 @@ def _alarm(app: FastAPI, settings: Settings) -> Callable[[], Coroutine[Any, Any,
 
 def _warm(files: Sequence[StudyFile]) -> None:
     """The first step of a game must not wait for a compiler."""
-    for file in files:
-        trace = Trace(layout_of(file.study.layouts[0]), horizon=1)
-        trace.step((STAY, STAY))
-        trace.history(0)(1)
+    with only_our_kernels():
+        for file in files:
+            trace = Trace(layout_of(file.study.layouts[0]), horizon=1)
+            trace.step((STAY, STAY))
+            trace.history(0)(1)

@@ -205,7 +205,8 @@ class Writer:
         if shared and not self._postgres:
             raise ValueError(ONE_WRITER)
         self._try_lock = "pg_try_advisory_lock_shared" if shared else "pg_try_advisory_lock"
-        self._waits_s = [0.1] * 20 if shared else []
+        # PostgreSQL lets go of a closed or killed server's lock in a moment, which may come after the next one starts.
+        self._waits_s = [0.1] * 20 if shared else [0.05] * 20
         self._in_turn = in_turn
         self._file: IO[str] | None = None if self._postgres else _lock_file(url)
         self._engine = writer_engine(url)
@@ -252,7 +253,7 @@ class Writer:
         return connection
 
     def _locked(self, connection: Connection) -> bool:
-        """Whether the lock is ours; one of several processes waits a moment for another that starts beside it."""
+        """Whether the lock is ours. Waits a moment for a server that has just stopped, or starts beside this one."""
         for wait_s in (*self._waits_s, None):
             if connection.execute(text(f"SELECT {self._try_lock}(:key)"), {"key": _ADVISORY_LOCK}).scalar_one():
                 return True

@@ -4,7 +4,7 @@ import asyncio
 import hashlib
 import secrets
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from itertools import zip_longest
 from typing import Any
@@ -190,12 +190,15 @@ def pause(connection: Connection, record: PauseRecord) -> None:
         "duration_ms": record.duration_ms,
     }
     here = (pauses.c.episode_id == record.episode, pauses.c.started_at == record.started_at)
-    if connection.execute(update(pauses).where(*here).values(row)).rowcount == 0 and get(connection, record.episode):
-        for left in pauses_of(connection, record.episode):
-            if left.duration_ms is None and left.started_at < record.started_at:
-                lasted_ms = (record.started_at - left.started_at) / timedelta(milliseconds=1)
-                pause(connection, replace(left, duration_ms=lasted_ms))
-        connection.execute(pauses.insert().values(episode_id=record.episode, started_at=record.started_at, **row))
+    if connection.execute(update(pauses).where(*here).values(row)).rowcount:
+        return
+    if connection.execute(select(episodes.c.id).where(episodes.c.id == record.episode)).first() is None:
+        return
+    open_ones = (pauses.c.episode_id == record.episode, pauses.c.duration_ms.is_(None))
+    for left in connection.execute(select(pauses).where(*open_ones, pauses.c.started_at < record.started_at)).all():
+        lasted_ms = (record.started_at - left.started_at) / timedelta(milliseconds=1)
+        pause(connection, PauseRecord(record.episode, left.timestep, left.reason, left.started_at, lasted_ms))
+    connection.execute(pauses.insert().values(episode_id=record.episode, started_at=record.started_at, **row))
 
 
 def pauses_of(connection: Connection, episode_id: str) -> list[PauseRecord]:

@@ -1,7 +1,7 @@
 """Which game a participant may play now, and in which seat: the step of their way as an episode in the database."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from sqlalchemy import Connection
 from starlette.requests import HTTPConnection
@@ -34,33 +34,54 @@ class Seats:
     async def find(self, connection: HTTPConnection, study: str) -> Player | None:
         """Who has the cookie of this study and what they play now; None for everybody else. Raises DatabaseDown."""
         token = token_of(connection)
-        participant = await self.database.read(participants.by_token, token) if token else None
+        if not token:
+            return None
+        participant, player = await self.database.read(self._look, token, study)
+        if participant is None or player is not None:
+            return player
+        return await self.database.write(self._seat, participant)
+
+    def _look(self, connection: Connection, token: str, study: str) -> tuple[str | None, Player | None]:
+        """Whose token it is, and the seat that they have already: who comes back to a game waits for no commit."""
+        participant = participants.by_token(connection, token)
         version = self.studies.version(participant.study_id) if participant else None
         if participant is None or version is None or version.name != study:
-            return None
-        return await self.database.write(self._seat, participant.id, f"/s/{study}/now")
+            return None, None
+        return participant.id, self._seated(connection, participant, self.studies.step(participant))
 
-    def _seat(self, connection: Connection, participant_id: str, next_url: str) -> Player | None:
+    def _seat(self, connection: Connection, participant_id: str) -> Player | None:
+        """The seat of somebody who may have none yet."""
         participant = participants.get(connection, participant_id)
         if participant is None:
             return None
         step = self.studies.step(participant)
-        if participant.status != "active" or not step.is_game:
-            return Player(participant_id, None, VIEWER, next_url)
-        episode = episodes.of_step(connection, participant_id, step.key)
-        if episode is None and pairs.is_for_two(self.studies.of(participant), step):
+        player = self._seated(connection, participant, step)
+        if player is not None:
+            return player
+        if not pairs.is_for_two(self.studies.of(participant), step):
+            self._sit(connection, [participant], step)
+        else:
             mates = pairs.company(connection, self.studies, participant, step)
             if not mates.alone:
                 wish = pairs.wish(connection, self.studies, participant, step, mates.partner)
-                return Player(participant_id, None, VIEWER, next_url, wish)
+                return Player(participant_id, None, VIEWER, self._next_url(participant), wish)
             pairs.go_alone(connection, self.studies, self._sit, participant_id, mates.alone)
-            episode = episodes.of_step(connection, participant_id, step.key)
-        elif episode is None or _to_be_repeated(step, episode):
-            episode = episodes.get(connection, self._sit(connection, [participant], step))
-        if episode is None or episode.status in ("done", "aborted"):
-            return Player(participant_id, None, VIEWER, next_url)
-        seat = (episode.participant_0, episode.participant_1).index(participant_id)
-        return Player(participant_id, episode.id, seat, next_url)
+        return self._seated(connection, participant, step)
+
+    def _seated(self, connection: Connection, participant: Participant, step: Step) -> Player | None:
+        """What they play at this step; None if a seat is still to be given."""
+        nothing = Player(participant.id, None, VIEWER, self._next_url(participant))
+        if participant.status != "active" or not step.is_game:
+            return nothing
+        episode = episodes.of_step(connection, participant.id, step.key)
+        if episode is None or _to_be_repeated(step, episode):
+            return None
+        if episode.status in ("done", "aborted"):
+            return nothing
+        return replace(nothing, episode=episode.id, seat=_seat_of(participant, episode))
+
+    def _next_url(self, participant: Participant) -> str:
+        return f"/s/{self.studies.of(participant).name}/now"
 
     async def seat_two(self, first: str, second: str) -> bool:
         """The round of these two people exists from now on; False if one of them can no longer play it."""
@@ -91,6 +112,10 @@ class Seats:
     def _agent(self, spec: EpisodeSpec, seat: int) -> str | None:
         agent = spec.agents[seat]
         return None if agent is None else self.fingerprint(spec.layout, agent)
+
+
+def _seat_of(participant: Participant, episode: Episode) -> int:
+    return (episode.participant_0, episode.participant_1).index(participant.id)
 
 
 def _to_be_repeated(step: Step, episode: Episode) -> bool:

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from alembic import command
 from alembic.config import Config
+from alembic.script import ScriptDirectory
 from postgres_server import PostgresServer
 from sqlalchemy import Connection
 from study_data import SPEC, played
@@ -64,6 +65,18 @@ def test_a_database_of_an_earlier_version_keeps_its_data(empty: str, revision: s
         assert (loaded.status, loaded.last_hash) == ("running", played(episode)[-1].state_hash)
         assert database.read_now(fences.current, episode) == 0
         assert [study.key for study in database.read_now(studies.every, "ring")] == ["ring"]
+
+
+def test_the_revisions_are_those_that_alembic_finds() -> None:
+    found = ScriptDirectory(str(MIGRATIONS)).walk_revisions()
+    assert known_revisions() == tuple(script.revision for script in found)
+
+
+def test_tables_of_this_version_are_left_alone_without_alembic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    url = f"sqlite:///{tmp_path}/study.db"
+    migrate(url)
+    monkeypatch.setattr(command, "upgrade", lambda *_: pytest.fail("there is nothing to bring up to date"))
+    migrate(url)
 
 
 @pytest.mark.postgres
