@@ -2,10 +2,10 @@
 
 import logging
 import os
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-import structlog
-from structlog.types import EventDict, Processor, WrappedLogger
+if TYPE_CHECKING:
+    from structlog.types import EventDict, Processor, WrappedLogger
 
 
 def configure(form: Literal["text", "json"]) -> None:
@@ -22,6 +22,8 @@ def configure(form: Literal["text", "json"]) -> None:
 def _formatter(form: Literal["text", "json"]) -> logging.Formatter:
     if form == "text":
         return logging.Formatter("%(levelname)s %(name)s: %(message)s")
+    import structlog  # here: a server that starts does not wait for what it does not use
+
     about: list[Processor] = [
         structlog.stdlib.add_log_level,
         structlog.stdlib.add_logger_name,
@@ -36,7 +38,7 @@ def _formatter(form: Literal["text", "json"]) -> logging.Formatter:
     return structlog.stdlib.ProcessorFormatter(foreign_pre_chain=about, processors=last)
 
 
-def _process(_: WrappedLogger, __: str, event: EventDict) -> EventDict:
+def _process(_: "WrappedLogger", __: str, event: "EventDict") -> "EventDict":
     """Which of several server processes speaks."""
     event["process"] = os.getpid()
     return event

@@ -100,9 +100,9 @@ def _balance(file: "StudyFile", places: int) -> list[str]:
 
 
 def _schema() -> int:
-    from server.study.plan import Study
+    from server.study.schema import study_schema
 
-    print(json.dumps(Study.model_json_schema() | {"title": "A study of kitchenmind"}, indent=2, ensure_ascii=False))
+    print(json.dumps(study_schema(), indent=2, ensure_ascii=False))
     return 0
 
 

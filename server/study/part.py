@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 class Part(BaseModel):
     """One block of a study file."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)  # built as one, with the study
 
     @model_validator(mode="before")
     @classmethod
