@@ -88,6 +88,7 @@ class Loop:
         if game.session.stored:
             game.show()
         elif not game.busy:
+            game.busy = True  # at once: neither its driver nor another start may come before the start state
             self._spawn(self._make_start(game))
 
     def stop(self, game: Game) -> None:

@@ -1,6 +1,7 @@
 """All games together against a fast clock: starts, deadlines, faults of models and database, takeovers, ends."""
 
 import asyncio
+import time
 from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
 
@@ -94,6 +95,24 @@ async def test_every_frame_was_stored_before_it_was_sent(house: House) -> None:
     game.receive(0, connection, m.Ready())
     await until(lambda: connection.closed)
     assert len(connection.of(m.Tick)) == 41
+
+
+async def test_machine_that_stood_still_at_the_start_stores_the_start_state_first(house: House) -> None:
+    await house.play()
+    time.sleep(5.0 / SPEED)
+    await until(lambda: house.ticks() > 5)
+    assert list(house.recorder.ticks_of["e1"]) == list(range(house.ticks()))
+
+
+async def test_page_that_changes_its_mind_at_once_starts_one_game(house: House) -> None:
+    connection = QuietConnection()
+    game = await house.games.join("e1", 0, connection)
+    for message in (m.Ready(), m.Away("blur"), m.Ready()):  # in one packet: nothing else runs in between
+        game.receive(0, connection, message)
+    await until(lambda: connection.closed)
+    assert connection.closed == 1000
+    assert list(house.recorder.ticks_of["e1"]) == list(range(41))
+    assert [message.state.t for message in connection.of(m.Tick)] == list(range(41))
 
 
 async def test_games_share_batches_and_spread_over_the_slots(house: House) -> None:
