@@ -26,7 +26,7 @@ from server.store import episodes, events
 from server.store.database import Database, DatabaseDown
 from server.store.engines import normal_url
 from server.store.episodes import StoreRecorder
-from server.store.migrate import migrate, migrate_shared
+from server.store.migrate import migrate_shared, to_newest
 from server.study.loader import StudyError, StudyFile, load_study
 from server.version import code_version
 from server.web import actions, admin, downloads, health, leaving, live, pages, replay, socket, watch
@@ -92,9 +92,12 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
         starting = asyncio.create_task(models.start())  # takes longest, in a process of its own
         stack.push_async_callback(_cancelled, starting)
         await asyncio.to_thread(_warm, files)
-        await asyncio.to_thread(migrate_shared if several else migrate, settings.database)
+        if several:
+            await asyncio.to_thread(migrate_shared, settings.database)
         database = Database(settings.database, shared=several, in_turn=several)
         stack.callback(database.close)
+        if not several:
+            await database.write(to_newest)
         studies = await Studies.opened(database, files)
         await starting
         app.state.models = models

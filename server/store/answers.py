@@ -6,8 +6,6 @@ from datetime import UTC, datetime
 from typing import Any
 
 from sqlalchemy import Connection, select, update
-from sqlalchemy.dialects.postgresql import insert as postgresql_insert
-from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
 from server.store.tables import answers, visits
 
@@ -26,7 +24,7 @@ class Page:
 def save(connection: Connection, page: Page) -> int:
     """Stores what has no answer yet and returns how many that were: the first answer to a question stays."""
     now = datetime.now(UTC)
-    insert = postgresql_insert if connection.dialect.name == "postgresql" else sqlite_insert
+    insert = _insert_of(connection)
     stored = 0
     for question_key, value in page.values.items():
         row = {
@@ -41,6 +39,17 @@ def save(connection: Connection, page: Page) -> int:
         new = insert(answers).values(row).on_conflict_do_nothing().returning(answers.c.id)
         stored += connection.execute(new).first() is not None
     return stored
+
+
+def _insert_of(connection: Connection) -> Any:
+    """The database's own INSERT, imported when it is needed: who serves from one does not wait for the other."""
+    if connection.dialect.name == "postgresql":
+        from sqlalchemy.dialects.postgresql import insert as postgresql_insert
+
+        return postgresql_insert
+    from sqlalchemy.dialects.sqlite import insert as sqlite_insert
+
+    return sqlite_insert
 
 
 def of_participant(connection: Connection, participant_id: str) -> dict[str, dict[str, Any]]:

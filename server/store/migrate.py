@@ -25,12 +25,18 @@ def migrate(url: str) -> None:
     writer = engines.Writer(engines.normal_url(url))
     try:
         with writer.transaction() as connection:
-            if revision_of(connection) != newest_revision():
-                _upgrade(connection)
+            to_newest(connection)
     except DBAPIError as error:
         raise engines.translated(error) from error
     finally:
         writer.close()
+
+
+def to_newest(connection: Connection) -> None:
+    """`migrate` for who has the database open already: closing it would fold a log of some megabytes into the file,
+    and games wait for a server that starts. Raises DatabaseTooNew."""
+    if revision_of(connection) != newest_revision():
+        _upgrade(connection)
 
 
 def _upgrade(connection: Connection) -> None:

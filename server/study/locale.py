@@ -9,6 +9,7 @@ import yaml
 
 LOCALES = Path(__file__).parent / "locales"
 FALLBACK = "en"
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as quick, where PyYAML has been built with it
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ def best_language(accepted: str, offered: tuple[str, ...]) -> str:
 
 @cache
 def _words(language: str) -> dict[str, str]:
-    data = yaml.safe_load((LOCALES / f"{language}.yaml").read_text(encoding="utf-8"))
+    data = yaml.load((LOCALES / f"{language}.yaml").read_text(encoding="utf-8"), Loader=_LOADER)  # noqa: S506 a safe one
     return dict(_flat(data, ""))
 
 
