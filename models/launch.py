@@ -2,6 +2,7 @@
 that both start at the same time."""
 
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -28,11 +29,14 @@ class Launched:
 
 
 def launch() -> Launched:
-    """A new process. It ends by itself when the connection closes."""
+    """A new process. It ends by itself when the connection closes; on Linux at the very moment at which this process
+    dies, so that the next server need not share its cores with orphans that are still importing."""
     ours, theirs = socket.socketpair()
     one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     environment = {**os.environ, **one_thread, "PYTHONPATH": os.pathsep.join([str(_ROOT), *sys.path])}
-    command = [sys.executable, "-m", "models.worker", str(theirs.fileno())]
+    setpriv = shutil.which("setpriv")
+    ends_with_us = [setpriv, "--pdeathsig", "KILL"] if setpriv else []
+    command = [*ends_with_us, sys.executable, "-m", "models.worker", str(theirs.fileno())]
     with theirs:
         process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment)  # noqa: S603
     return Launched(process, ours)

@@ -53,6 +53,7 @@ async def kills(folder: Path, tries: int, games: int, seed: int = 0, budget_s: f
     chance, ends = random.Random(seed), time.monotonic() + budget_s
     opened: list[float] = []
     welcomed: list[float] = []
+    slowest: list[float] = []  # of the games, at each kill
     moving: list[float] = []
     wrong: list[str] = []
     done, had = 0, set[int]()
@@ -69,9 +70,11 @@ async def kills(folder: Path, tries: int, games: int, seed: int = 0, budget_s: f
                 if chance.random() < 0.3 and done < tries:
                     continue  # the next kill comes while games are being taken up
                 try:
-                    welcomed += await crowd.told("welcome", began)
+                    back = await crowd.told("welcome", began)
                 except TimeoutError as late:
                     raise TimeoutError(f"{late}\nkill {done}, the server says: {server.log.read_text()}") from None
+                welcomed += back
+                slowest.append(max(back))
                 moving += await crowd.moving(began)
                 wrong += elsewhere(crowd, stood, began)
         await asyncio.to_thread(server.end, signal.SIGTERM)
@@ -79,6 +82,7 @@ async def kills(folder: Path, tries: int, games: int, seed: int = 0, budget_s: f
     orphans = sum(map(_is_model_worker, had))
     figure = found.figures() | {"games": games, "elsewhere": len(wrong), "orphans": orphans, "seed": seed}
     figure |= {"pages_open_p50_s": rounded(sorted(opened)[len(opened) // 2]), "pages_open_most_s": rounded(max(opened))}
+    figure |= {"all_games_back_p50_s": rounded(sorted(slowest)[len(slowest) // 2])} if slowest else {}
     figure |= {"games_back_p99_s": rounded(p99(welcomed)), "games_moving_p99_s": rounded(p99(moving))}
     figure |= {"back_after_open_p99_s": rounded(p99(_after(welcomed, opened)))}
     return Row(1, "kill -9 of the server", done, found.ok and not wrong and not orphans and found.compared > 0, figure)
