@@ -1,7 +1,7 @@
 """For all tests: one thread a process, as many run side by side, and child processes inherit it."""
 
 import os
-from pathlib import Path
+from zlib import crc32
 
 import pytest
 
@@ -14,13 +14,21 @@ for library in (
 ):
     os.environ.setdefault(library, "1")
 
-# Files are handed out whole, in this order: what takes long first, so that no worker is left with it at the end.
-LONG_FIRST = ("test_style.py", "journeys", "test_bots.py", "test_several_workers.py", "faults", "training", "security")
+# Files are handed out whole, in this order: what takes minutes first, so that no worker is left with it at the end; then
+# the rest well mixed, so that the browsers of several files do not all run at the same time.
+LONG_FIRST = (
+    "test_style.py",
+    "test_game_browser_real.py",
+    "test_study_run.py",
+    "test_bots.py",
+    "test_whole_study_in_browser.py",
+    "test_several_workers.py",
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    def rank(item: pytest.Item) -> int:
-        place = item.path.relative_to(Path(__file__).parent).parts
-        return next((number for number, name in enumerate(LONG_FIRST) if name in place), len(LONG_FIRST))
+    def rank(item: pytest.Item) -> tuple[int, int]:
+        name = item.path.name
+        return LONG_FIRST.index(name) if name in LONG_FIRST else len(LONG_FIRST), crc32(name.encode())
 
     items.sort(key=rank)
