@@ -14,8 +14,8 @@ for library in (
 ):
     os.environ.setdefault(library, "1")
 
-# Files are handed out whole, in this order: what takes minutes first, so that no worker is left with it at the end; then
-# the rest well mixed, so that the browsers of several files do not all run at the same time.
+# Files are handed out whole, in this order: what takes minutes first, so that no worker is left with it at the end,
+# then the rest well mixed, so that the browsers of several files do not run at the same time.
 LONG_FIRST = (
     "test_style.py",
     "test_game_browser_real.py",
