@@ -62,7 +62,7 @@ def scenarios(quick: bool, kills: int, kill_s: float, first: int) -> Iterator[tu
     yield 17, lambda folder: line.stutter(folder, 3 if q else 20)
     yield 18, lambda _: abuse.decoder(20_000 if q else 1_000_000)
     yield 18, lambda folder: abuse.frames(folder, 400 if q else 20_000)
-    yield 19, lambda folder: abuse.flood(folder, 3 if q else 15)
+    yield 19, lambda folder: abuse.flood(folder, 3 if q else 15, SHIFT_MS)
     yield 19, lambda folder: abuse.neighbours(folder, 6 if q else 20, 10, SHIFT_MS)
     yield 20, lambda folder: abuse.idle_connections(folder, 200 if q else 5000, b"")
     yield 23, lambda folder: model.troubled(folder, "Slow", 3 if q else 10)

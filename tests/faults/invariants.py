@@ -154,8 +154,7 @@ def _untrue_of(said: Sequence[Told], silence_s: float) -> list[str]:
     """On one connection."""
     faults = []
     stands, newest, running = True, -1, None
-    ends_at = _last_timestep_after_the_database(said)
-    for place, told in enumerate(said):
+    for told in said:
         if told.kind in ("open", "closed", "paused", "superseded", "welcome"):
             stands, running = True, None
             newest = told.detail if told.kind == "welcome" else newest
@@ -163,22 +162,13 @@ def _untrue_of(said: Sequence[Told], silence_s: float) -> list[str]:
             stands = False
         elif told.kind == "tick":
             moved = newest >= 0 and told.detail > newest
-            if moved and stands and place != ends_at:
+            if moved and stands:
                 faults.append(f"timestep {told.detail} came while the game was said to stand still")
             if moved and running is not None and told.at - running > silence_s:
                 faults.append(f"nothing was said for {told.at - running:.1f} s before timestep {told.detail}")
             running = told.at if moved else running
             newest = max(newest, told.detail)
     return faults
-
-
-def _last_timestep_after_the_database(said: Sequence[Told]) -> int | None:
-    """Where a game's last timestep stands that could not be stored at once: once it is, it is shown, and the end told.
-    No countdown comes before it, as nothing moves any more."""
-    places = [place for place, told in enumerate(said) if told.kind not in ("ping", "pong")]
-    if [said[place].kind for place in places[-3:]] == ["paused", "tick", "ended"]:
-        return places[-2] if said[places[-3]].detail == "database" else None
-    return None
 
 
 def lateness_ms(url: str, episodes_of: Iterable[str] | None = None) -> list[float]:

@@ -92,12 +92,5 @@ def test_a_game_that_moves_while_it_is_said_to_stand_still_is_found() -> None:
     )
 
 
-def test_the_last_timestep_may_come_when_the_database_does() -> None:
-    before = ((0, "welcome", 0), (1, "countdown", None), (4, "tick", 1), (5, "paused", "database"), (6, "ping", None))
-    assert untrue(said(*before, (7, "tick", 2), (7.1, "ended", None))) == []
-    assert untrue(said(*before, (7, "tick", 2), (7.2, "tick", 3), (7.4, "ended", None)))
-    assert untrue(said(*before, (6.5, "paused", "lost"), (7, "tick", 2), (7.1, "ended", None)))
-
-
 def test_a_game_that_stands_still_without_a_word_is_found() -> None:
     assert untrue(said((0, "welcome", 0), (1, "countdown", None), (4, "tick", 1), (9, "tick", 2)))
