@@ -139,8 +139,8 @@ class Game:
         for connection in self.connections.values():
             connection.send(message)
 
-    def tell_countdown(self) -> None:
-        self.broadcast(messages.Countdown(COUNTDOWN_S))
+    def tell_countdown(self, seconds: int = COUNTDOWN_S) -> None:
+        self.broadcast(messages.Countdown(seconds))
 
     def tell_paused(self) -> None:
         if self.session.phase == "paused":

@@ -283,6 +283,8 @@ class Loop:
             log.warning("the database commits again, %d games go on", len(games))
             for game, _ in games:
                 self._unstored.discard(game)
+                if game.session.over:  # its last timestep is about to be shown: it no longer stands still
+                    game.tell_countdown(0)
                 self._settle(game, lost)
                 if game.episode not in lost:
                     game.release(DATABASE)

@@ -12,7 +12,7 @@ from overcooked.constants import EAST, STAY
 from server.play import messages as m
 from server.play.clock import Clock
 from server.play.games import Games, NoGame
-from server.play.recorder import EpisodeRecord
+from server.play.recorder import EpisodeRecord, TickRecord
 from server.play.spec import EpisodeSpec, PauseLimits
 
 SPEED = 20.0
@@ -194,6 +194,26 @@ async def test_database_away_at_the_end_delays_the_end(house: House) -> None:
     house.recorder.down = False
     await until(lambda: connection.closed)
     assert connection.of(m.Ended)
+
+
+async def test_last_timestep_that_could_not_be_stored_at_once_is_not_shown_while_the_game_is_said_to_stand(
+    house: House,
+) -> None:
+    house.specs["e1"] = make_spec(horizon=5)
+    connection = await house.play()
+    ticks = house.recorder.ticks
+
+    async def not_the_last(records: list[TickRecord]) -> None:
+        house.recorder.down = records[-1].timestep == 5
+        await ticks(records)
+
+    house.recorder.ticks = not_the_last  # type: ignore[method-assign, assignment]
+    await until(lambda: connection.of(m.Paused))
+    assert house.ticks() == 5
+    house.recorder.ticks = ticks  # type: ignore[method-assign]
+    house.recorder.down = False
+    await until(lambda: connection.closed)
+    assert [type(message) for message in connection.sent[-4:]] == [m.Paused, m.Countdown, m.Tick, m.Ended]
 
 
 async def test_tick_that_is_refused_ends_only_its_own_game(house: House) -> None:
