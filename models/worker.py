@@ -4,8 +4,6 @@ here, for those models that need it.
 Started by `models.runner` as `python -m models.worker FD`. It knows neither sockets of the web nor the database.
 """
 
-import atexit
-import os
 import signal
 import socket
 import sys
@@ -286,8 +284,3 @@ def _answer(worker: Worker, connection: socket.socket, asks: list[Ask]) -> None:
 
 if __name__ == "__main__":
     main(int(sys.argv[1]))
-    # Python would take a quarter of a second to clear its modules away, on cores where the next server starts by then.
-    atexit._run_exitfuncs()
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(0)

@@ -13,7 +13,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Writes the copy; 2 when it cannot be made as asked, 1 when the database fails."""
     from server.commands.databases import open_stored
-    from server.store.engines import DatabaseDown, copy_to
+    from server.store.backup import copy_to
+    from server.store.engines import DatabaseDown
 
     try:
         with open_stored(arguments.database) as database:

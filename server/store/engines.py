@@ -150,32 +150,6 @@ def reader(url: URL) -> Engine:
     return engine
 
 
-def copy_to(url: URL, path: Path) -> None:
-    """A consistent copy of a SQLite database in a new file, complete or not at all; the server may write meanwhile.
-
-    Raises ValueError for PostgreSQL and for a file that exists, OSError or DatabaseDown when it cannot be written.
-    """
-    if url.get_backend_name() != "sqlite":
-        raise ValueError("this copies SQLite files. For PostgreSQL use pg_dump, see docs/guides/backup.md.")
-    if path.exists():
-        raise ValueError(f"{path} exists already. Choose a new file.")
-    making = path.with_name(f".{path.name}.part")
-    making.unlink(missing_ok=True)
-    try:
-        connection = sqlite3.connect(f"file:{quote(str(url.database))}?mode=ro", BUSY_TIMEOUT_S, uri=True)
-        try:
-            connection.execute("VACUUM INTO ?", (str(making.absolute()),))
-        finally:
-            connection.close()
-        with making.open("rb") as file:
-            os.fsync(file.fileno())
-        making.replace(path)
-    except sqlite3.Error as error:
-        raise DatabaseDown(str(error)) from error
-    finally:
-        making.unlink(missing_ok=True)
-
-
 def _sqlite_settings(engine: Engine, begin: str, *pragmas: str) -> None:
     """Our own BEGIN: Python's driver would begin too late for a consistent view and end before a savepoint."""
 
