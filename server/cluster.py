@@ -21,6 +21,7 @@ from redis.asyncio.client import PubSub
 from redis.exceptions import RedisError
 
 from server.web.elsewhere import ClusterDown, Process, View
+from server.web.tasks import ended
 
 log = logging.getLogger(__name__)
 BEAT_S: Final = 0.5
@@ -91,9 +92,7 @@ class Cluster:
         self._tasks = [asyncio.create_task(self._again(work)) for work in (self._beat, self._listen)]
 
     async def close(self) -> None:
-        for task in [*self._tasks, *self._deeds]:
-            task.cancel()
-        await asyncio.gather(*self._tasks, *self._deeds, return_exceptions=True)
+        await ended(*self._tasks, *self._deeds)
         if self._here is not None:
             with suppress(*_DOWN):
                 games = [self._key("game", episode) for episode in self._here.leases()]

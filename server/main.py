@@ -47,6 +47,7 @@ from server.web.rates import Rates, keep_to_the_rate
 from server.web.seats import Seats
 from server.web.socket import Sockets
 from server.web.studies import Studies
+from server.web.tasks import ended
 from server.web.waiting import WaitingRoom
 from server.web.watch import Demonstrations
 
@@ -90,7 +91,7 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
         models = _models(settings, files, app.state.launched)
         stack.push_async_callback(models.close)
         starting = asyncio.create_task(models.start())  # takes longest, in a process of its own
-        stack.push_async_callback(_cancelled, starting)
+        stack.push_async_callback(ended, starting)  # nothing goes on when the server does not start
         await asyncio.to_thread(_warm, files)
         if several:
             await asyncio.to_thread(migrate_shared, settings.database)
@@ -124,12 +125,6 @@ def _models(settings: Settings, files: Sequence[StudyFile], ahead: Launched | No
     cast = cast_of(files)
     predictors = [name for name in cast.predictors if name not in cast.missing]
     return ModelServer(cast.agents, predictors, settings.model_workers, grids=cast.grids, ahead=ahead)
-
-
-async def _cancelled(task: "asyncio.Task[None]") -> None:
-    """Nothing goes on when the server does not start."""
-    task.cancel()
-    await asyncio.gather(task, return_exceptions=True)
 
 
 def _served(settings: Settings) -> list[StudyFile]:
@@ -229,9 +224,7 @@ def _alarm(app: FastAPI, settings: Settings) -> Callable[[], Coroutine[Any, Any,
     tasks = [asyncio.create_task(work.run()) for work in running if work is not None]
 
     async def stop() -> None:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await ended(*tasks)
 
     return stop
 

@@ -19,7 +19,7 @@ from typing import Final
 from models.breaker import Breaker
 
 log = logging.getLogger(__name__)
-STOP_WITHIN_S: Final = 20.0  # then they are killed: every tick is stored anyway
+KILL_AFTER_S: Final = 28.0  # a process that does not stop by itself: every tick is stored anyway
 _ENTRY: Final = Path(__file__).resolve().parent.parent / "kitchenmind.py"
 OF_SUPERVISOR: Final = "KITCHENMIND_SUPERVISED"  # "socket,lifeline,first": two descriptors, and who tells the address
 
@@ -85,7 +85,7 @@ class Supervisor:
         running = [process.running for process in self._processes]
         for process in running:
             process.terminate()
-        until = time.monotonic() + STOP_WITHIN_S
+        until = time.monotonic() + KILL_AFTER_S
         for process in running:
             try:
                 process.wait(max(0.0, until - time.monotonic()))

@@ -2,6 +2,7 @@
 
 import argparse
 import asyncio
+import faulthandler
 import gc
 import signal
 import socket
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 _UNSENT_GIVE_UP_MS = 10_000  # a peer that takes nothing in for so long is gone, whatever its socket says
 _SEND_BUFFER_BYTES = 64 * 1024  # what a slow reader can make the kernel keep
+STOP_WITHIN_S = 25.0  # a database that stands still would hold up a stop for ever
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -164,10 +166,21 @@ async def _serve(
     async with wired(app):
         server = _server(app, settings, announced=process is None or process.first)
         loop = asyncio.get_running_loop()
+
+        def stop(number: signal.Signals) -> None:
+            """Whatever is not over in time is left, as after a crash: what was acknowledged is stored. The log says
+            where it hung."""
+            faulthandler.dump_traceback_later(STOP_WITHIN_S, exit=True)
+            server.handle_exit(number, None)
+
+        def alone(lifeline: int) -> None:
+            loop.remove_reader(lifeline)
+            stop(signal.SIGTERM)
+
         for number in (signal.SIGTERM, signal.SIGINT):
-            loop.add_signal_handler(number, server.handle_exit, number, None)
+            loop.add_signal_handler(number, stop, number)
         if process is not None:
-            loop.add_reader(process.lifeline, server.handle_exit, signal.SIGTERM, None)
+            loop.add_reader(process.lifeline, alone, process.lifeline)
         await server.serve(sockets=[listening])
 
 

@@ -257,7 +257,8 @@ class StoreRecorder:
 
     async def _write(self, function: Any, *arguments: Any) -> Any:
         try:
-            return await asyncio.wait_for(self._database.write(function, *arguments), self._patience_s)
+            async with asyncio.timeout(self._patience_s):
+                return await self._database.write(function, *arguments)
         except TimeoutError:
             raise RecorderDown(f"the database did not commit within {self._patience_s} s") from None
         except DatabaseDown as error:

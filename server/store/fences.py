@@ -100,7 +100,8 @@ class FencedRecorder(StoreRecorder):
 
     async def _guarded(self, work: Any) -> Any:
         try:
-            return await asyncio.wait_for(work, self._patience_s)
+            async with asyncio.timeout(self._patience_s):
+                return await work
         except TimeoutError:
             raise RecorderDown(f"the database did not answer within {self._patience_s} s") from None
         except DatabaseDown as down:

@@ -12,6 +12,7 @@ from server.play.messages import Notice
 from server.store import decisions, overview
 from server.store.database import Database, DatabaseDown
 from server.web.studies import Studies
+from server.web.tasks import ended
 
 LOOK_EVERY_S: Final = 0.25  # the countdown takes 3 s, so no game of a paused study gets to move
 BUSY_S: Final = 3.0
@@ -32,9 +33,7 @@ class Control:
             self.pause_study(study)
 
     async def stop(self) -> None:
-        if self._keeper is not None:
-            self._keeper.cancel()
-            await asyncio.gather(self._keeper, return_exceptions=True)
+        await ended(self._keeper)
 
     def pause(self, episode: str) -> bool:
         """The game stands still until `resume`. False: it does not run here."""

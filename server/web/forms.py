@@ -24,7 +24,8 @@ async def read_form(
     if not guard.is_own_origin(request):
         raise HTTPException(403, "this form was not sent by our own page")
     try:
-        body = await asyncio.wait_for(_body(request), FORM_WITHIN_S)
+        async with asyncio.timeout(FORM_WITHIN_S):
+            body = await _body(request)
     except TimeoutError:
         raise HTTPException(408, f"a form has to arrive within {FORM_WITHIN_S:g} s", {"Connection": "close"}) from None
     try:

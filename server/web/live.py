@@ -25,6 +25,7 @@ from server.web.attention import Attention, Flag
 from server.web.deps import Web
 from server.web.elsewhere import Alone, Elsewhere, View
 from server.web.socket import Sockets
+from server.web.tasks import ended
 
 CARDS_EVERY_S: Final = 0.5
 FIGURES_EVERY_S: Final = 2.0
@@ -266,8 +267,7 @@ async def watch(socket: WebSocket, name: str) -> None:
     except (WebSocketDisconnect, ValueError, KeyError, RuntimeError):
         pass  # gone, or no page of ours
     finally:
-        teller.cancel()
-        await asyncio.gather(teller, return_exceptions=True)
+        await ended(teller)
         with suppress(RuntimeError, WebSocketDisconnect):
             await socket.close()
 

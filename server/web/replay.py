@@ -27,6 +27,7 @@ from server.web.admin_page import AdminPage, study_at
 from server.web.deps import WebDep
 from server.web.elsewhere import View
 from server.web.live import SESSION_EVERY_S, Card, Live, card_of, let_in, still_in, who
+from server.web.tasks import ended
 
 router = APIRouter(prefix="/admin/s/{name}/game/{episode}")
 LOOK_EVERY_S: Final = 0.05
@@ -173,8 +174,7 @@ async def follow(socket: WebSocket, name: str, episode: str) -> None:
     except (WebSocketDisconnect, KeyError, RuntimeError):
         pass
     finally:
-        teller.cancel()
-        await asyncio.gather(teller, return_exceptions=True)
+        await ended(teller)
         with suppress(RuntimeError, WebSocketDisconnect):
             await socket.close()
 

@@ -17,6 +17,7 @@ from server.play.games import Games, NoGame
 from server.play.outlet import Close, Outlet
 from server.play.recorder import RecorderDown
 from server.store.database import DatabaseDown
+from server.web.tasks import ended
 from server.web.waiting import WaitingRoom, Wish
 
 log = logging.getLogger(__name__)
@@ -165,9 +166,7 @@ class Sockets:
         finally:
             self._open.pop(mine, None)
             mine.outlet.drop()
-            for task in (writer, reader):
-                task.cancel()
-            await asyncio.gather(writer, reader, return_exceptions=True)
+            await ended(writer, reader)
 
     def _bound(self, participant: str) -> None:
         """A page has one socket, and a lost one lingers for seconds; of somebody who has many, the oldest closes."""

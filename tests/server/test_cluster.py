@@ -15,9 +15,11 @@ from redis_server import RedisServer
 from server.bot_cook import Traits
 from server.bot_game import BotGame, Journal
 from server.bots import Bot
+from server.cluster import Cluster
 from server.play.game import Game
 from server.store import ticks
 from server.study.loader import StudyError
+from server.web.elsewhere import View
 
 pytestmark = pytest.mark.postgres
 STUDY = SHORT_STUDY.replace("tutorial, ", "").replace("horizon: 60", "horizon: 2000")
@@ -163,6 +165,33 @@ async def test_figures_of_all_processes_are_told_by_each(pair: Pair, bot: Bot) -
 
     found = await until(lambda: (both := games()) and len(both) == 2 and sum(both.values()) == 1 and both)
     assert len(found) == 2
+
+
+class Nobody:
+    """A process without games."""
+
+    figures = dict
+
+    def leases(self) -> list[str]:
+        return []
+
+    async def views(self) -> list[View]:
+        return []
+
+    async def answer(self, deed: str, *given: Any) -> Any:
+        raise AssertionError(deed, given)
+
+
+async def test_a_process_leaves_the_others_in_whatever_moment_it_is_told_to(redis: RedisServer) -> None:
+    """Redis' client swallows a cancellation that comes just as a command has been sent."""
+    for moment in range(60):
+        cluster = Cluster(redis.url, "postgresql://somewhere")
+        cluster.start(Nobody())
+        for _ in range(moment):
+            await asyncio.sleep(0)
+        leaving = asyncio.create_task(cluster.close())
+        done, _ = await asyncio.wait([leaving], timeout=10)
+        assert done, f"it hangs when told to after {moment} turns of the event loop"
 
 
 def test_people_who_play_with_people_need_one_process(

@@ -1,0 +1,33 @@
+"""A stop of `kitchenmind serve` has an end, whatever the database does."""
+
+import asyncio
+import signal
+from pathlib import Path
+
+import pytest
+from postgres_server import PostgresServer
+from real_server import RealServer
+
+from server.bots import Bot
+
+pytestmark = pytest.mark.postgres
+
+
+async def test_a_stop_does_not_wait_for_ever_for_a_database_that_stands_still(tmp_path: Path) -> None:
+    postgres = PostgresServer()
+    server = RealServer(tmp_path)
+    server.database = postgres.url(postgres.new_database())
+    with server:
+        bot = Bot(server.url, "short", 1)
+        page = await bot.consent()
+        postgres.freeze()
+        answered = asyncio.create_task(bot.submit(page))
+        await asyncio.sleep(0.5)  # now it waits for the commit
+        assert await asyncio.to_thread(server.end, signal.SIGTERM) == 1
+        await asyncio.gather(answered, return_exceptions=True)
+        await bot.close()
+    postgres.thaw()
+    postgres.remove()
+    said = server.log.read_text()
+    assert "Timeout (0:00:25)!" in said
+    assert "database-writer" in said or "server/store/database.py" in said, "it does not say where it hung"
