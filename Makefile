@@ -31,7 +31,8 @@ serve: .venv/.serving
 test: .venv/.test system
 	$(BIN)/python -m pytest -n $(PYTEST_WORKERS) --dist loadfile --no-loadscope-reorder -m "not slow" $(AGAIN) $(ARGS)
 
-test-slow: .venv/.test system
+test-slow: .venv/.test
+	@.ci/system nginx caddy
 	$(BIN)/python -m pytest -m slow --timeout 3600 $(ARGS)
 
 lint: .venv/.test
@@ -57,7 +58,7 @@ gallery: .venv/.test system
 audit: .venv/.test
 	@$(BIN)/pip-audit --skip-editable $(ARGS)
 
-# Chromium, PostgreSQL and Redis: the tests use the real ones.
+# Chromium, PostgreSQL and Redis: the tests use the real ones; the slow ones TLS proxies too.
 system:
 	@.ci/system
 

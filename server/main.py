@@ -135,7 +135,8 @@ def _served(settings: Settings) -> list[StudyFile]:
         cast = cast_of([file])
         missing = [f"{model} on {layout}" for layout, model in cast.missing]
         if missing:
-            reasons.append(f"{path.name}: there are no weights for {', '.join(missing)}. Train them or name others.")
+            remedy = "Train them or name others: `kitchenmind study check` says which there are."
+            reasons.append(f"{path.name}: there are no weights for {', '.join(missing)}. {remedy}")
         if set(cast.agents) & set(cast.missing):
             continue
         served.append(file)

@@ -3,7 +3,8 @@
 A block marked `sh` is run line by line and must succeed; `serve` must bring up a page and runs on beside.
 A block marked `yaml FILE` gives these keys to FILE, one marked `text FILE` or
 `python FILE` writes it. Blocks without a mark need
-more than one machine or more than a minute: of these only the words of `kitchenmind` are checked.
+more than one machine or more than a minute: of these only the words of `kitchenmind` are checked
+here. `test_guide_server.py` runs those of the server of one's own.
 """
 
 import argparse
