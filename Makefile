@@ -56,6 +56,7 @@ gallery: .venv/.test system
 
 # Asks PyPI about known weaknesses of what is installed: needs the network, so it is no part of the tests.
 audit: .venv/.test
+	@$(PIP) --upgrade pip  # not ours to pin, and often all that is found
 	@$(BIN)/pip-audit --skip-editable $(ARGS)
 
 # Chromium, PostgreSQL and Redis: the tests use the real ones; the slow ones TLS proxies too.

@@ -15,13 +15,14 @@ from pathlib import Path
 from typing import Final, Literal
 from urllib.parse import urlsplit
 
+from sqlalchemy import inspect
+
 from models.checkpoint import CheckpointError, load_checkpoint
 from server.cast import cast_of, folder_of
-from server.commands.databases import open_stored
 from server.commands.serve import listen
 from server.settings import VAR, Settings
-from server.store.database import DatabaseDown
-from server.store.engines import normal_url
+from server.store.database import Database, DatabaseDown
+from server.store.engines import encoding_problem, normal_url
 from server.store.migrate import known_revisions, revision_of
 from server.study.loader import StudyError, StudyFile, load_study
 from server.study_check import stage_problems
@@ -80,12 +81,20 @@ def _database(settings: Settings) -> Iterator[Finding]:
             yield Finding("database", "bad", f"{place} cannot be written to. Use another path, or its owner's account.")
         return
     try:
-        with open_stored(settings.database) as database:
+        with Database(settings.database, read_only=True) as database:
+            problem = "" if url.get_backend_name() == "sqlite" else database.read_now(encoding_problem)
             revision = database.read_now(revision_of)
-    except (ValueError, DatabaseDown) as error:
-        yield Finding("database", "bad", str(error))
+            empty = not database.read_now(lambda connection: inspect(connection).get_table_names())
+    except DatabaseDown as error:
+        yield Finding("database", "bad", f"cannot read {shown}: {error}")
         return
-    if revision not in known_revisions():
+    if problem:
+        yield Finding("database", "bad", problem)
+    elif empty:
+        yield Finding("database", "good", f"{shown} is empty: tables will be made")
+    elif revision is None:
+        yield Finding("database", "bad", f"{shown} is no kitchenmind database. Name another with --database.")
+    elif revision not in known_revisions():
         yield Finding("database", "bad", f"{shown} was made by a later kitchenmind. Use that one, or a later one.")
     elif revision != known_revisions()[0]:
         yield Finding(

@@ -59,6 +59,7 @@ def test_compose_file_is_the_set_up_of_several_processes() -> None:
     assert urlsplit(settings.database).hostname in services
     assert set(services["server"]["depends_on"]) == services.keys() - {"server"}
     assert "health/ready" in str(services["server"]["healthcheck"])
+    assert services["server"]["init"], "the first process of a container gets the orphans of those that were killed"
 
 
 def test_no_service_is_open_to_other_machines_and_all_are_watched() -> None:

@@ -19,7 +19,9 @@ BUSY_TIMEOUT_S = 30
 CONNECT_TIMEOUT_S = 5
 STUCK_S = 5
 # A PostgreSQL machine that vanished is noticed in seconds, not in the quarter of an hour that TCP would take.
-_NOTICE_LOSS: Final = {
+_CONNECTING: Final = {
+    "connect_timeout": CONNECT_TIMEOUT_S,
+    "client_encoding": "utf8",  # whatever the server speaks by itself: what it says must be readable
     "keepalives_idle": 5,
     "keepalives_interval": 2,
     "keepalives_count": 3,
@@ -102,7 +104,7 @@ def translated(error: Exception) -> Exception:
 def writer_engine(url: URL) -> Engine:
     """One connection that may write. SQLite: the only one that ever writes or checkpoints."""
     if url.get_backend_name() == "postgresql":
-        options = {"connect_timeout": CONNECT_TIMEOUT_S, "options": "-c synchronous_commit=on", **_NOTICE_LOSS}
+        options = {"options": "-c synchronous_commit=on", **_CONNECTING}
         return create_engine(url, pool_size=1, max_overflow=0, connect_args=options, hide_parameters=True)
     engine = create_engine(
         url,
@@ -128,8 +130,7 @@ def writer_engine(url: URL) -> Engine:
 def reader(url: URL) -> Engine:
     """Connections that cannot write: on SQLite opened read-only, on PostgreSQL in read-only transactions."""
     if url.get_backend_name() == "postgresql":
-        read_only = "-c default_transaction_read_only=on"
-        options = {"connect_timeout": CONNECT_TIMEOUT_S, "options": read_only, **_NOTICE_LOSS}
+        options = {"options": "-c default_transaction_read_only=on", **_CONNECTING}
         return create_engine(
             url,
             pool_size=4,
@@ -171,7 +172,8 @@ class Writer:
     """The one connection that writes, with the lock that keeps a second server out.
 
     Several processes of one server share that lock (PostgreSQL only). `in_turn`: their transactions follow one another,
-    as those of one process do; the others must not mind what is written beside them.
+    as those of one process do; the others must not mind what is written beside them. Raises DatabaseInUse,
+    DatabaseDown; ValueError for a PostgreSQL database that cannot hold every letter.
     """
 
     def __init__(self, url: URL, shared: bool = False, in_turn: bool = False) -> None:
@@ -220,6 +222,11 @@ class Writer:
             if self._postgres and not self._locked(connection):
                 connection.close()
                 raise DatabaseInUse(f"another kitchenmind server uses {self._engine.url}. Stop it first.")
+            if self._postgres:
+                problem = encoding_problem(connection)
+                if problem:
+                    connection.close()
+                    raise ValueError(problem)
             connection.rollback()
         except DBAPIError as error:
             raise translated(error) from error
@@ -240,6 +247,17 @@ class Writer:
         if connection is not None:
             connection.invalidate()
             connection.close()
+
+
+def encoding_problem(connection: Connection) -> str:
+    """What is wrong with a PostgreSQL database made where no locale was set (SQL_ASCII) or for one language (LATIN1),
+    and the remedy; empty: every letter can be stored."""
+    encoding = connection.execute(text("SHOW server_encoding")).scalar_one()
+    if encoding == "UTF8":
+        return ""
+    name = connection.engine.url.database
+    remedy = f"Make it anew: createdb --encoding UTF8 --template template0 {name}"
+    return f"the database {name} keeps text as {encoding}, so not every name or answer could be stored. {remedy}"
 
 
 def _empty_log(connection: Connection) -> None:

@@ -208,7 +208,7 @@ def test_the_database_is_not_waited_for_without_end() -> None:
     engine = engines.writer_engine(engines.normal_url("postgresql://nobody@192.0.2.1/none"))
     arguments = engine.dialect.create_connect_args(engine.url)[1] | {"connect_timeout": engines.CONNECT_TIMEOUT_S}
     assert arguments["connect_timeout"] <= 10
-    assert engines._NOTICE_LOSS["tcp_user_timeout"] <= 10_000
+    assert engines._CONNECTING["tcp_user_timeout"] <= 10_000
     engine.dispose()
 
 

@@ -2,6 +2,7 @@ import asyncio
 import threading
 from pathlib import Path
 
+import psycopg
 import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
@@ -11,7 +12,7 @@ from sqlalchemy import Connection, create_engine, event, func, select, text
 from server.store import studies
 from server.store.database import Database, DatabaseDown, DatabaseInUse
 from server.store.engines import normal_url
-from server.store.migrate import DatabaseTooNew, migrate, newest_revision
+from server.store.migrate import DatabaseTooNew, migrate, migrate_shared, newest_revision
 from server.store.tables import metadata
 from server.store.tables import studies as study_table
 
@@ -142,6 +143,20 @@ def test_read_only_database_refuses_to_write_and_takes_no_lock(database: Databas
 def test_address_of_something_else_is_refused_with_the_remedy(address: str) -> None:
     with pytest.raises(ValueError, match="Use sqlite:///"):
         Database(address)
+
+
+@pytest.mark.postgres
+@pytest.mark.parametrize("encoding", ["SQL_ASCII", "LATIN1"])
+def test_postgresql_that_cannot_hold_every_letter_is_refused_with_the_remedy(
+    postgres: PostgresServer, encoding: str
+) -> None:
+    name = f"only_{encoding.lower()}"
+    with psycopg.connect(postgres.url(), autocommit=True) as connection:
+        connection.execute(f"CREATE DATABASE {name} ENCODING '{encoding}' LOCALE 'C' TEMPLATE template0")
+    for open_it in (Database, migrate_shared):
+        with pytest.raises(ValueError, match=f"as {encoding}, .* createdb --encoding UTF8 --template template0 {name}"):
+            open_it(postgres.url(name))
+    postgres.drop_database(name)
 
 
 def test_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
