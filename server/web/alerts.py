@@ -18,6 +18,7 @@ from server.play.holds import DATABASE
 from server.store import overview
 from server.store.database import DatabaseDown
 from server.web.attention import ACT
+from server.web.elsewhere import Process
 from server.web.live import Live, who
 
 log = logging.getLogger(__name__)
@@ -56,6 +57,7 @@ class Alerts:
 
     def __init__(self, live: Live, database_file: Path | None, tell: Tell) -> None:
         self.open: dict[str, Alert] = {}
+        self._elsewhere: list[Alert] = []  # of other processes, which tell of them themselves
         self._live, self._file, self._tell = live, database_file, tell
 
     async def run(self) -> None:
@@ -69,7 +71,9 @@ class Alerts:
 
     async def look(self) -> None:
         """Tells of what has begun and what is over since the last look."""
-        leads = await self._leads()
+        others = await self._live.elsewhere.processes()
+        self._elsewhere = self._late(others)
+        leads = all(self._live.elsewhere.name < other.name for other in others)  # one tells what all of them see
         found = {alert.key: alert for alert in (*self._machine(leads), *await self._games(leads))}
         now = datetime.now(UTC)
         for key in self.open.keys() - found.keys():
@@ -82,15 +86,21 @@ class Alerts:
     def shown(self, study: str) -> list[dict[str, object]]:
         """Alerts of the whole server as the dashboard of a study lists them; those of games stand on their cards."""
         now = datetime.now(UTC)
-        mine = [
-            alert for alert in self.open.values() if alert.study in ("", study) and not alert.key.startswith("game ")
-        ]
+        of_all = (*self.open.values(), *self._elsewhere)
+        mine = [alert for alert in of_all if alert.study in ("", study) and not alert.key.startswith("game ")]
         return [{"text": one.text, "since_s": round((now - (one.since or now)).total_seconds())} for one in mine]
 
-    async def _leads(self) -> bool:
-        """Of several processes, the one whose name comes first tells what all of them see."""
-        elsewhere = self._live.elsewhere
-        return all(elsewhere.name < other.name for other in await elsewhere.processes())
+    def _late(self, others: list[Process]) -> list[Alert]:
+        """Of those processes."""
+        since = {alert.key: alert.since for alert in self._elsewhere}
+        found: list[Alert] = []
+        for process in others:
+            p99_ms = 1000 * process.figures.get("tick_lateness_seconds_p99", 0.0)
+            if p99_ms > LATE_MS:
+                key = f"late {process.name}"
+                text = f"Timesteps come late in process {process.name}: {p99_ms:.0f} ms at the 99th percentile."
+                found.append(Alert(key, text, since=since.get(key) or datetime.now(UTC)))
+        return found
 
     def _machine(self, leads: bool) -> Iterator[Alert]:
         late = sorted(list(self._live.games.loop.late_ms)[-LATEST:])

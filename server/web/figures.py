@@ -108,6 +108,10 @@ class Figures:
             "moving": live.games.loop.moving,
             "sockets": len(live.sockets),
         }
+        for process in others:  # how late they are where it is worst
+            if process.figures.get("ticks_total"):
+                theirs = [round(1000 * process.figures[f"tick_lateness_seconds_p{part}"], 1) for part in (50, 99)]
+                found["late_ms"] = list(map(max, theirs, found["late_ms"] or theirs))
         for what in ("games", "moving", "sockets"):
             found[what] += sum(int(process.figures.get(what, 0)) for process in others)
         if self.file is not None and self.file.exists():

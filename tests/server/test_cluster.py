@@ -167,6 +167,25 @@ async def test_figures_of_all_processes_are_told_by_each(pair: Pair, bot: Bot) -
     assert len(found) == 2
 
 
+async def test_the_dashboard_of_each_process_says_which_of_them_is_late(pair: Pair, bot: Bot) -> None:
+    here, there = pair
+    game = running(here)
+    assert game is not None
+    here.app.state.games.loop.late_ms.extend([80.0] * 10_000)
+
+    def shown(live: LiveServer) -> list[str]:
+        return [str(alert["text"]) for alert in live.app.state.alerts.shown("short")]
+
+    def worst(live: LiveServer) -> Any:
+        return live.do(live.app.state.figures._machine)["late_ms"]
+
+    assert (await until(lambda: shown(here)))[0].startswith("Timesteps come late: 80 ms")
+    name = here.app.state.live.elsewhere.name
+    assert (await until(lambda: shown(there)))[0].startswith(f"Timesteps come late in process {name}: 80 ms")
+    assert worst(there) == [80.0, 80.0]
+    assert not there.app.state.alerts.open, "one process tells of it, not every one"
+
+
 class Nobody:
     """A process without games."""
 
