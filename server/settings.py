@@ -48,6 +48,8 @@ class Settings(BaseSettings):
     patience_s: float = Field(default=0.0, ge=0, le=60)
     """For simulated participants: a timestep waits so long for its players, and is made once they have acted."""
 
+    stop_within_s: float = Field(default=25.0, gt=0, le=600)
+    """A stop takes no longer, whatever the database does. Less than systemd or Docker wait before they kill."""
     log: Literal["text", "json"] = "text"
     """How the log is written: warnings as text, or everything as a JSON object a line."""
     metrics_token: SecretStr | None = None

@@ -19,7 +19,6 @@ from typing import Final
 from models.breaker import Breaker
 
 log = logging.getLogger(__name__)
-KILL_AFTER_S: Final = 28.0  # a process that does not stop by itself: every tick is stored anyway
 _ENTRY: Final = Path(__file__).resolve().parent.parent / "kitchenmind.py"
 OF_SUPERVISOR: Final = "KITCHENMIND_SUPERVISED"  # "socket,lifeline,first": two descriptors, and who tells the address
 
@@ -33,13 +32,14 @@ class _Process:
 
 
 class Supervisor:
-    """Runs `words` (the command line of `kitchenmind`) in several processes until SIGTERM or SIGINT."""
+    """Runs `words` (the command line of `kitchenmind`) in several processes until SIGTERM or SIGINT. What has not
+    stopped `kill_after_s` later is killed."""
 
-    def __init__(self, words: list[str], listening: socket.socket, workers: int) -> None:
+    def __init__(self, words: list[str], listening: socket.socket, workers: int, kill_after_s: float) -> None:
         self._words, self._listening = words, listening
         self._processes: list[_Process] = []
         self._lifeline, self._ours = os.pipe()  # closes when we die, however we die: then they stop too
-        self._workers = workers
+        self._workers, self._kill_after_s = workers, kill_after_s
         self._stopping = False
 
     def run(self) -> int:
@@ -85,7 +85,7 @@ class Supervisor:
         running = [process.running for process in self._processes]
         for process in running:
             process.terminate()
-        until = time.monotonic() + KILL_AFTER_S
+        until = time.monotonic() + self._kill_after_s
         for process in running:
             try:
                 process.wait(max(0.0, until - time.monotonic()))

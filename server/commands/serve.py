@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from server.settings import Settings
 
 _UNSENT_GIVE_UP_MS = 10_000  # a peer that takes nothing in for so long is gone, whatever its socket says
+_KILL_AFTER_S = 3.0  # a process that cannot even stop by itself: every tick is stored anyway
 _SEND_BUFFER_BYTES = 64 * 1024  # what a slow reader can make the kernel keep
-STOP_WITHIN_S = 25.0  # a database that stands still would hold up a stop for ever
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -124,7 +124,7 @@ def _serve_several(settings: "Settings", listening: socket.socket) -> int:
         return _refuse(error, 2)
     except (DatabaseDown, DatabaseTooNew) as error:
         return _refuse(error, 1)
-    return Supervisor(sys.argv[1:], listening, settings.workers).run()
+    return Supervisor(sys.argv[1:], listening, settings.workers, settings.stop_within_s + _KILL_AFTER_S).run()
 
 
 def serve(settings: "Settings", listening: socket.socket, process: Supervised | None = None) -> int:
@@ -170,7 +170,7 @@ async def _serve(
         def stop(number: signal.Signals) -> None:
             """Whatever is not over in time is left, as after a crash: what was acknowledged is stored. The log says
             where it hung."""
-            faulthandler.dump_traceback_later(STOP_WITHIN_S, exit=True)
+            faulthandler.dump_traceback_later(settings.stop_within_s, exit=True)
             server.handle_exit(number, None)
 
         def alone(lifeline: int) -> None:
