@@ -192,6 +192,11 @@ class Holdings:
     sockets: int
     rss_kib: int
 
+    @property
+    def files(self) -> int:
+        """Descriptors that are no sockets."""
+        return self.descriptors - self.sockets
+
     @classmethod
     def of(cls, pid: int) -> "Holdings":
         links = []
