@@ -205,15 +205,14 @@ async def soak(folder: Path, seconds: float, games: int) -> Row:
     samples: list[Holdings] = []
     gc.disable()  # millions of journal entries are no garbage; looking through them would hold the witnesses up
     with RealServer(folder, speed=1.0, study=SOAK_STUDY) as server:
-        await asyncio.sleep(SPARE_AFTER_S + 3)
-        alone = _held_by(server.pid)
+        alone = await settled(server.pid)
         seats = [asyncio.create_task(_one_after_the_other(server.url, people, ends)) for _ in range(games)]
         await asyncio.sleep(min(30.0, seconds / 4))
         while time.monotonic() < ends:
             await _leaves_in_the_middle(server.url, people, min(5.0, seconds / 10))
             samples.append(_held_by(server.pid))
         await asyncio.gather(*seats)
-        left = await _sockets_beyond(alone.sockets, server.pid)
+        left = await sockets_beyond(alone.sockets, server.pid)
         await asyncio.to_thread(server.end, signal.SIGTERM)
         found = held_against(server.database, people, silence_s=10)
     gc.enable()
@@ -251,7 +250,13 @@ async def _leaves_in_the_middle(url: str, people: list[Witness], after_s: float)
     await person.close()
 
 
-async def _sockets_beyond(before: int, pid: int, within_s: float = 60.0) -> int:
+async def settled(pid: int) -> Holdings:
+    """What a server that has just started holds, once its spare model worker is there."""
+    await asyncio.sleep(SPARE_AFTER_S + 3)
+    return _held_by(pid)
+
+
+async def sockets_beyond(before: int, pid: int, within_s: float = 60.0) -> int:
     """How many sockets the server keeps of people who have all gone, however many came and went together before."""
     until = time.monotonic() + within_s
     while (left := _held_by(pid).sockets - before) > 0 and time.monotonic() < until:

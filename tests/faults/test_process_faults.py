@@ -1,9 +1,11 @@
 """Rows 1 to 3, 24 and 28 of docs/faults.md: a server killed, stopped, killed while it starts, left running."""
 
+import asyncio
 from pathlib import Path
 
 import process_scenarios as process
 import pytest
+from real_server import RealServer
 
 
 async def test_a_killed_server_goes_on_where_everybody_was(tmp_path: Path) -> None:
@@ -30,6 +32,15 @@ async def test_a_server_killed_while_it_starts_comes_up_at_last(tmp_path: Path) 
 @pytest.mark.slow
 async def test_a_killed_model_worker_is_back_within_a_second_and_no_game_ends(tmp_path: Path) -> None:
     (await process.worker_kills(tmp_path, tries=3, games=5)).hold()
+
+
+async def test_a_socket_that_stays_is_counted(tmp_path: Path) -> None:
+    with RealServer(tmp_path) as server:
+        before = await process.settled(server.pid)
+        _, held = await asyncio.open_connection("127.0.0.1", int(server.url.rsplit(":", 1)[1]))
+        assert await process.sockets_beyond(before.sockets, server.pid, within_s=1) == 1
+        held.close()
+        assert await process.sockets_beyond(before.sockets, server.pid) == 0
 
 
 @pytest.mark.slow

@@ -148,6 +148,17 @@ def test_a_game_is_looked_at_again_and_taken_along(page: Page, server: RealServe
     assert played(page, Path(video.value.path()).read_bytes()) == 3.0, "15 timesteps of 200 ms"
 
 
+def test_the_live_page_fits_a_phone_also_one_that_is_turned(page: Page, server: RealServer) -> None:
+    page.goto(f"{server.url}/admin/s/short")
+    expect(page.locator(".chart canvas").first).to_be_visible()
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.wait_for_timeout(500)
+    rights = page.evaluate("[...document.querySelectorAll('main .card')].map(c => c.getBoundingClientRect().right)")
+    assert len(rights) > 5
+    assert max(rights) <= 390
+    page.set_viewport_size({"width": 1366, "height": 768})
+
+
 def test_every_page_of_a_researcher_is_accessible(page: Page, server: RealServer) -> None:
     for path in ("", "/audit", "/accounts", "/s/short/games"):
         page.goto(f"{server.url}/admin{path}")
