@@ -34,10 +34,13 @@ async def test_a_killed_model_worker_is_back_within_a_second_and_no_game_ends(tm
     (await process.worker_kills(tmp_path, tries=3, games=5)).hold()
 
 
+@pytest.mark.slow
 async def test_a_socket_that_stays_is_counted(tmp_path: Path) -> None:
     with RealServer(tmp_path) as server:
         before = await process.settled(server.pid)
-        _, held = await asyncio.open_connection("127.0.0.1", int(server.url.rsplit(":", 1)[1]))
+        answers, held = await asyncio.open_connection("127.0.0.1", int(server.url.rsplit(":", 1)[1]))
+        held.write(b"GET /health/live HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        assert await answers.readline()  # the server has it now, and keeps it for the next request
         assert await process.sockets_beyond(before.sockets, server.pid, within_s=1) == 1
         held.close()
         assert await process.sockets_beyond(before.sockets, server.pid) == 0
