@@ -11,7 +11,8 @@ from fastapi import APIRouter, WebSocket
 from starlette.requests import HTTPConnection
 
 from server.play import messages
-from server.play.budget import Budget
+from server.play.budget import PER_S, Budget
+from server.play.clock import Clock
 from server.play.game import Game
 from server.play.games import Games, NoGame
 from server.play.outlet import Close, Outlet
@@ -24,6 +25,7 @@ log = logging.getLogger(__name__)
 BEAT_EVERY_S: Final = 0.25
 MOST_OF_ONE: Final = 8  # sockets of one participant
 MOST_REFUSED: Final = 20  # bad messages on one socket
+UNBOUNDED_PER_S: Final = 1e9
 _BUDGETS_KEPT: Final = 10_000
 
 NOT_TEXT = 1003
@@ -112,6 +114,12 @@ class Gate:
             mine.send(messages.Refused("bad_message", reason))
 
 
+def budget_of(clock: Clock) -> Budget:
+    """What one participant may send. Where games wait for simulated participants, these are as quick as the machine,
+    and no flood: how quick that is, nobody can say beforehand."""
+    return Budget(clock.now(), clock.speed, per_s=UNBOUNDED_PER_S if clock.patience_s else PER_S)
+
+
 class Sockets:
     """All open game sockets of this server."""
 
@@ -193,7 +201,7 @@ class Sockets:
     async def _read(self, socket: WebSocket, mine: PlayerSocket) -> None:
         game: Game | None = None
         clock = self._games.clock
-        gate = Gate(self._budgets.setdefault(mine.player.participant, Budget(clock.now(), clock.speed)))
+        gate = Gate(self._budgets.setdefault(mine.player.participant, budget_of(clock)))
         try:
             while (event := await socket.receive())["type"] != "websocket.disconnect":
                 message = gate.let_in(event.get("text"), mine, clock.now())

@@ -4,6 +4,7 @@ import asyncio
 import json
 import socket as sockets
 from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from typing import Any
 
 import pytest
@@ -35,10 +36,10 @@ HELLO = {"type": "hello", "protocol": 1, "tab": "tab-0001"}
 class Served:
     """A server on a free port with real sockets; who plays what is told by the cookie `participant=<id>`."""
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Clock | None = None) -> None:
         self.recorder = MemoryRecorder()
         self.spec = make_spec(horizon=0)
-        self.games = Games(Clock(10.0), RuleModels(), self.recorder, self.load)
+        self.games = Games(clock or Clock(10.0), RuleModels(), self.recorder, self.load)
         self.troubles: list[str] = []
         self.app = FastAPI()
         self.app.include_router(game_socket.router)
@@ -68,7 +69,12 @@ class Served:
 
 @pytest.fixture
 async def served() -> AsyncIterator[Served]:
-    made = Served()
+    async with serving(Served()) as made:
+        yield made
+
+
+@asynccontextmanager
+async def serving(made: Served) -> AsyncIterator[Served]:
     config = uvicorn.Config(
         made.app,
         ws=SparingProtocol,  # type: ignore[arg-type] # as `kitchenmind serve`
@@ -85,11 +91,13 @@ async def served() -> AsyncIterator[Served]:
     task = asyncio.create_task(server.serve(sockets=[listening]))
     while not server.started:
         await asyncio.sleep(0.01)
-    yield made
-    await made.games.stop()
-    server.should_exit = True
-    await task
-    listening.close()
+    try:
+        yield made
+    finally:
+        await made.games.stop()
+        server.should_exit = True
+        await task
+        listening.close()
 
 
 async def hear(socket: ClientConnection, kind: str, most: int = 200) -> dict[str, Any]:
@@ -228,6 +236,15 @@ async def test_flood_closes_with_1008_for_this_participant_only(served: Served) 
             await say(flooding, type="input", seq=seq, held=None, tap=None, client_ms=seq)
         assert await close_code(flooding) == 1008
         assert await hear(calm, "tick")
+
+
+async def test_simulated_participants_may_send_as_fast_as_the_games_that_wait_for_them() -> None:
+    async with serving(Served(Clock(5.0, patience_s=2.0))) as served, served.connect("ann", max_queue=None) as socket:
+        await play(socket)
+        for seq in range(2000):
+            await say(socket, type="input", seq=seq, held=None, tap=None, client_ms=seq)
+        await say(socket, type="nothing that there is")
+        assert await hear(socket, "refused", most=4000)
 
 
 async def test_flood_that_goes_on_after_the_close_is_read_a_little_at_a_time(
