@@ -40,13 +40,18 @@ def choose_fcp(work: Work, layout: Layout) -> None:
     sp = work.inputs["choose_sp"]
     decision = json.loads((sp / _DECISION).read_text(encoding="utf-8"))
     strangers = [folder for name, folder in work.inputs.items() if _is_stranger(name, decision["best"], work.inputs)]
-    enough = 0.5 * decision["measured"]["self_play"]["mean"]
     runs = {name: folder for name, folder in work.inputs.items() if name.startswith("target_fcp")}
     levels = _levels(strangers)
     entries = {name: measured(layout, "fcp", Player(_policy(folder), PEOPLE), levels) for name, folder in runs.items()}
     scores = {name: {key: entry[key]["mean"] for key in ("self_play", "held_out")} for name, entry in entries.items()}
-    best = max(scores, key=lambda name: (min(1.0, scores[name]["self_play"] / enough), scores[name]["held_out"]))
+    best = best_fcp(scores, decision["measured"]["self_play"]["mean"])
     _leave(work, best, entries[best], scores)
+
+
+def best_fcp(scores: Mapping[str, Mapping[str, float]], of_sp: float) -> str:
+    """The run that `choose_fcp` takes; `of_sp`: what SP scores with itself, 0 where it never served a soup."""
+    enough = 0.5 * of_sp
+    return max(scores, key=lambda name: (min(enough, scores[name]["self_play"]), scores[name]["held_out"]))
 
 
 def ship_cast(work: Work, layout: Layout) -> None:
