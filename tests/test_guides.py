@@ -1,10 +1,10 @@
 """The guides do what they say: their commands are run, in their order, each guide in a folder of its own.
 
 A block marked `sh` is run line by line and must succeed; `serve` must bring up a page and runs on beside.
-A block marked `yaml FILE` gives these keys to FILE, one marked `text FILE` or
-`python FILE` writes it. Blocks without a mark need
-more than one machine or more than a minute: of these only the words of `kitchenmind` are checked
-here. `test_guide_server.py` runs those of the server of one's own.
+A block marked `yaml FILE` gives these keys to FILE, one marked `text FILE` or `python FILE` writes it. Blocks without a
+mark need more than one machine or more than a minute: of these only the words of `kitchenmind` are checked here. They
+are run by `test_guide_server.py`, `test_guide_containers.py`, `test_guide_backup.py`, and for training by
+`training/test_guide_own_agent.py` and `training/test_guide_own_kitchen.py`.
 """
 
 import argparse
@@ -63,21 +63,23 @@ class Reader:
                 self._run(shlex.split(line, comments=True))
 
     def _run(self, words: list[str]) -> None:
+        given, words = assignments(words)
+        environment = self.environment | given
         if words[:2] == ["kitchenmind", "serve"]:
-            self._serve(words)
+            self._serve(words, environment)
             return
         if words[0] == "make":
             words = ["make", "--dry-run", "--directory", str(ROOT), *words[1:]]
         done = subprocess.run(
-            _program(words), cwd=self.folder, env=self.environment, capture_output=True, text=True, timeout=WITHIN_S
+            _program(words), cwd=self.folder, env=environment, capture_output=True, text=True, timeout=WITHIN_S
         )
         assert done.returncode == 0, f"{shlex.join(words)}\n{done.stdout}{done.stderr}"
 
-    def _serve(self, words: list[str]) -> None:
+    def _serve(self, words: list[str], environment: dict[str, str]) -> None:
         """Up until the next one, or the end of the guide."""
         self.leave()
         self.serving = subprocess.Popen(
-            _program(words), cwd=self.folder, env=self.environment, stdout=subprocess.PIPE, text=True
+            _program(words), cwd=self.folder, env=environment, stdout=subprocess.PIPE, text=True
         )
         assert self.serving.stdout is not None
         with selectors.DefaultSelector() as selector:
@@ -108,6 +110,12 @@ class Reader:
         file.write_text(f"{kept.rstrip()}\n{text}", encoding="utf-8")
 
 
+def assignments(words: list[str]) -> tuple[dict[str, str], list[str]]:
+    """The settings in front of a command, and the command."""
+    count = next((k for k, word in enumerate(words) if "=" not in word), len(words))
+    return dict(word.split("=", 1) for word in words[:count]), words[count:]
+
+
 def _program(words: list[str]) -> list[str]:
     own = {"kitchenmind": [sys.executable, str(ROOT / "kitchenmind.py")], "python": [sys.executable]}
     return [*own.get(words[0], words[:1]), *words[1:]]
@@ -133,7 +141,9 @@ def test_words_of_every_command_are_understood(guide: Path) -> None:
     understood: list[str] = []
     for _, text in blocks(guide):
         for line in text.splitlines():
-            words = shlex.split(line.removeprefix(".venv/bin/"), comments=True) if "kitchenmind " in line else []
+            bare = line.removeprefix(".venv/bin/").removeprefix("docker compose exec server ")
+            words = shlex.split(bare, comments=True) if "kitchenmind " in line else []
+            _, words = assignments(words)
             if words[:1] == ["kitchenmind"]:
                 parse(words[1:])
                 understood.append(line)

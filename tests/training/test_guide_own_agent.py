@@ -4,23 +4,18 @@ They run in a copy of the house, so that what they ship is not left among the we
 short.
 """
 
-import os
 import re
-import shlex
-import shutil
 import signal
 import subprocess
-import sys
 import time
 import urllib.error
 import urllib.request
 from pathlib import Path
 
+import guide_house
 import pytest
 
-ROOT = Path(__file__).parent.parent.parent
-GUIDE = ROOT / "docs" / "guides" / "bring_your_own_agent.md"
-PACKAGES = ("overcooked", "models", "training", "server", "analysis", "studies", "static", "templates", "migrations")
+GUIDE = guide_house.ROOT / "docs" / "guides" / "bring_your_own_agent.md"
 SMALL = {"updates": 20, "warm_up": 5, "check_every": 10, "hidden": 32, "heads": 2, "layers": 2}
 SHORTER = {  # added to a command that begins so
     "python docs/examples/own_agent.py": "--timesteps 2000 --epochs 2",
@@ -42,46 +37,10 @@ def commands() -> list[str]:
     return [line for block in blocks("") for line in block.splitlines()]
 
 
-def started(line: str, house: Path) -> "subprocess.Popen[str]":
-    """The command in the copy, made short."""
-    settings, words = {}, shlex.split(line)
-    while "=" in words[0]:
-        name, _, value = words.pop(0).partition("=")
-        settings[name] = str(house / value)
-    bare = " ".join(words)
-    more = next((extra for begin, extra in SHORTER.items() if bare.startswith(begin)), "")
-    program = [sys.executable, "-m", "kitchenmind"] if words[0] == "kitchenmind" else [sys.executable]
-    paths = os.pathsep.join([str(house), *settings.values()])
-    return subprocess.Popen(
-        [*program, *words[1:], *shlex.split(more)],
-        cwd=house,
-        env={**os.environ, "PYTHONPATH": paths, "PYTHONUNBUFFERED": "1"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-
-
-def done(line: str, house: Path) -> str:
-    """What a command that ends well says."""
-    process = started(line, house)
-    said, _ = process.communicate(timeout=280)
-    assert process.returncode == 0, f"{line}\n{said}"
-    return said
-
-
 @pytest.fixture(scope="module")
 def house(tmp_path_factory) -> Path:
-    """A copy of the house with the weights of one kitchen."""
-    folder = tmp_path_factory.mktemp("house")
-    leave_out = shutil.ignore_patterns("weights", "__pycache__")
-    for name in PACKAGES:
-        shutil.copytree(ROOT / name, folder / name, ignore=leave_out)
-    shutil.copytree(ROOT / "docs" / "examples", folder / "docs" / "examples", ignore=leave_out)
-    shutil.copytree(ROOT / "models/weights/coordination_ring", folder / "models/weights/coordination_ring")
-    for name in ("kitchenmind.py", "alembic.ini"):
-        shutil.copy(ROOT / name, folder / name)
-    return folder
+    """With the weights of one kitchen."""
+    return guide_house.build(tmp_path_factory.mktemp("house"), "coordination_ring")
 
 
 def edit_as_the_guide_says(study: Path) -> None:
@@ -115,14 +74,14 @@ def test_every_command_of_the_guide_works_in_its_order(house: Path) -> None:
     said = {}
     for line in commands():
         if line.startswith("kitchenmind serve"):
-            process = started(line, house)
+            process = guide_house.started(line, house, SHORTER)
             try:
                 assert "my_study" in page_of(process)
             finally:
                 process.send_signal(signal.SIGINT)
                 process.communicate(timeout=60)
             continue
-        said[line] = done(line, house)
+        said[line] = guide_house.done(line, house, SHORTER)
         if line.startswith("kitchenmind study new"):
             edit_as_the_guide_says(house / "my_study.yaml")
     checks = [text for line, text in said.items() if "agent check" in line]

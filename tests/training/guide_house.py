@@ -1,0 +1,57 @@
+"""A copy of the house in which the guides' training commands run: what they ship is not left among the weights."""
+
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent.parent
+PACKAGES = ("overcooked", "models", "training", "server", "analysis", "studies", "static", "templates", "migrations")
+
+
+def build(folder: Path, *kitchens: str) -> Path:
+    """The house in `folder`, with the weights of these kitchens alone."""
+    leave_out = shutil.ignore_patterns("weights", "__pycache__")
+    for name in PACKAGES:
+        shutil.copytree(ROOT / name, folder / name, ignore=leave_out)
+    shutil.copytree(ROOT / "docs" / "examples", folder / "docs" / "examples", ignore=leave_out)
+    (folder / "models" / "weights").mkdir()
+    for kitchen in kitchens:
+        shutil.copytree(ROOT / "models" / "weights" / kitchen, folder / "models" / "weights" / kitchen)
+    for name in ("kitchenmind.py", "alembic.ini"):
+        shutil.copy(ROOT / name, folder / name)
+    return folder
+
+
+def started(line: str, house: Path, shorter: Mapping[str, str]) -> "subprocess.Popen[str]":
+    """A guide's command in the house; `shorter` has what is added to a command that begins so."""
+    settings, words = {}, shlex.split(line)
+    while "=" in words[0]:
+        name, _, value = words.pop(0).partition("=")
+        settings[name] = str(house / value)
+    bare = " ".join(words)
+    more = next((extra for begin, extra in shorter.items() if bare.startswith(begin)), "")
+    program = [sys.executable, "-m", "kitchenmind"] if words[0] == "kitchenmind" else [sys.executable]
+    paths = os.pathsep.join([str(house), *settings.values()])
+    return subprocess.Popen(
+        [*program, *words[1:], *shlex.split(more)],
+        cwd=house,
+        env={**os.environ, "PYTHONPATH": paths, "PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def done(line: str, house: Path, shorter: Mapping[str, str], within_s: float = 280) -> str:
+    """What a command that ends well says."""
+    process = started(line, house, shorter)
+    try:
+        said, _ = process.communicate(timeout=within_s)
+    finally:
+        process.kill()
+    assert process.returncode == 0, f"{line}\n{said}"
+    return said
