@@ -28,7 +28,8 @@ MOST_RECONNECTS: Final = 50
 Trouble = Literal["reload", "second_tab", "half_open"]
 _SUPERSEDED: Final = 4001
 _GONE: Final = 1006  # the server was killed in the meantime
-_FINAL: Final = frozenset({1008, 4001, 4004})  # close codes after which there is nothing to come back for here
+_ABUSE: Final = 1008  # no participant of ours deserves it
+_FINAL: Final = frozenset({4001, 4004})  # close codes after which there is nothing to come back for here
 
 
 @dataclass
@@ -109,7 +110,7 @@ class BotGame:
 
     async def play(self) -> messages.Ended | None:
         """Until the episode is over, across lost connections; None if there is no game to be played here. Raises
-        GameDropped."""
+        GameDropped, and RuntimeError where the server takes it for an abuser."""
         for attempt in range(MOST_RECONNECTS):
             try:
                 headers = {"Cookie": self.cookie}
@@ -127,6 +128,8 @@ class BotGame:
             except ConnectionClosed as closed:
                 if closed.rcvd is not None and closed.rcvd.code == COME_AGAIN:
                     continue  # the other person is there: the game has begun
+                if closed.rcvd is not None and closed.rcvd.code == _ABUSE:
+                    raise RuntimeError(f"the game's socket was closed: {closed.rcvd.reason}") from closed
                 if closed.rcvd is not None and closed.rcvd.code in _FINAL:
                     return None
             except (InvalidHandshake, OSError, TimeoutError):

@@ -17,8 +17,11 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.typing import Origin
 
+from server.bot_cook import Traits
+from server.bot_game import BotGame, Journal
 from server.connections import SparingProtocol
 from server.play import outlet
+from server.play.budget import Budget
 from server.play.clock import Clock
 from server.play.games import Games
 from server.play.messages import MAX_FRAME_BYTES
@@ -245,6 +248,14 @@ async def test_simulated_participants_may_send_as_fast_as_the_games_that_wait_fo
             await say(socket, type="input", seq=seq, held=None, tap=None, client_ms=seq)
         await say(socket, type="nothing that there is")
         assert await hear(socket, "refused", most=4000)
+
+
+async def test_a_simulated_participant_who_is_taken_for_a_flood_says_so(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(game_socket, "budget_of", lambda clock: Budget(clock.now(), burst=0.0))
+    with pytest.raises(RuntimeError, match="closed: too many messages"):
+        await BotGame(served.url, "participant=ann", Journal(), Traits.drawn(1)).play()
 
 
 async def test_flood_that_goes_on_after_the_close_is_read_a_little_at_a_time(
