@@ -2,7 +2,7 @@
 
 import { Announcer } from './announce.js';
 import { Hud } from './hud.js';
-import { Keys, listen, watchPresence } from './input.js';
+import { Keys, Pace, listen, watchPresence } from './input.js';
 import { keyName, keysDialog, storedBindings } from './keysdialog.js';
 import { Coach } from './lesson.js';
 import { drawLegend } from './markshapes.js';
@@ -35,6 +35,8 @@ let startedEpisode = null; // the episode that was started on this page: after a
 let changedMs = 0, viewedMs = 0, board = null;
 
 const keys = new Keys(bindings);
+const pace = new Pace(press);
+const changed = (move) => pace.change(move);
 const renderer = new Renderer(page.querySelector('canvas.board'), new Sprites(config.sprites), text('you_tag'));
 const hud = new Hud(page, text);
 const sound = new Sound(page.querySelector('#sound'), text);
@@ -43,7 +45,7 @@ const coach = new Coach(stage, page.querySelector('#coach'), page.querySelector(
 const overlay = new Overlay(page, text, { ready: start, takeOver: () => connection.open(), reload: () => location.reload() });
 const connection = new Connection(new URL(config.socket, location.href.replace(/^http/, 'ws')), tabName(sessionStorage), {
   message: receive,
-  link: (link) => { keys.clear(); change(applyLink(state, link === 'no_game' ? leave() : link, performance.now())); },
+  link: (link) => { letGo(); change(applyLink(state, link === 'no_game' ? leave() : link, performance.now())); },
   problem: (error) => report(error),
   lastTimestep: () => state.current?.t ?? -1,
   expectsNews: () => state.phase === 'playing',
@@ -68,6 +70,7 @@ function receive(message) {
   change({ ...apply(state, message, now), awayLimitS: config.away_s });
   if (message.type === 'welcome') welcome(message);
   if (message.type === 'tick') {
+    pace.tick();
     const happened = renderer.took(state, now);
     announcer.happened(happened, state);
     announcer.time(secondsLeft(state));
@@ -79,7 +82,13 @@ function receive(message) {
 
 /** While the game stands still no key counts; old ones never come back. */
 function keysByPhase({ type }) {
-  if (['paused', 'ended', 'superseded', 'welcome'].includes(type)) keys.clear();
+  if (['paused', 'ended', 'superseded', 'welcome'].includes(type)) letGo();
+}
+
+/** Lets all keys go; what the server must be told of it, or null. */
+function letGo() {
+  const waited = pace.clear();
+  return keys.clear() ?? (waited ? { held: null, tap: null } : null);
 }
 
 function welcome(message) {
@@ -121,7 +130,7 @@ function gameHasFocus() {
 }
 
 function left(reason) {
-  const change = keys.clear();
+  const change = letGo();
   if (!inPlay() || leftPage) return;
   if (change) press(change);
   leftPage = connection.send(away(reason));
@@ -178,10 +187,10 @@ function frame(now) {
 }
 
 async function begin() {
-  listen(keys, gameHasFocus, press);
-  listenTouch(page.querySelector('.touch'), keys, inHand, press);
+  listen(keys, gameHasFocus, changed);
+  listenTouch(page.querySelector('.touch'), keys, inHand, changed);
   watchPresence(left, back);
-  stage.addEventListener('blur', () => { const change = keys.clear(); if (change) press(change); });
+  stage.addEventListener('blur', () => { const change = letGo(); if (change) press(change); });
   keysDialog(document.querySelector('#keys-dialog'), page.querySelector('#change-keys'), text, (next) => { bindings = next; keys.bind(next); showCaps(); });
   const backToGame = () => { if (inPlay()) stage.focus({ preventScroll: true }); };
   page.querySelector('#sound').addEventListener('click', backToGame);

@@ -51,6 +51,40 @@ export class Keys {
   }
 }
 
+/** Lets changes out at the pace of the game, so that nobody who hammers on the keys sends more than the server bears. What
+ * a timestep cannot use waits for the next: what is held, the last press to walk and the last to use, as the server keeps them. */
+export class Pace {
+  /** `send({held, tap})` is called at most `most` times at once, and `perTick` times a timestep. */
+  constructor(send, most = 20, perTick = 3) {
+    Object.assign(this, { send, most, perTick, left: most, waiting: null });
+  }
+
+  change({ held, tap }) {
+    if (!this.waiting && this.left > 0) {
+      this.left -= 1;
+      this.send({ held, tap });
+      return;
+    }
+    const others = (this.waiting?.taps ?? []).filter((each) => tap === null || (each === INTERACT) !== (tap === INTERACT));
+    this.waiting = { held, taps: tap === null ? others : [...others, tap] };
+  }
+
+  /** A timestep was made. */
+  tick() {
+    this.left = Math.min(this.most, this.left + this.perTick);
+    const waiting = this.waiting;
+    this.clear();
+    if (waiting) for (const tap of waiting.taps.length ? waiting.taps : [null]) this.change({ held: waiting.held, tap });
+  }
+
+  /** Forgets what waits; whether anything did. */
+  clear() {
+    const waited = this.waiting !== null;
+    this.waiting = null;
+    return waited;
+  }
+}
+
 /** Listens to the keyboard. `hasFocus()`: whether keys belong to the game now (only then the page is kept from scrolling);
  * `changed({held, tap})` is told every change. */
 export function listen(keys, hasFocus, changed) {

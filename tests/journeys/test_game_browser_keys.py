@@ -39,6 +39,54 @@ def test_a_tap_between_two_ticks_is_sent_as_exactly_one_tap(page: Page, server: 
     assert moves(server) == [(0, 0), (None, None)] * 10
 
 
+def test_more_keys_than_a_timestep_can_use_wait_for_the_next_one_and_only_the_latest_are_sent(
+    page: Page, server: FakeGameServer
+) -> None:
+    for _ in range(30):
+        page.keyboard.press("ArrowUp")
+        page.keyboard.press("Space")
+    page.keyboard.down("ArrowLeft")
+    page.wait_for_timeout(50)
+    sent = len(server.inputs())
+    assert 20 <= sent < 40
+    server.send(tick(kitchen(t=2)))
+    server.wait_for(lambda server: len(server.inputs()) > sent + 1)
+    assert moves(server)[sent:] == [(3, 5), (3, 3)], "the last use, the last turn, and what is held now"
+    assert [each.seq for each in server.inputs()] == list(range(1, sent + 3))
+    server.send(tick(kitchen(t=3)))
+    page.keyboard.up("ArrowLeft")
+    server.wait_for(lambda server: moves(server)[sent + 2 :] == [(None, None)])
+
+
+def test_a_release_that_waits_is_told_when_the_keys_go_elsewhere(page: Page, server: FakeGameServer) -> None:
+    for _ in range(30):
+        page.keyboard.press("ArrowUp")
+    page.keyboard.down("ArrowUp")
+    page.wait_for_timeout(50)
+    server.send(tick(kitchen(t=2)))
+    page.wait_for_selector("[data-timestep='2']")
+    for _ in range(30):
+        page.keyboard.press("Space")
+    page.keyboard.up("ArrowUp")
+    assert moves(server)[-1][0] == 0, "as far as the server knows it is held"
+    page.focus("#sound")
+    server.wait_for(lambda server: moves(server)[-1] == (None, None))
+
+
+def test_keys_that_wait_are_forgotten_when_the_game_stands_still(page: Page, server: FakeGameServer) -> None:
+    for _ in range(30):
+        page.keyboard.press("ArrowUp")
+    page.wait_for_timeout(50)
+    sent = len(server.inputs())
+    server.send(Paused("researcher", 30.0))
+    page.wait_for_selector("[data-view=pause]")
+    server.send(Countdown(0), tick(kitchen(t=2)))
+    page.wait_for_selector("[data-timestep='2']")
+    page.keyboard.press("Space")
+    server.wait_for(lambda server: len(server.inputs()) > sent)
+    assert moves(server)[sent:] == [(None, 5)]
+
+
 def test_every_change_has_a_new_number_and_the_time_of_the_browser(page: Page, server: FakeGameServer) -> None:
     page.keyboard.press("KeyW")
     page.keyboard.press("Space")

@@ -12,6 +12,14 @@ from server.store.database import Database
 from server.store.tables import episodes, events, ticks
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(240)]
+# A thousand strokes within some seconds, quicker than any hand, as the server's clock runs quicker too.
+HAMMER = """async () => {
+  for (let stroke = 0; stroke < 1000; stroke++) {
+    const code = ['ArrowLeft', 'ArrowUp', 'Space'][stroke % 3];
+    for (const kind of ['keydown', 'keyup']) document.dispatchEvent(new KeyboardEvent(kind, {code, bubbles: true}));
+    await new Promise((done) => setTimeout(done, 1));
+  }
+}"""
 AWAY = {"hidden", "blur", "lost", "other_tab"}
 
 
@@ -99,6 +107,17 @@ def test_a_person_learns_the_game_plays_a_round_and_gets_the_code(visitor: Brows
     while not page.locator("output#code").count():
         go_on(page)
     assert not set(cook.paused) & AWAY
+
+
+def test_somebody_who_hammers_on_the_keys_is_taken_for_no_attacker(visitor: BrowserContext, server: RealServer) -> None:
+    page = visitor.new_page()
+    go_to_game(page, server)
+    page.click("#start-button")
+    page.wait_for_selector("[data-phase=playing]")
+    before = int(page.get_attribute(".game", "data-timestep") or 0)
+    page.evaluate(HAMMER)
+    assert page.get_attribute(".game", "data-link") == "open"
+    page.wait_for_function("(t) => Number(document.querySelector('.game').dataset.timestep) > t", arg=before)
 
 
 def test_a_reload_and_a_second_tab_go_on_at_the_same_timestep(visitor: BrowserContext, server: RealServer) -> None:
