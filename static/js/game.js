@@ -167,6 +167,7 @@ function fit() {
   board = { left: renderer.canvas.offsetLeft, top: renderer.canvas.offsetTop, cell };
   coach.moved();
   change(state);
+  renderer.draw(state, performance.now(), still.matches); // at once: a canvas of a new size is empty
 }
 
 function view(now) {
