@@ -32,8 +32,10 @@ class Durable:
 
     async def flush(self) -> None:
         """Returns when everything so far is stored."""
-        while self._tasks:
-            await asyncio.gather(*self._tasks)
+        # Not until the set is empty: of tasks that are done, `gather` returns at once from Python 3.12 on, and the loop
+        # would never come to take them out.
+        while waiting := [task for task in self._tasks if not task.done()]:
+            await asyncio.gather(*waiting)
 
     async def _repeat(self, write: Callable[[], Awaitable[None]]) -> None:
         async with self._turn:

@@ -1,0 +1,49 @@
+"""Writes that must arrive: waited for, and only as long as there are any."""
+
+import asyncio
+from datetime import UTC, datetime
+
+import pytest
+from live_fakes import MemoryRecorder
+
+from server.play.clock import Clock
+from server.play.durable import Durable
+from server.play.recorder import PauseRecord, RecorderDown
+
+
+class Recorder(MemoryRecorder):
+    """Takes pauses at once, after so many refusals."""
+
+    def __init__(self, refusals: int = 0) -> None:
+        super().__init__()
+        self.refusals = refusals
+        self.taken = 0
+
+    async def pause(self, record: PauseRecord) -> None:
+        if self.refusals:
+            self.refusals -= 1
+            raise RecorderDown("not now")
+        self.taken += 1
+
+
+RECORD = PauseRecord("e1", 1, "researcher", datetime(2026, 1, 1, tzinfo=UTC), None)
+
+
+@pytest.mark.timeout(20)
+async def test_what_was_stored_a_moment_ago_is_not_waited_for_without_end() -> None:
+    recorder = Recorder()
+    durable = Durable(recorder, Clock())
+    durable.pause(RECORD)
+    await asyncio.sleep(0)  # stored, but the loop has not come to tell anybody
+    assert recorder.taken == 1
+    await durable.flush()
+
+
+@pytest.mark.timeout(20)
+async def test_flush_waits_until_the_database_takes_it() -> None:
+    recorder = Recorder(refusals=2)
+    durable = Durable(recorder, Clock())
+    durable.pause(RECORD)
+    durable.pause(RECORD)
+    await durable.flush()
+    assert recorder.taken == 2
