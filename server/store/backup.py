@@ -22,7 +22,7 @@ def copy_to(url: URL, path: Path) -> None:
     making = path.with_name(f".{path.name}.part")
     making.unlink(missing_ok=True)
     try:
-        connection = sqlite3.connect(f"file:{quote(str(url.database))}?mode=ro", BUSY_TIMEOUT_S, uri=True)
+        connection = sqlite3.connect(f"file:{quote(str(url.database))}?mode=ro", timeout=BUSY_TIMEOUT_S, uri=True)
         try:
             connection.execute("VACUUM INTO ?", (str(making.absolute()),))
         finally:

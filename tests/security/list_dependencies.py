@@ -20,6 +20,8 @@ ALLOWED = re.compile(
     r"public domain|Historical Permission|0BSD|CNRI|Academic Free|Artistic|Boost|Matplotlib",
     re.IGNORECASE,
 )
+# What torch's builds for graphics cards bring along, another set for each; the build for processors brings none of it.
+OF_GRAPHICS_CARDS = re.compile(r"(nvidia|cuda)-.*|triton")
 # What does not say its licence in words that a program finds; read in the package itself.
 SAID_ELSEWHERE = {"axe-playwright-python": "MIT", "mlcroissant": "Apache-2.0"}
 
@@ -53,7 +55,7 @@ def closure(pins: list[Requirement]) -> set[str]:
     waiting = [(pin.name, frozenset(pin.extras)) for pin in pins]
     while waiting:
         name, extras = waiting.pop()
-        if canonical(name) in found or not is_installed(name):
+        if canonical(name) in found or not is_installed(name) or OF_GRAPHICS_CARDS.fullmatch(canonical(name)):
             continue
         found.add(canonical(name))
         waiting.extend(needs(name, extras))
@@ -103,6 +105,8 @@ def document() -> str:
         "compares. *For*: `serve` is what a server needs, the others are the extras of `pyproject.toml`. Where a",
         "version is named, it is pinned there; the rest comes along. Nothing is fetched at run time, and no page",
         "loads anything from elsewhere. `make audit` asks PyPI about known weaknesses of what is installed.",
+        "Not listed: torch's builds for graphics cards bring `triton` (MIT) and NVIDIA's libraries (`nvidia-*`,",
+        "`cuda-*`, under NVIDIA's licence). The build for processors does without, and nothing here needs them.",
         "",
         "| package | version | for | licence |",
         "|---|---|---|---|",
