@@ -109,7 +109,9 @@ def test_wrong_input_is_told_with_the_remedy(
     filled: str, command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    create_engine(f"sqlite:///{tmp_path}/empty.db").connect().close()
+    empty = create_engine(f"sqlite:///{tmp_path}/empty.db")
+    empty.connect().close()
+    empty.dispose()
     wrong = [
         ([f"sqlite:///{tmp_path}/missing.db"], "there is no database"),
         ([f"sqlite:///{tmp_path}/empty.db"], "is no kitchenmind database"),
