@@ -193,6 +193,13 @@ def test_test_files_have_names_of_their_own() -> None:
     assert len(names) == len(set(names)), "pytest collects them side by side, without packages"
 
 
+def test_no_file_got_in_that_is_neither_text_nor_weights_nor_a_picture() -> None:
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True)
+    binary = set(filter(None, listed.stdout.split("\0"))) - tracked_texts().keys()
+    kinds = {Path(name).suffix for name in binary if (ROOT / name).is_file()}
+    assert kinds <= {".safetensors", ".webp", ".png", ".gz"}
+
+
 def test_nothing_is_pickled() -> None:
     forbidden = re.compile(
         r"^\s*(import|from) (pickle|cloudpickle|dill|joblib)\b|\btorch\.load\(|allow_pickle=True|\.recv\(\)$"
