@@ -129,15 +129,15 @@ def build_network(config: NetworkConfig, layout: Layout) -> Network:
 
 
 class NetworkPolicy:
-    """A network as a `Policy`: numpy in, numpy out."""
+    """A network as a `Policy`: numpy in, numpy out, computed on `device`."""
 
-    def __init__(self, network: Network) -> None:
-        self.network = network.eval().requires_grad_(False)
+    def __init__(self, network: Network, device: str = "cpu") -> None:
+        self.network, self.device = network.eval().requires_grad_(False).to(device), device
 
     @torch.inference_mode()
     def probabilities(self, observations: Observations) -> Probabilities:
-        logits, _ = self.network(torch.from_numpy(observations))
-        return logits.softmax(-1).float().numpy()  # type: ignore[no-any-return]
+        logits, _ = self.network(torch.from_numpy(observations).to(self.device))
+        return logits.softmax(-1).float().cpu().numpy()  # type: ignore[no-any-return]
 
 
 def save_agent(

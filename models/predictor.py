@@ -6,6 +6,7 @@ one token where keys and values are kept (models.predictor_at_work). It must not
 """
 
 import math
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -74,7 +75,8 @@ class Layer(nn.Module):
         if rotation is not None:
             seen = banded_attention(rotated(q, rotation), rotated(k, rotation), v, self.look_back)
         else:
-            with torch.autocast("cpu", enabled=False):  # its backward pass is slower in 16 bits
+            # In 32 bits even where products are in 16: its backward pass is slower in 16.
+            with torch.autocast(x.device.type, enabled=False) if q.dtype != torch.float32 else nullcontext():
                 seen = functional.scaled_dot_product_attention(q.float(), k.float(), v.float(), attn_mask=mask)
         x = x + self._dropped(self.out(seen.transpose(1, 2).flatten(2)))
         return x + self._dropped(self.feed_forward(x))
@@ -126,7 +128,7 @@ class PredictorNetwork(nn.Module):
             x, rotation = x + self.position, None
         else:
             mask = None
-            rotation = rotations(torch.arange(x.shape[1]), self.config.hidden // self.config.heads)
+            rotation = rotations(torch.arange(x.shape[1], device=x.device), self.config.hidden // self.config.heads)
         for layer in self.layers:
             x = layer(x, mask, rotation)
         return x if self.position is None else x[:, -1]
@@ -147,7 +149,8 @@ def banded_attention(q: Tensor, k: Tensor, v: Tensor, look_back: int) -> Tensor:
     spare = blocks * look_back - timesteps
     q, k, v = (functional.pad(x, (0, 0, 0, spare)).reshape(*x.shape[:2], blocks, look_back, -1) for x in (q, k, v))
     k, v = (torch.cat([functional.pad(x[:, :, :-1], (0, 0, 0, 0, 1, 0)), x], 3) for x in (k, v))
-    ages = torch.arange(look_back)[:, None] + look_back - torch.arange(2 * look_back)
+    place = torch.arange(2 * look_back, device=q.device)
+    ages = place[:look_back, None] + look_back - place
     may = ((ages >= 0) & (ages < look_back)).repeat(blocks, 1, 1)  # (blocks, look_back, 2 * look_back)
     may[0, :, :look_back] = False  # before the beginning
     scores = (q @ k.transpose(-1, -2)).float() * q.shape[-1] ** -0.5
@@ -158,7 +161,7 @@ def banded_attention(q: Tensor, k: Tensor, v: Tensor, look_back: int) -> Tensor:
 
 def rotations(timesteps: Tensor, dim: int) -> Tensor:
     """(T, dim / 2, 2): cosine and sine by which a query or key of each timestep is turned. [rotary positions]"""
-    speeds = torch.exp(-math.log(ROTARY_BASE) * torch.arange(dim // 2) / (dim // 2))
+    speeds = torch.exp(-math.log(ROTARY_BASE) * torch.arange(dim // 2, device=timesteps.device) / (dim // 2))
     angles = timesteps[:, None] * speeds
     return torch.stack([angles.cos(), angles.sin()], -1)
 

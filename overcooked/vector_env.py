@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from overcooked.compiled import kernel
+from overcooked.compiled import kernel, threaded_kernel
 from overcooked.constants import COOKING, FACING, FLOOR, HELD, HORIZON, ONIONS_PER_SOUP, PLAYERS, READY, STEP_X, X, Y
 from overcooked.layout import Layout
 from overcooked.observe import PLANES, encode_game
@@ -196,7 +196,7 @@ def _randomise(cells, pots, players, contents, random, game):
         )
 
 
-@kernel
+@threaded_kernel
 def _step(
     tiles, pots, counters, starts, cells, static, players, contents, timestep, horizon, random, random_chance,
     sums, finished, finished_count, actions, events, sparse, shaped, dones, observations,

@@ -10,10 +10,12 @@ from safetensors.torch import load_file
 
 from models.checkpoint import load_checkpoint
 from models.network_config import NetworkConfig
-from models.policy import Network, build_network, save_agent
+from models.policy import MlpPolicy, Network, build_network, network_of, save_agent
 from models.protocols import Mode
 from overcooked.layout import Layout, parse_layout
-from training.config import AgentConfig, changed, differences
+from training.compute import Compute
+from training.config import AgentConfig, changed, differences, network_config
+from training.fast_path import choose_compute
 from training.partners import PartnerPool, load_partners
 from training.ppo import Progress, Trainer, run_settings, train
 from training.runlog import RunFolder
@@ -36,9 +38,19 @@ def train_agent(
     names = [f"{path.parent.name} {path.name} {load_checkpoint(path).sha256[:12]}" for path in partners]
     folder = RunFolder(path, run_settings(config, layout, seed, names))
     if not folder.done():
-        pool = PartnerPool(load_partners(partners, layout), layout, config.games_per_partner) if partners else None
-        train(Trainer(config, layout, seed, pool), folder, progress)
+        compute, measured = choose_compute(network_config(config), layout)
+        folder.note_compute(str(compute), measured)
+        pool = _partner_pool(partners, layout, config, compute) if partners else None
+        train(Trainer(config, layout, seed, pool, compute), folder, progress)
     return folder
+
+
+def _partner_pool(folders: Sequence[Path], layout: Layout, config: AgentConfig, compute: Compute) -> PartnerPool:
+    """The partners on the learner's device; their networks may be of another kind than its own."""
+    networks = load_partners(folders, layout)
+    kind = NetworkConfig("mlp" if isinstance(networks[0], MlpPolicy) else "cnn")
+    own = compute if kind.kind == config.network else choose_compute(kind, layout)[0]
+    return PartnerPool(networks, layout, config.games_per_partner, own)
 
 
 def skill_snapshot(folder: RunFolder, skill: int) -> tuple[int, float, Path]:
@@ -54,7 +66,7 @@ def skill_snapshot(folder: RunFolder, skill: int) -> tuple[int, float, Path]:
 
 def snapshot_network(path: Path, config: AgentConfig, layout: Layout) -> tuple[Network, NetworkConfig]:
     """The network of a snapshot file."""
-    settings = NetworkConfig(config.network, config.filters, config.hidden)
+    settings = network_config(config)
     network = build_network(settings, layout)
     network.load_state_dict({name: tensor.float() for name, tensor in load_file(path).items()})
     return network, settings
@@ -87,6 +99,21 @@ def ship(
     )
 
 
+def publish(folder: Path, target: Path, name: str, figures: Mapping[str, Any]) -> str:
+    """Writes a finished agent's checkpoint again under the name that studies use, with what was measured of it in its
+    config and card; returns its sha256."""
+    checkpoint = load_checkpoint(folder)
+    network, layout, config = network_of(checkpoint)
+    facts = {key: checkpoint.config[key] for key in ("seed", "skill", "timesteps", "training_reward", "revision")}
+    lines = checkpoint.card.splitlines()
+    lines[0] = f"# {name}: an agent for {layout.name}"
+    last = next(number for number, line in enumerate(lines) if line.startswith("| training reward"))
+    rows = [f"| {key.replace('_', ' ')} | {_written(value)} |" for key, value in figures.items()]
+    text = "\n".join([*lines[: last + 1], *rows, *lines[last + 1 :]])
+    mode = Mode(**checkpoint.config["mode"])
+    return save_agent(target, network, config, layout, mode, text, agent=name, **facts, measured=dict(figures))
+
+
 def card(folder: RunFolder, name: str, skill: int, mode: Mode, facts: dict[str, Any]) -> str:
     """The page that travels with the weights: what it is, how it was made, what it does."""
     settings = folder.settings
@@ -107,6 +134,7 @@ def card(folder: RunFolder, name: str, skill: int, mode: Mode, facts: dict[str, 
         *(f"| {key.replace('_', ' ')} | {_written(value)} |" for key, value in facts.items()),
         f"| environment timesteps of the run | {config.timesteps:,} |",
         f"| training time, one core | {folder.seconds():.0f} s |",
+        f"| computed with | {folder.compute()} |",
         f"| code revision | {folder.revision} |",
         f"| settings other than the defaults | {differences(config) or 'none'} |",
         "",

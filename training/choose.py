@@ -16,9 +16,8 @@ from models.policy import NetworkPolicy, load_network
 from models.protocols import Policy
 from overcooked.constants import HORIZON
 from overcooked.layout import Layout
-from training.agents import PEOPLE, SKILLS, ship
+from training.agents import PEOPLE, SKILLS, publish
 from training.evaluate_agents import Player, measured
-from training.runlog import open_run
 from training.study import Work
 
 HELD_OUT = "held_out"
@@ -102,10 +101,9 @@ def _seed(name: str) -> int:
 
 
 def _leave(work: Work, best: str, entry: Mapping[str, Any], scores: Mapping[str, Any]) -> None:
-    """The chosen run as <folder>/agent with its figures, and the decision beside it."""
+    """The chosen agent as <folder>/agent with its figures, and the decision beside it."""
     figures = {key: entry[key] for key in ("self_play", "held_out", "episodes") if key in entry}
-    run = open_run(work.inputs[best] / "run")
-    ship(run, 100, work.folder / "agent", entry["agent"], PEOPLE, {**figures, "candidates": dict(scores)})
+    publish(work.inputs[best] / "100", work.folder / "agent", entry["agent"], {**figures, "candidates": dict(scores)})
     decision = {"best": best, "scores": dict(scores), "measured": entry}
     (work.folder / _DECISION).write_text(json.dumps(decision, indent=2), encoding="utf-8")
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from models.network_config import NetworkConfig
+
 CONFIG_FOLDER = Path(__file__).parent / "configs"
 
 
@@ -44,6 +46,11 @@ class AgentConfig:
     imitation_updates: int = 0  # gradient steps towards the scripted planner before the first timestep (wide kitchens)
     imitation_noise: float = 0.3  # share of random actions while the planner shows how
     snapshots: int = 60  # copies of the network kept over the run, from which the skill levels are taken
+
+
+def network_config(config: AgentConfig) -> NetworkConfig:
+    """The shape of the network that such a run trains."""
+    return NetworkConfig(config.network, config.filters, config.hidden)
 
 
 def differences(config: AgentConfig) -> dict[str, Any]:

@@ -97,12 +97,13 @@ def _features(cut: Shard, seat: NDArray[np.int8], layout: Layout, eyes: Eyes) ->
     players = cut["players"].reshape(-1, PLAYERS, 4)
     contents = cut["contents"].reshape(-1, layout.width, layout.height)
     clock = cut["timestep"].reshape(-1).astype(np.int32)
+    device = next(iter([*eyes.parameters(), *eyes.buffers()])).device
     parts = []
     for first in range(0, len(clock), _AT_ONCE):
         some = slice(first, first + _AT_ONCE)
         kitchens = Kitchens(layout, players[some].copy(), contents[some].copy(), clock[some])
         seen = kitchens.encode()[np.arange(kitchens.games), seats[some]]
-        parts.append(eyes(torch.from_numpy(seen)).half())
+        parts.append(eyes(torch.from_numpy(seen).to(device)).half().cpu())
     return torch.cat(parts).view(episodes, timesteps, -1)
 
 

@@ -67,6 +67,7 @@ class Evaluation:
 def logits(network: PredictorNetwork, episodes: Episodes) -> torch.Tensor:
     """What the network says about every state: (E, T, 3, 6), by its training forward; serving gives the same."""
     network.eval()
+    device = network.temperature.device
     labels, timesteps = episodes.labels(), episodes.own.shape[1]
     every = np.arange(len(episodes))
     if network.config.form == "stream":
@@ -74,14 +75,14 @@ def logits(network: PredictorNetwork, episodes: Episodes) -> torch.Tensor:
         for first in range(0, len(every), _AT_ONCE["stream"]):
             chosen = every[first : first + _AT_ONCE["stream"]]
             features, actions, _ = stream_batch(episodes, labels, chosen, np.zeros_like(chosen), timesteps)
-            parts.append(network(features, actions))
+            parts.append(network(features.to(device), actions.to(device)).cpu())
         return torch.cat(parts)
     rows, last = (each.ravel() for each in np.meshgrid(every, np.arange(timesteps), indexing="ij"))
     parts = []
     for first in range(0, len(rows), _AT_ONCE["window"]):
         some = slice(first, first + _AT_ONCE["window"])
         features, actions, present, _ = window_batch(episodes, labels, rows[some], last[some])
-        parts.append(network(features, actions, present))
+        parts.append(network(*(part.to(device) for part in (features, actions, present))).cpu())
     return torch.cat(parts).view(len(every), timesteps, STEPS, ACTIONS)
 
 

@@ -21,10 +21,11 @@ _SAMPLES = 1280  # in a gradient step
 
 def imitate(fast: FastPath, optimizer: torch.optim.Optimizer, layout: Layout, config: AgentConfig, seed: int) -> None:
     """Cross-entropy towards what two planners do, in games disturbed by random actions to see strange states too."""
-    entries, actions = _lessons(fast, layout, config.imitation_noise, seed)
+    device = fast.compute.device
+    entries, actions = (tensor.to(device) for tensor in _lessons(fast, layout, config.imitation_noise, seed))
     random = np.random.default_rng(seed)
     for _ in range(config.imitation_updates):
-        chosen = torch.from_numpy(random.integers(len(actions), size=_SAMPLES))
+        chosen = torch.from_numpy(random.integers(len(actions), size=_SAMPLES)).to(device)
         logits, values = fast(entries[chosen])
         loss = nn.functional.cross_entropy(logits, actions[chosen], label_smoothing=0.1) + 0 * values.sum()
         optimizer.zero_grad()

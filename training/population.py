@@ -17,6 +17,7 @@ from models.protocols import Observations, Policy, Probabilities
 from overcooked.constants import ACTIONS
 from overcooked.layout import Layout
 from training.collect import TRAIN, Partner, Target, split_by_agent
+from training.compute import collecting_device
 
 _MEMBER = re.compile(r"^(?:population_)?(?P<kind>sp|fcp)_(?P<seed>\d+)_(?P<skill>\d+)$")
 _NOISES = (0.15, 0.3, 0.6)  # shares of random actions among the extras
@@ -56,7 +57,8 @@ def load_population(folders: Path | Sequence[Path], layout: Layout) -> list[Part
         if trained_on.text != layout.text:
             raise CheckpointError(f"{config.parent}: is for {trained_on.name}, not {layout.name}. Give another folder.")
         agent = f"{member['kind']}_{member['seed']}"
-        partners.append(Partner(f"{agent}_{member['skill']}", agent, member["kind"], NetworkPolicy(network)))
+        policy = NetworkPolicy(network, collecting_device())
+        partners.append(Partner(f"{agent}_{member['skill']}", agent, member["kind"], policy))
     if not partners:
         remedy = f"Train one: kitchenmind train study --layouts {layout.name}"
         raise CheckpointError(f"{', '.join(map(str, folders))}: no population is there. {remedy}")

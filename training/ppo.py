@@ -15,17 +15,19 @@ from numba import njit
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from models.network_config import NetworkConfig
 from models.policy import Network, build_network
 from overcooked.constants import PLAYERS, USEFUL_DISH_PICKUP
 from overcooked.layout import Layout
 from overcooked.score import DISH_REWARD
-from overcooked.vector_env import Starts, VectorEnv
-from training.config import AgentConfig, differences
-from training.fast_path import fast_path
+from overcooked.vector_env import Starts
+from training.compute import Compute
+from training.config import AgentConfig, differences, network_config
+from training.fast_path import choose_compute, fast_path
 from training.imitation import imitate
 from training.partners import PartnerPool
+from training.rollout_buffer import Entries
 from training.runlog import RunFolder
+from training.threaded_env import threaded_env, threads_for
 
 Progress = Callable[[int, dict[str, float]], None]  # timesteps done, newest metrics
 
@@ -46,15 +48,23 @@ class Seats:
 class Trainer:
     """One run: the learner, its games and all that a resumed run needs."""
 
-    def __init__(self, config: AgentConfig, layout: Layout, seed: int, partners: PartnerPool | None = None) -> None:
-        torch.manual_seed(seed)
+    def __init__(
+        self,
+        config: AgentConfig,
+        layout: Layout,
+        seed: int,
+        partners: PartnerPool | None = None,
+        compute: Compute | None = None,  # None: the quickest, measured
+    ) -> None:
         self.config, self.layout, self.seed, self.partners = config, layout, seed, partners
-        self.network: Network = build_network(NetworkConfig(config.network, config.filters, config.hidden), layout)
-        self.fast = fast_path(self.network, layout)
+        self.compute = compute or choose_compute(network_config(config), layout)[0]
+        torch.manual_seed(seed)
+        self.network: Network = build_network(network_config(config), layout).to(self.compute.device)
+        self.fast = fast_path(self.network, layout, self.compute)
         self.optimizer = torch.optim.Adam(self.network.parameters(), config.learning_rate, eps=1e-5, fused=True)
         self.seats = Seats(config, partners)
         starts = Starts(desynchronised=True, random_share=config.random_starts)
-        self.env = VectorEnv(layout, self.seats.games, starts=starts, seed=seed)
+        self.env = threaded_env(layout, self.seats.games, starts, seed, threads_for(self.compute.device))
         self.timesteps = 0
         if config.imitation_updates:
             imitate(self.fast, self.optimizer, layout, config, seed)
@@ -62,7 +72,7 @@ class Trainer:
         self.observations = np.zeros((games, *self.env.observation_shape), np.int8)
         self.env.encode(self.observations)
         # What the learner saw, did and got: (timesteps, rows) and one value more.
-        self.entries = np.zeros((T + 1, rows, len(self.fast.columns)), np.int8)
+        self.entries = Entries((T + 1, rows, len(self.fast.columns)), self.compute.device)
         self.actions = np.zeros((T, rows), np.int64)
         self.log_probabilities = np.zeros((T, rows), np.float32)
         self.values = np.zeros((T + 1, rows), np.float32)
@@ -110,10 +120,10 @@ class Trainer:
             (len(seats.partner), 0 if partner_columns is None else len(partner_columns)), np.int8
         )
         for t in range(config.rollout):
-            _gather(flat, seats.learner, self.fast.columns, self.entries[t])
-            logits, values = frozen(torch.from_numpy(self.entries[t]))
-            _draw(logits.numpy(), uniform[t], seats.learner, joint, self.actions[t], self.log_probabilities[t])
-            self.values[t] = values.numpy()
+            _gather(flat, seats.learner, self.fast.columns, self.entries.host[t])
+            logits, values = frozen(self.entries.on_device(t))
+            _draw(logits.cpu().numpy(), uniform[t], seats.learner, joint, self.actions[t], self.log_probabilities[t])
+            self.values[t] = values.cpu().numpy()
             if self.partners is not None:
                 _gather(flat, seats.partner, partner_columns, partner_entries)
                 _draw_only(self.partners.logits(partner_entries), uniform[t], seats.partner, joint)
@@ -122,25 +132,26 @@ class Trainer:
                 shaped -= (DISH_REWARD - config.dish_shaping) * (self.env.events & USEFUL_DISH_PICKUP > 0)
             points = sparse.sum(1, keepdims=True) + shaping * shaped  # (games, players): the team's points, own shaping
             self.rewards[t] = config.reward_scale * points.reshape(-1)[seats.learner]
-        _gather(flat, seats.learner, self.fast.columns, self.entries[-1])
-        self.values[-1] = frozen(torch.from_numpy(self.entries[-1]))[1].numpy()
+        _gather(flat, seats.learner, self.fast.columns, self.entries.host[-1])
+        self.values[-1] = frozen(self.entries.on_device(-1))[1].cpu().numpy()
 
     def _learn(
         self, random: np.random.Generator, advantages: NDArray[np.float32], entropy_weight: float
     ) -> dict[str, float]:
         """`epochs` passes over the rollout in shuffled minibatches."""
         config = self.config
-        entries = torch.from_numpy(self.entries[:-1]).flatten(0, 1)  # (samples, columns)
-        targets = torch.from_numpy(advantages + self.values[:-1]).flatten()
+        device = self.compute.device
+        entries = self.entries.samples()  # (samples, columns)
+        targets = torch.from_numpy(advantages + self.values[:-1]).flatten().to(device)
         advantage, actions, old = (
-            torch.from_numpy(a).flatten() for a in (advantages, self.actions, self.log_probabilities)
+            torch.from_numpy(a).flatten().to(device) for a in (advantages, self.actions, self.log_probabilities)
         )
-        sums = torch.zeros(4)
+        sums = torch.zeros(4, device=device)
         steps = 0
         for _ in range(config.epochs):
-            order = torch.from_numpy(random.permutation(len(actions)))
+            order = torch.from_numpy(random.permutation(len(actions))).to(device)
             for chosen in torch.split(order, config.minibatch):
-                logits, values = self.fast(entries[chosen])
+                logits, values = self.fast(entries.index_select(0, chosen))
                 loss, parts = ppo_loss(
                     logits,
                     values,

@@ -26,7 +26,6 @@ class TrainingConfig:
     check_every: int = 250  # updates between two looks at validation
     patience: int = 8  # looks without a better one before it stops
     minutes: float = 15.0  # of this process, at most; the same command goes on later
-    bfloat16: bool = True  # matrix products in 16 bits
     seed: int = 0
 
 

@@ -84,6 +84,19 @@ class RunFolder:
             found.append((int(numbers["timesteps"]), float(numbers["reward"]), path))
         return found
 
+    def note_compute(self, chosen: str, measured: Mapping[str, float]) -> None:
+        """Records what this process computes the run with; it may differ from one process of the run to the next."""
+        line = {"chosen": chosen, "milliseconds": dict(measured)}
+        print(f"computing with {chosen} ({_listed(measured)})" if measured else f"computing with {chosen}", flush=True)
+        with (self.path / "compute.jsonl").open("a", encoding="utf-8") as file:
+            file.write(json.dumps(line) + "\n")
+
+    def compute(self) -> str:
+        """What the run was computed with: one entry for each way, or "unknown" for a run of an older version."""
+        path = self.path / "compute.jsonl"
+        lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+        return "; ".join(dict.fromkeys(json.loads(line)["chosen"] for line in lines)) or "unknown"
+
     def seconds(self) -> float:
         """Time that the run took, without its breaks."""
         return sum(line.get("seconds", 0.0) for line in self.metrics())
@@ -112,6 +125,10 @@ def revision() -> str:
     command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"]  # fixed words only
     found = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
     return found.stdout.strip() or "unknown"
+
+
+def _listed(measured: Mapping[str, float]) -> str:
+    return "; ".join(f"{name}: {milliseconds:.1f} ms" for name, milliseconds in measured.items())
 
 
 def _replace(path: Path, content: bytes) -> None:

@@ -24,11 +24,14 @@ _DIE_WITH_PARENT = 1  # prctl's PR_SET_PDEATHSIG
 _TRIES = 3  # of a task whose process died
 
 
-def run_task(graph: Graph, label: str) -> int:
-    """Does one task in this process, which ends with the one that started it: two must never do the same task."""
+def run_task(graph: Graph, label: str, kept: Path | None = None) -> int:
+    """Does one task in this process, which ends with the one that started it: two must never do the same task.
+    What it leaves is also copied to `kept`."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
     graph.run(label)
+    if kept is not None:
+        graph.keep(label, kept)
     return 0
 
 

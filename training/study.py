@@ -7,11 +7,13 @@ what depends on it is done again.
 
 import hashlib
 import json
+import shutil
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+_ONLY_HERE = ("run", "games", "log.txt", "progress", "task_done")  # what a finished task needs no more
 Settings = Mapping[str, Any]
 Report = Callable[[float], None]  # the share of the task that is done
 Action = Callable[["Work"], None]
@@ -92,6 +94,29 @@ class Graph:
             if chosen or label in wanted:
                 wanted |= {label, *(f"{task.layout}/{name}" for name in task.inputs)}
         return Graph([task for label, task in self.tasks.items() if label in wanted], self.runs)
+
+    def keep(self, label: str, kept: Path) -> None:
+        """Copies what a finished task left (not its run) to `kept`, a folder that can travel to another machine."""
+        task, target = self.tasks[label], kept / label
+        new = target.with_name(f"{task.name}.new")
+        shutil.rmtree(new, ignore_errors=True)
+        shutil.copytree(self.folder(label), new, ignore=shutil.ignore_patterns(*_ONLY_HERE))
+        (new / "key").write_text(self.keys[label] + "\n", encoding="utf-8")
+        shutil.rmtree(target, ignore_errors=True)
+        new.replace(target)
+
+    def take_over(self, kept: Path) -> list[str]:
+        """Takes as done what is kept in `kept` with the same settings and inputs; returns the labels."""
+        taken = []
+        for label in self.tasks:
+            source = kept / label
+            key = (source / "key").read_text(encoding="utf-8").strip() if (source / "key").is_file() else ""
+            if self.done(label) or key != self.keys[label]:
+                continue
+            shutil.copytree(source, self.folder(label), dirs_exist_ok=True)
+            (self.folder(label) / "task_done").touch()
+            taken.append(label)
+        return taken
 
     def run(self, label: str) -> None:
         """Does one task (or the rest of it); its inputs must be done."""

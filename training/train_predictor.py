@@ -8,6 +8,7 @@ import copy
 import math
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from models.protocols import STEPS
 from overcooked.constants import ACTIONS
 from overcooked.layout import Layout
 from training.collect import TRAIN, VALIDATION
+from training.compute import Compute, autocast, quickest, requested
 from training.dataset import NONE, Episodes, load_episodes, stream_batch, window_batch
 from training.evaluate_predictor import Evaluation, evaluate, fitted_temperature, logits
 from training.predictor_config import TrainingConfig
@@ -36,12 +38,18 @@ class Trainer:
     """One predictor while it learns: network, its average, optimiser, the best weights so far."""
 
     def __init__(
-        self, network: PredictorNetwork, config: TrainingConfig, train: Episodes, validation: Episodes
+        self,
+        network: PredictorNetwork,
+        config: TrainingConfig,
+        train: Episodes,
+        validation: Episodes,
+        compute: Compute | None = None,  # None: the quickest, measured at the first update
     ) -> None:
-        self.network, self.config = network, config
+        self.device = compute.device if compute else requested().chosen_device()
+        self.network, self.config, self._compute = network.to(self.device), config, compute
         self.train, self.validation = train, validation
         self._labels = np.concatenate([train.labels(), train.partner_labels()], -1)  # (E, T, 6)
-        self._of_partner = copy.deepcopy(network.decoder)
+        self._of_partner = copy.deepcopy(self.network.decoder)
         learning = (*network.parameters(), *self._of_partner.parameters())
         self._optimiser = torch.optim.AdamW(
             [parameter for parameter in learning if parameter.requires_grad],
@@ -50,6 +58,32 @@ class Trainer:
         self.average = {name: value.clone() for name, value in self._learned().items()}
         self.best = {name: value.clone() for name, value in self.average.items()}
         self.best_accuracy, self.looks_since_best, self.update = 0.0, 0, 0
+        self.measured: dict[str, float] = {}  # milliseconds of the ways to compute that were tried
+
+    @property
+    def compute(self) -> Compute:
+        """What updates are computed with. The measurement leaves no trace in the run."""
+        if self._compute is None:
+            self._compute, self.measured = self._choose_compute()
+        return self._compute
+
+    def _choose_compute(self) -> tuple[Compute, dict[str, float]]:
+        candidates = [Compute(self.device, precision, "direct") for precision in requested().precisions(self.device)]
+        if len(candidates) == 1:
+            return candidates[0], {}
+        with torch.random.fork_rng(devices=[self.device] if self.device == "cuda" else []):
+            self.network.train()
+            chosen = quickest(candidates, lambda one: partial(self._learn_once, one), self.device)
+        self._optimiser.zero_grad(set_to_none=True)
+        return chosen
+
+    def _learn_once(self, compute: Compute) -> Tensor:
+        """Forward and backward pass of the next update; returns its loss."""
+        with autocast(compute.device, compute.precision):
+            loss = self._loss(np.random.default_rng([self.config.seed, self.update]))
+        self._optimiser.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        return loss.detach()
 
     def step(self) -> float:
         """One update; returns its loss."""
@@ -59,11 +93,9 @@ class Trainer:
         rate = config.learning_rate * warm * (0.01 + 0.99 * (1 + math.cos(math.pi * min(1.0, share))) / 2)
         for group in self._optimiser.param_groups:
             group["lr"] = rate
+        compute = self.compute
         self.network.train()
-        with torch.autocast("cpu", torch.bfloat16, enabled=config.bfloat16):
-            loss = self._loss(np.random.default_rng([config.seed, self.update]))
-        self._optimiser.zero_grad(set_to_none=True)
-        loss.backward()  # type: ignore[no-untyped-call]
+        loss = self._learn_once(compute)
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), config.gradient_norm)
         self._optimiser.step()
         self.update += 1
@@ -71,7 +103,7 @@ class Trainer:
         with torch.no_grad():
             for name, value in self._learned().items():
                 self.average[name].lerp_(value, 1 - keep)
-        return float(loss.detach())
+        return float(loss)
 
     def _loss(self, draws: np.random.Generator) -> Tensor:
         config, timesteps = self.config, self.train.own.shape[1]
@@ -79,12 +111,14 @@ class Trainer:
             length = min(config.stretch, timesteps)
             chosen = draws.integers(len(self.train), size=config.stretches)
             first = draws.integers(timesteps - length + 1, size=config.stretches)
-            features, actions, labels = stream_batch(self.train, self._labels, chosen, first, length)
+            batch = stream_batch(self.train, self._labels, chosen, first, length)
+            features, actions, labels = (part.to(self.device) for part in batch)
             tokens = self.network.tokens(features, actions)
         else:
             chosen = draws.integers(len(self.train), size=config.windows)
             last = draws.integers(timesteps, size=config.windows)
-            features, actions, present, labels = window_batch(self.train, self._labels, chosen, last)
+            windows = window_batch(self.train, self._labels, chosen, last)
+            features, actions, present, labels = (part.to(self.device) for part in windows)
             tokens = self.network.tokens(features, actions, present)
         own, partner = labels[..., :STEPS], labels[..., STEPS:]
         loss = _cross_entropy(self.network.decode(tokens), own)
@@ -111,7 +145,7 @@ class Trainer:
     def use_best(self) -> None:
         """Leaves the best weights in the network, calibrated on validation."""
         self._load(self.best)
-        said = logits(self.network, self.validation) * self.network.temperature[:, None]
+        said = logits(self.network, self.validation) * self.network.temperature.cpu()[:, None]
         self.network.temperature.copy_(fitted_temperature(said, torch.from_numpy(self.validation.labels())))
 
     def state(self) -> tuple[dict[str, Tensor], dict[str, Any]]:
@@ -133,7 +167,7 @@ class Trainer:
         groups: dict[str, dict[str, Tensor]] = {name: {} for name in names}
         for full, value in tensors.items():
             group, _, name = full.partition(".")
-            groups[group][name] = value
+            groups[group][name] = value if group == "random" else value.to(self.device)
         torch.set_rng_state(groups["random"][""])
         self._load(groups["now"])
         self._of_partner.load_state_dict(groups["partner"])
@@ -208,6 +242,7 @@ def train_predictor(trainer: Trainer, folder: RunFolder, progress: Progress | No
     state = folder.load()
     if state is not None:
         trainer.restore(*state)
+    folder.note_compute(str(trainer.compute), trainer.measured)
     finish = time.monotonic() + 60 * trainer.config.minutes
     losses: list[float] = []
     while not trainer.finished():

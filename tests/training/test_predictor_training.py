@@ -27,7 +27,7 @@ from training.train_predictor import prepared, train_predictor
 
 RING = load_layout("coordination_ring")
 TINY = {"hidden": 32, "layers": 2, "heads": 2, "feed_forward": 64, "state_width": 48, "action_width": 8, "dropout": 0.0}
-QUICK = TrainingConfig(updates=120, warm_up=10, stretches=8, stretch=40, windows=64, check_every=40, bfloat16=False)
+QUICK = TrainingConfig(updates=120, warm_up=10, stretches=8, stretch=40, windows=64, check_every=40)
 
 
 def target():
@@ -158,7 +158,7 @@ def test_a_card_says_with_whom_a_predictor_learned_and_who_was_kept_from_it(game
 def test_an_unknown_setting_names_the_known_ones():
     configs = (PredictorConfig(), TrainingConfig())
     assert (
-        changed(configs, parsed_changes(["updates=1_000", "look_back=8", "bfloat16=false"]), "--set")[0].look_back == 8
+        changed(configs, parsed_changes(["updates=1_000", "look_back=8", "learning_rate=1"]), "--set")[0].look_back == 8
     )
     with pytest.raises(ConfigError, match=r"unknown key 'colour'. Known: form, .*updates"):
         changed(configs, {"colour": "red"}, "--set")

@@ -63,7 +63,7 @@ def test_only_asks_for_the_inputs_too(tmp_path: Path) -> None:
     assert list(_chain(tmp_path, []).limited(["b"]).tasks) == ["x/a", "x/b"]
 
 
-@pytest.mark.parametrize("name", ["cpu", "paper"])
+@pytest.mark.parametrize("name", ["cpu", "published"])
 def test_every_preset_makes_a_whole_cast_for_every_kitchen(name: str, tmp_path: Path) -> None:
     preset = load_preset(name)
     for layout in STUDY_LAYOUTS:
@@ -90,3 +90,20 @@ def test_a_crowd_is_only_trained_on_and_never_meets_the_population(tmp_path: Pat
     assert "clones" in games
     assert not any(needed.startswith("crowd") or needed == "clones" for task in agents for needed in task.inputs)
     assert not any(task.name.startswith(("crowd", "clones")) for task in foretelling_tasks("matrix", preset))
+
+
+def test_finished_tasks_travel_in_a_folder_and_only_with_the_same_settings(tmp_path: Path) -> None:
+    done: list[str] = []
+    here = _chain(tmp_path / "here", done)
+    for label in ("x/a", "x/b"):
+        here.run(label)
+        here.keep(label, tmp_path / "kept")
+    assert sorted(p.name for p in (tmp_path / "kept" / "x" / "b").iterdir()) == ["key", "made"]
+    there = _chain(tmp_path / "there", done, b={"more": 1})
+    assert there.take_over(tmp_path / "kept") == ["x/a"]
+    same = _chain(tmp_path / "same", done)
+    assert same.take_over(tmp_path / "kept") == ["x/a", "x/b"]
+    done.clear()
+    _finish(same)
+    assert done == ["c", "d"]
+    assert (same.folder("x/c") / "made").read_text() == "cba"

@@ -19,6 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--trajectories", type=int, default=5, help="for each partner and setting (default: 5)")
     parser.add_argument("--timesteps", type=int, default=800, help="of a trajectory (default: 800)")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--device", default="auto", help="auto (default), cpu, cuda or mps")
     parser.add_argument(
         "--extra", type=Path, nargs="*", default=[], metavar="FOLDER", help="more agents that are only trained on"
     )
@@ -42,12 +43,14 @@ def _collect(arguments: argparse.Namespace) -> int:
 
     from overcooked.layout import load_layout
     from training.collect import Plan, collect
+    from training.compute import request
     from training.population import load_extras, load_population, load_target, with_itself_and_extras
     from training.ship_predictor import population_folder
 
     if arguments.trajectories < 1 or arguments.timesteps < 10:
         raise ValueError("--trajectories must be at least 1 and --timesteps at least 10")
     torch.set_num_threads(1)
+    request(arguments.device)
     layout = load_layout(arguments.layout)
     target = load_target(arguments.agent, layout)
     population = load_population(arguments.population or population_folder(layout), layout)

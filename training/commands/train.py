@@ -26,28 +26,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     agent.add_argument("--partners", nargs="*", type=Path, default=[], help="checkpoint folders to be best with")
     agent.add_argument("--out", type=Path, help="also write the finished agent's checkpoint here")
     _add_runs(agent)
+    add_compute(agent)
     study = kinds.add_parser("study", help="everything that a study needs, from population to weights")
-    study.add_argument("--preset", default="cpu", help="cpu (two cores), paper (the published scale) or a .toml file")
+    study.add_argument("--preset", default="cpu", help="cpu (two cores), published (the paper's recipe) or a .toml")
     study.add_argument("--layouts", nargs="*", metavar="LAYOUT", help="only these kitchens")
     study.add_argument("--only", nargs="*", metavar="TASK", help="only tasks whose name begins so, and their inputs")
     study.add_argument("--workers", type=int, default=1, help="tasks at once, each on one core")
     study.add_argument("--ray", metavar="ADDRESS", help="run the tasks on this Ray cluster (local: start one here)")
+    study.add_argument(
+        "--keep", type=Path, metavar="DIR", help="also copy what finished tasks leave here, and begin with what is here"
+    )
     study.add_argument("--plan", action="store_true", help="show the tasks and stop")
     study.add_argument("--task", help=argparse.SUPPRESS)  # one task in this process: how workers are started
     _add_runs(study)
+    add_compute(study)
     predictor = kinds.add_parser("predictor", help="a Theory-of-Mind predictor from collected games")
+    add_compute(predictor)
     if importlib.util.find_spec(_PREDICTOR):
         importlib.import_module(_PREDICTOR).add_arguments(predictor)
 
 
+def add_compute(parser: argparse.ArgumentParser) -> None:
+    """Where and how to compute; both are measured unless they are given."""
+    # Not `choices`: torch, which knows the devices, is only imported when the command runs.
+    parser.add_argument("--device", default="auto", help="auto (default), cpu, cuda or mps")
+    parser.add_argument("--precision", default="auto", help="auto (default: the quicker one here), float32 or bfloat16")
+
+
 def run(arguments: argparse.Namespace) -> int:
     """0 done, 1 failed, 2 wrong input (said on standard error)."""
+    from training.compute import request
+
     verbs: dict[str, Callable[[argparse.Namespace], int]] = {
         "agent": _train_agent,
         "study": _train_study,
         "predictor": lambda given: int(importlib.import_module(_PREDICTOR).run(given)),
     }
     try:
+        request(arguments.device, arguments.precision)
         return verbs[arguments.what](arguments)
     except (ValueError, FileNotFoundError) as error:  # every refusal of ours is one, with place and remedy
         print(f"kitchenmind train {arguments.what}: {error}", file=sys.stderr)
@@ -112,10 +128,16 @@ def _train_study(arguments: argparse.Namespace) -> int:
     if arguments.only:
         graph = graph.limited(arguments.only)
     if arguments.task:
-        return run_task(graph, arguments.task)
+        return run_task(graph, arguments.task, arguments.keep)
+    if arguments.keep:
+        for label in graph.take_over(arguments.keep):
+            print(f"{label}: taken from {arguments.keep}")
     if arguments.plan:
         return show_plan(graph)
     command = ["--preset", arguments.preset, "--layouts", *layouts, "--runs", str(arguments.runs)]
+    command += ["--device", arguments.device, "--precision", arguments.precision]
+    if arguments.keep:
+        command += ["--keep", str(arguments.keep)]
     if arguments.ray:
         return run_on_ray(graph, command, arguments.ray, arguments.workers)
     return run_here(graph, command, arguments.workers)

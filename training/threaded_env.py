@@ -1,0 +1,83 @@
+"""Games of one layout stepped by several threads: what keeps a GPU fed from the cores of its machine.
+
+With one thread it is the plain `VectorEnv`. Each thread has games of its own; results do not depend on timing, but the
+number of threads decides which random stream a game gets.
+"""
+
+import itertools
+import os
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overcooked.layout import Layout
+from overcooked.vector_env import Finished, Starts, VectorEnv
+
+_MOST_THREADS = 16
+
+
+def threads_for(device: str) -> int:
+    """How many threads step the games: one on the CPU, whose cores train other agents; all cores for a GPU."""
+    return 1 if device == "cpu" else min(os.cpu_count() or 1, _MOST_THREADS)
+
+
+def threaded_env(
+    layout: Layout, games: int, starts: Starts | None, seed: int, threads: int
+) -> "VectorEnv | ThreadedEnv":
+    """An environment of `games` games on as many threads as there are games for."""
+    threads = min(threads, games)
+    if threads == 1:
+        return VectorEnv(layout, games, starts=starts, seed=seed)
+    return ThreadedEnv(layout, games, starts, seed, threads)
+
+
+class ThreadedEnv:
+    """The same calls as `VectorEnv`, divided over threads by ranges of games."""
+
+    def __init__(self, layout: Layout, games: int, starts: Starts | None, seed: int, threads: int) -> None:
+        edges = [games * k // threads for k in range(threads + 1)]
+        self._ranges = [slice(first, last) for first, last in itertools.pairwise(edges)]
+        seeds = np.random.SeedSequence(seed).generate_state(threads).tolist()
+        self.parts = [
+            VectorEnv(layout, games_here.stop - games_here.start, starts=starts, seed=own)
+            for games_here, own in zip(self._ranges, seeds, strict=True)
+        ]
+        self.games, self.horizon = games, self.parts[0].horizon
+        self.observation_shape = self.parts[0].observation_shape
+        self._threads = ThreadPoolExecutor(threads, thread_name_prefix="engine")
+
+    @property
+    def events(self) -> NDArray[np.int32]:
+        """(games, 2): of the last timestep."""
+        return np.concatenate([part.events for part in self.parts])
+
+    def step(
+        self,
+        actions: NDArray[np.integer[Any]],
+        sparse: NDArray[Any],
+        shaped: NDArray[Any],
+        dones: NDArray[np.bool_],
+        observations: NDArray[Any],
+    ) -> None:
+        """One timestep of every game, as `VectorEnv.step` does it."""
+
+        def step(part: VectorEnv, here: slice) -> None:
+            part.step(actions[here], sparse[here], shaped[here], dones[here], observations[here])
+
+        list(self._threads.map(step, self.parts, self._ranges))
+
+    def encode(self, observations: NDArray[Any]) -> None:
+        """The current states as the chefs see them: `observations` (games, 2, width, height, 26) out."""
+        for part, here in zip(self.parts, self._ranges, strict=True):
+            part.encode(observations[here])
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Everything that decides how the games go on (views: copy what you keep)."""
+        return {f"{k}.{name}": array for k, part in enumerate(self.parts) for name, array in part.state().items()}
+
+    def take_finished(self) -> Finished:
+        """The episodes that ended since the last call."""
+        finished = [part.take_finished() for part in self.parts]
+        return Finished(*(np.concatenate(columns) for columns in zip(*finished, strict=True)))
