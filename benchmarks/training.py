@@ -1,10 +1,11 @@
 """How fast agents learn on one core: PPO timesteps per second with both networks, and the time to 200 points.
 
-    taskset -c 0 python benchmarks/training.py [--json] [--seeds 3]
+    taskset -c 0 python benchmarks/training.py [--json] [--seeds 3] [--precision float32]
 
-Coordination Ring, self-play; the clock starts after the first iteration (compilation). For
-comparison, on one core of a development machine: JaxMARL's IPPO (64-64 MLP) 20,800 timesteps/s, 76 points after
-1 million.
+Self-play on the smallest and the largest of the study's kitchens; the clock starts after the first iteration
+(compilation) and counts the process's own seconds. The processor and what the run chose to compute with are printed
+with the figures. For comparison, on one core with AVX-512: JaxMARL's IPPO (64-64 MLP) 20,800 timesteps/s, 76 points
+after 1 million.
 """
 
 import argparse
@@ -20,16 +21,21 @@ from typing import Any
 import torch
 
 # This file bears the name of the package that it measures: Python must look for that one elsewhere.
-sys.path[:] = [folder for folder in sys.path if Path(folder).resolve() != Path(__file__).resolve().parent]
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolve() != ROOT / "benchmarks")]
 if __name__ == "training":
     del sys.modules[__name__]
     importlib.import_module(__name__)
 
+from benchmarks.processor import described  # noqa: E402
 from overcooked.layout import load_layout  # noqa: E402
-from training.config import AgentConfig, agent_config  # noqa: E402
+from training.compute import request  # noqa: E402
+from training.config import AgentConfig, agent_config, network_config  # noqa: E402
+from training.fast_path import choose_compute  # noqa: E402
 from training.ppo import Trainer  # noqa: E402
 
 LAYOUT = "coordination_ring"
+RATED = ("coordination_ring", "matrix")
 WANTED = 200.0
 _MOST_S = 300.0
 
@@ -39,29 +45,32 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--seeds", type=int, default=3, help="runs of the time to 200 points")
+    parser.add_argument("--seconds", type=float, default=8.0, help="of each rate")
+    parser.add_argument("--precision", default="auto", help="auto, float32 or bfloat16")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
+    request("cpu", arguments.precision)
     figures = {
-        "timesteps_per_s": {name: _rate(config, seconds) for name, config, seconds in _networks()},
+        "processor": described(),
+        "rates": [_rate(name, config, layout, arguments.seconds) for name, config in _networks() for layout in RATED],
         "to_200_points": [
             {"network": name, **_time_to_wanted(config, seed)}
-            for name, config, _ in _networks()
+            for name, config in _networks()
             for seed in range(1, arguments.seeds + 1)
         ],
     }
     print(json.dumps(figures) if arguments.json else _table(figures))
 
 
-def _networks() -> list[tuple[str, AgentConfig, float]]:
-    return [
-        ("mlp", AgentConfig(), 5.0),
-        ("cnn", agent_config("cnn"), 10.0),
-    ]
+def _networks() -> list[tuple[str, AgentConfig]]:
+    return [("mlp", AgentConfig()), ("cnn", agent_config("cnn"))]
 
 
-def _rate(config: AgentConfig, seconds: float) -> int:
-    """Timesteps per second of CPU: the median iteration of `seconds`, so a busy machine does not count."""
-    trainer = Trainer(config, load_layout(LAYOUT), 0)
+def _rate(name: str, config: AgentConfig, layout: str, seconds: float) -> dict[str, Any]:
+    """Timesteps per second of CPU: the median iteration, so a busy machine does not count."""
+    grid = load_layout(layout)
+    compute, measured = choose_compute(network_config(config), grid)
+    trainer = Trainer(config, grid, 0, compute=compute)
     trainer.iteration()
     times = []
     end = time.perf_counter() + seconds
@@ -69,7 +78,10 @@ def _rate(config: AgentConfig, seconds: float) -> int:
         began, before = time.process_time(), trainer.timesteps
         trainer.iteration()
         times.append((time.process_time() - began) / (trainer.timesteps - before))
-    return round(1 / statistics.median(times))
+    rate = round(1 / statistics.median(times))
+    return {
+        "network": name, "layout": layout, "timesteps_per_s": rate, "compute": str(compute), "milliseconds": measured
+    }  # fmt: skip
 
 
 def _time_to_wanted(config: AgentConfig, seed: int) -> dict[str, Any]:
@@ -86,7 +98,10 @@ def _time_to_wanted(config: AgentConfig, seed: int) -> dict[str, Any]:
 
 
 def _table(figures: dict[str, Any]) -> str:
-    lines = [f"PPO, {name}: {rate:,} timesteps/s of CPU" for name, rate in figures["timesteps_per_s"].items()]
+    lines = [figures["processor"]]
+    for rate in figures["rates"]:
+        what = f"PPO, {rate['network']}, {rate['layout']}"
+        lines.append(f"{what}: {rate['timesteps_per_s']:,} timesteps/s of CPU ({rate['compute']})")
     for run in figures["to_200_points"]:
         what = "200 points" if run["reached"] else "200 points not reached"
         cost = f"{run['cpu_s']} CPU seconds, {run['timesteps']:,} timesteps"

@@ -1,0 +1,41 @@
+"""What figures were measured on: the processor, what it can do that decides speed here, and the GPU if there is one."""
+
+import os
+import platform
+import re
+from pathlib import Path
+
+_DECIDING = ("avx2", "avx512f", "avx512_bf16", "amx_bf16", "neon", "asimd", "bf16")  # of the processor's flags
+
+
+def described() -> str:
+    """One line for a table of figures, e.g. "AMD EPYC, 2 cores, avx2"."""
+    return ", ".join([_name(), f"{_cores()} cores", *(_features() or ["no features known"]), *_gpu()])
+
+
+def _cpuinfo() -> str:
+    path = Path("/proc/cpuinfo")
+    return path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
+
+
+def _name() -> str:
+    found = re.search(r"model name\s*:\s*(.+)", _cpuinfo())
+    return found[1].strip() if found else platform.processor() or platform.machine()
+
+
+def _cores() -> int:
+    return os.cpu_count() or 1
+
+
+def _features() -> list[str]:
+    found = re.search(r"^(?:flags|Features)\s*:\s*(.+)", _cpuinfo(), re.MULTILINE)
+    flags = set(found[1].split()) if found else set()
+    return [name for name in _DECIDING if name in flags]
+
+
+def _gpu() -> list[str]:
+    try:
+        import torch
+    except ImportError:
+        return []
+    return [torch.cuda.get_device_name(0)] if torch.cuda.is_available() else []
