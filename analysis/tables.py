@@ -229,7 +229,8 @@ def _about(folder: Path, study: str) -> dict[str, Any]:
     the newest version of the study file, where it lies in the export."""
     path = folder / "about.json"
     about: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    versions = sorted(folder.glob(f"studies/{study}_version-*.yaml"), key=lambda file: (len(file.name), file.name))
+    pattern = f"studies/{study}_version-*.yaml" if re.fullmatch(r"[\w-]+", study) else ""  # never outside the folder
+    versions = sorted(folder.glob(pattern) if pattern else (), key=lambda file: (len(file.name), file.name))
     try:
         said = yaml.safe_load(versions[-1].read_text(encoding="utf-8")) if versions else {}
         title = said.get("title")
