@@ -3,28 +3,22 @@
 They see the 26 planes of the chef they play and give probabilities (or an action) for it. No torch here.
 """
 
-import http.client
 import importlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
-from urllib.parse import urlsplit
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from models.http_agent import HttpAgent
 from models.protocols import HISTORY, STEPS, Mode, Observations, Policy, Predictions, Predictor, Probabilities
+from models.protocols import BlackBoxError as BlackBoxError
 from overcooked.constants import ACTIONS
 from overcooked.layout import Layout
 from overcooked.observe import PLANES
 
 AS_IT_SAYS = Mode(temperature=1.0, stuck_mix=0.0)  # its probabilities are what it means: a certain agent gives a 1
-HTTP_TIMEOUT_S = 2.0
-
-
-class BlackBoxError(ValueError):
-    """A foreign model that cannot be used; the text says why and what to do."""
 
 
 def is_foreign(name: str) -> bool:
@@ -175,44 +169,3 @@ class OnnxPredictor:
         self._states[slots], self._actions[slots] = states, actions
         (answer, *_) = self._run.run(None, {self._input.name: self._input.prepare(states), "actions": actions})
         return _softmax_if_needed(answer).reshape(len(slots), STEPS, ACTIONS)
-
-
-class HttpAgent:
-    """An address that answers POST {"layout", "grid", "observations": (games, width, height, 26)} with
-    {"probabilities": (games, 6)} or {"actions": (games,)}."""
-
-    def __init__(self, url: str, layout: Layout) -> None:
-        self._url = url
-        parts = urlsplit(url)
-        kind = http.client.HTTPSConnection if parts.scheme == "https" else http.client.HTTPConnection
-        self._connection = kind(parts.netloc, timeout=HTTP_TIMEOUT_S)
-        self._path = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
-        self._layout = layout
-
-    def probabilities(self, observations: Observations) -> Probabilities:
-        question = {"layout": self._layout.name, "grid": self._layout.grid, "observations": observations.tolist()}
-        try:
-            headers = {"Content-Type": "application/json"}
-            self._connection.request("POST", self._path, msgspec.json.encode(question), headers)
-            response = self._connection.getresponse()
-            body = response.read()
-            if response.status != http.client.OK:
-                raise BlackBoxError(f"{self._url} answered {response.status}.")
-            return self._read(msgspec.json.decode(body), len(observations))
-        except (OSError, http.client.HTTPException, msgspec.DecodeError) as error:
-            self._connection.close()
-            raise BlackBoxError(f"{self._url} does not answer as an agent should ({error}).") from error
-
-    def close(self) -> None:
-        """Leaves the address; the next question calls it again."""
-        self._connection.close()
-
-    def _read(self, answer: Any, games: int) -> Probabilities:
-        if isinstance(answer, dict) and "actions" in answer:
-            actions = np.asarray(answer["actions"], np.int64).reshape(games)
-            if ((actions < 0) | (actions >= ACTIONS)).any():
-                raise BlackBoxError(f"{self._url} gave an action outside 0-{ACTIONS - 1}.")
-            return np.eye(ACTIONS, dtype=np.float32)[actions]
-        if isinstance(answer, dict) and "probabilities" in answer:
-            return np.asarray(answer["probabilities"], np.float32)
-        raise BlackBoxError(f"{self._url} must answer with probabilities or actions.")
