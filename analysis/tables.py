@@ -229,12 +229,14 @@ def _about(folder: Path, study: str) -> dict[str, Any]:
     the newest version of the study file, where it lies in the export."""
     path = folder / "about.json"
     about: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    versions = sorted(folder.glob(f"studies/{study}_version-*.yaml"), key=lambda file: (len(file.name), file.name))
+    pattern = f"studies/{study}_version-*.yaml" if re.fullmatch(r"[\w-]+", study) else ""  # never outside the folder
+    versions = sorted(folder.glob(pattern) if pattern else (), key=lambda file: (len(file.name), file.name))
     try:
-        said = yaml.safe_load(versions[-1].read_text(encoding="utf-8")) if versions else {}
+        text = versions[-1].read_text(encoding="utf-8") if versions else "{}"
+        said = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506 - texts only, as they were written
         title = said.get("title")
         about["title"] = next(iter(title.values())) if isinstance(title, dict) else title or about.get("title")
         about |= {key: [part["name"] for part in said.get(key, [])] for key in ("conditions", "layouts")}
-    except (yaml.YAMLError, AttributeError, KeyError, TypeError):
+    except (yaml.YAMLError, AttributeError, KeyError, TypeError, RecursionError):
         pass  # a title and an order are a help, not a need
     return about

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from models import planner, scripted
 from models.blackbox import is_foreign, load_foreign_agent
 from models.checkpoint import SUMS, CheckpointError, load_checkpoint
+from models.onnx_weights import onnx_sha256
 from models.policy_at_work import policy_at_work
 from models.protocols import Mode, Policy
 from overcooked.layout import Layout
@@ -87,6 +88,8 @@ def agent_sha256(name: str, layout: Layout) -> str:
     """What names exactly this agent in data: its checkpoint's sha256, for a scripted one the hash of name and mode,
     for a foreign one that of its file or name."""
     base, _ = _parts(name)
+    if base.endswith(".onnx") and Path(base).is_file():
+        return onnx_sha256(Path(base))
     if is_foreign(base):
         return sha256(Path(base).read_bytes() if Path(base).is_file() else base.encode()).hexdigest()
     if base in SCRIPTED:

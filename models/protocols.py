@@ -15,6 +15,10 @@ Probabilities = NDArray[np.float32]  # (games, 6)
 Predictions = NDArray[np.float32]  # (games, STEPS, 6)
 
 
+class BlackBoxError(ValueError):
+    """A foreign model that cannot be used; the text says why and what to do."""
+
+
 class Policy(Protocol):
     """Anything that gives action probabilities for observations on one layout. Stateless; every row is a game."""
 

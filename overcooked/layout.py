@@ -1,6 +1,5 @@
 """Layout grids: parsed, checked, frozen. A bad grid is refused with its place and the remedy."""
 
-import ast
 import hashlib
 from collections import deque
 from dataclasses import dataclass, field
@@ -11,22 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from overcooked.constants import COUNTER, FLOOR, PLAYERS, POT, STEP_X, STEP_Y, TILE_CHARACTERS
+from overcooked.layout_file import LayoutError as LayoutError
+from overcooked.layout_file import grid_rows, read_text
 from overcooked.observe import PLANES, static_planes
 
 LAYOUT_FOLDER = Path(__file__).parent / "layouts"
 _REQUIRED = {"O": "onion dispenser", "D": "dish dispenser", "P": "pot", "S": "exit"}
 _LARGEST_SIDE = 32
-
-
-class LayoutError(ValueError):
-    """A grid that is not a kitchen. `row` and `column` count from 1; None where the fault has no single place."""
-
-    def __init__(
-        self, source: str, reason: str, remedy: str, row: int | None = None, column: int | None = None
-    ) -> None:
-        self.source, self.reason, self.remedy, self.row, self.column = source, reason, remedy, row, column
-        place = "".join(f", {name} {value}" for name, value in (("row", row), ("column", column)) if value is not None)
-        super().__init__(f"{source}{place}: {reason}. {remedy}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +69,17 @@ def load_layout(name_or_path: str | Path) -> Layout:
         raise FileNotFoundError(
             f"there is no layout {str(name_or_path)!r}. Known: {known}; or give the path of a .layout file."
         )
-    return parse_layout(path.read_text(encoding="utf-8"), name=path.stem, source=str(name_or_path))
+    return parse_layout(read_text(path), name=path.stem, source=str(name_or_path))
+
+
+def bundled_layout(name: str) -> Layout:
+    """Return the bundled layout of that name; a name that came in a file never becomes a path.
+
+    Raises FileNotFoundError (with the names there are) for any other name.
+    """
+    if name not in layout_names():
+        raise FileNotFoundError(f"there is no layout {name!r}. Known: {', '.join(layout_names())}; or give its grid.")
+    return load_layout(name)
 
 
 def layout_names() -> list[str]:
@@ -90,8 +90,7 @@ def layout_names() -> list[str]:
 def parse_layout(text: str, name: str = "layout", source: str | None = None) -> Layout:
     """The layout drawn in `text`; `source` names it in errors. Raises LayoutError."""
     source = source or name
-    rows = _grid_of_dictionary(text, source) if text.lstrip().startswith("{") else text.strip("\r\n").splitlines()
-    rows = [row.rstrip("\r") for row in rows]
+    rows = grid_rows(text, source)
     starts = _check_grid(rows, source)
     plain = [row.replace("1", " ").replace("2", " ") for row in rows]
     tiles = np.array([[TILE_CHARACTERS.index(tile) for tile in row] for row in plain], np.int8).T.copy()
@@ -104,47 +103,6 @@ def parse_layout(text: str, name: str = "layout", source: str | None = None) -> 
 
 def _cells(tiles: NDArray[np.int8], tile: int) -> NDArray[np.int8]:
     return np.argwhere(tiles == tile).astype(np.int8).reshape(-1, 2)
-
-
-def _grid_of_dictionary(text: str, source: str) -> list[str]:
-    """The grid rows of overcooked_ai's own `.layout` file, whose recipe settings must be this kitchen's."""
-    try:
-        settings = ast.literal_eval(text.strip())
-    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        row = getattr(error, "lineno", None)
-        raise LayoutError(
-            source, f"this is no readable dictionary ({error})", "Check quotes, commas and brackets.", row
-        ) from None
-    if not isinstance(settings, dict) or not isinstance(settings.get("grid"), str):
-        raise LayoutError(source, 'the dictionary has no text under "grid"', 'Add "grid": """...""" with the rows.')
-    fixed = {
-        "cook_time": 20,
-        "delivery_reward": 20,
-        "onion_time": None,
-        "tomato_time": None,
-        "onion_value": None,
-        "tomato_value": None,
-    }
-    for key, wanted in fixed.items():
-        if settings.get(key, wanted) not in (wanted, None):
-            raise LayoutError(
-                source,
-                f"{key} = {settings[key]!r} is not supported",
-                f"This kitchen has {key} = {wanted}; remove the line.",
-            )
-    orders = settings.get("start_all_orders")
-    if orders is not None and orders != [{"ingredients": ["onion", "onion", "onion"]}]:
-        raise LayoutError(
-            source,
-            "only the order of three onions can be cooked",
-            "Set start_all_orders to [three onions] or remove it.",
-        )
-    return [row.strip("\t") for row in _dedented(settings["grid"])]
-
-
-def _dedented(grid: str) -> list[str]:
-    """overcooked_ai strips every row, as its borders are never blank."""
-    return [row.strip() for row in grid.strip().split("\n")]
 
 
 def _check_grid(rows: list[str], source: str) -> list[tuple[int, int]]:

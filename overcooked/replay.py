@@ -13,7 +13,7 @@ from typing import TextIO
 import numpy as np
 
 from overcooked.constants import ACTIONS, PLAYERS
-from overcooked.layout import Layout, load_layout, parse_layout
+from overcooked.layout import Layout, bundled_layout, parse_layout
 from overcooked.score import shaped_reward, sparse_reward
 from overcooked.state import Kitchens, Record
 from overcooked.trajectory import TrajectoryError, read_trajectories, write_trajectories
@@ -94,7 +94,7 @@ def _episode_of(line: bytes) -> Episode:
             raise ReplayError(
                 f"joint action {timestep} is {json.dumps(joint_action)[:80]}; {_ACTION_MEANINGS}, two a timestep"
             )
-    return Episode(parse_layout(layout) if "\n" in layout else load_layout(layout), joint_actions)
+    return Episode(parse_layout(layout) if "\n" in layout else bundled_layout(layout), joint_actions)
 
 
 def _is_joint_action(value: object) -> bool:

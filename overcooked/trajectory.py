@@ -12,7 +12,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from overcooked.constants import COOK_TIME, ITEM_NAMES, ONIONS_PER_SOUP, PLAYERS, STEP_X, STEP_Y
-from overcooked.layout import Layout, LayoutError, load_layout, parse_layout
+from overcooked.layout import Layout, LayoutError, bundled_layout, parse_layout
 from overcooked.score import sparse_reward
 from overcooked.state import Kitchens, Record
 
@@ -21,6 +21,11 @@ Played = tuple[Layout, JointActions]
 
 _DIRECTIONS = [list(step) for step in zip(STEP_X, STEP_Y, strict=True)]
 _ACTIONS: list[Any] = [*_DIRECTIONS, [0, 0], "interact"]
+_OLD_FORMAT = (
+    "these are trajectories of overcooked_ai in its older format: ep_observations in place of ep_states. They cannot "
+    'be compared with these rules. Write the actions as lines {"layout": ..., "joint_actions": [[a0, a1], ...]} into a '
+    ".jsonl file and replay that, or save the trajectories again with a current overcooked_ai."
+)
 _ORDERS = [{"ingredients": ["onion"] * ONIONS_PER_SOUP}]
 
 
@@ -116,7 +121,11 @@ def read_trajectories(path: Path) -> Iterator[Played]:
     """
     try:
         columns = json.loads(path.read_bytes())
+        if isinstance(columns, dict) and "ep_observations" in columns and "ep_states" not in columns:
+            raise TrajectoryError(f"{path}: {_OLD_FORMAT}")
         episodes = list(zip(columns["ep_states"], columns["ep_actions"], columns["mdp_params"], strict=True))
+    except TrajectoryError:
+        raise
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise TrajectoryError(f"{path}: these are no trajectories of overcooked_ai ({error!r})") from None
     for number, (states, actions, parameters) in enumerate(episodes):
@@ -142,7 +151,7 @@ def _layout_of(parameters: dict[str, Any]) -> Layout:
     """The drawn terrain where the file has it, else the shipped layout of that name."""
     name = str(parameters.get("layout_name", "layout"))
     if "terrain" not in parameters:
-        return load_layout(name)
+        return bundled_layout(name)
     rows = [list(row) for row in parameters["terrain"]]
     for player, (x, y) in enumerate(parameters["start_player_positions"], start=1):
         rows[y][x] = str(player)

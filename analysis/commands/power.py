@@ -114,12 +114,12 @@ def _from_study(path: Path) -> Plan:
     import yaml
 
     try:
-        study = yaml.safe_load(path.read_text(encoding="utf-8"))
-        repeat = study.get("order", {}).get("repeat", 1)
+        study = yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.BaseLoader)  # noqa: S506 - texts only
+        repeat = int(study.get("order", {}).get("repeat", 1))
         return Plan(len(study["layouts"]) * len(study["agents"]) * repeat, participants=29)
     except OSError as error:
         raise ValueError(
             f"cannot read {path}: {error.strerror}. Give a study file or the folder of an export."
         ) from None
-    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError, AttributeError):
+    except (yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise ValueError(f"{path} is no study file: it needs `layouts` and `agents`.") from None

@@ -48,7 +48,7 @@ def unpacked(path: Path) -> tuple[dict[str, str], dict[str, Any]]:
         hashes = dict(manifest["files"])
     except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, UnicodeDecodeError) as error:
         raise BundleRefused(f"{path} cannot be read: {error}. Fetch it again.") from None
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
         if isinstance(error, BundleRefused):
             raise
         raise BundleRefused(f"{path} is no bundle. Make one with `kitchenmind bundle STUDY`.") from None

@@ -1,12 +1,13 @@
 """Makes a bundle, the archive that is registered before a study begins, and opens one to be served."""
 
 import json
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
 from server.bundle import texts
 from server.bundle.archive import BundleRefused, packed, unpacked
-from server.bundle.state import State, differences, state_of
+from server.bundle.state import State, differences, outside_models, state_of
 from server.study.loader import StudyError, StudyFile, parse_study
 from server.web.episodes import layout_of
 
@@ -44,18 +45,26 @@ def make(file: StudyFile, people: int | None = None, plan: str = "") -> bytes:
     return packed(content, manifest)
 
 
-def open_bundle(path: Path) -> Bundle:
-    """The study of a bundle, if everything here is as it says. Raises BundleRefused, OSError."""
+def open_bundle(path: Path, allowed: Collection[str] = ()) -> Bundle:
+    """The study of a bundle, if everything here is as it says. `allowed`: models whose code may run, or whose address
+    may be asked, although the bundle does not contain them. Raises BundleRefused, OSError."""
     content, manifest = unpacked(path)
     try:
         wanted = State.of(manifest["state"])
         is_known = manifest["format"] == FORMAT
         file = parse_study(content[STUDY], f"{path}: {STUDY}")
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         reason = str(error) if isinstance(error, StudyError) else f"{path} is no bundle."
         raise BundleRefused(f"{reason} Make one with `kitchenmind bundle STUDY`.") from None
     if not is_known:
         raise BundleRefused(f"{path} was made by another version. Use the kitchenmind that made it.")
+    outside = [model for model in outside_models(file) if model not in allowed]
+    if outside:
+        options = " ".join(f"--allow-model {model}" for model in outside)
+        raise BundleRefused(
+            f"{path} names models that are code or an address outside of kitchenmind: {', '.join(outside)}. Look at "
+            f"what they do. If you trust them, allow them: {options}"
+        )
     try:
         found = differences(wanted, state_of(file))
     except (ValueError, FileNotFoundError) as error:

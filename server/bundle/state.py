@@ -1,13 +1,15 @@
 """What a study runs on, as hashes: kitchens, models and every file of the code. The same on every machine."""
 
 import hashlib
-import importlib.util
+import importlib.machinery
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from models.blackbox import is_foreign
+from models.onnx_weights import onnx_sha256
 from server.cast import WITHOUT_WEIGHTS, cast_of, fingerprint
 from server.settings import ROOT
 from server.study.loader import StudyFile
@@ -15,6 +17,7 @@ from server.version import code_version
 from server.web.episodes import layout_of
 
 NOT_HASHED: Final = "cannot be hashed"
+_HOW_IT_ACTS: Final = re.compile(r"@(greedy|sampled|[0-9.]+)$")
 _PARTS: Final = ("overcooked", "models", "server", "analysis", "migrations", "static", "templates")
 _KINDS: Final = frozenset({".py", ".html", ".j2", ".js", ".css", ".svg", ".yaml", ".layout"})
 
@@ -56,6 +59,13 @@ def state_of(file: StudyFile) -> State:
     return State(code_version(), dict(sorted(layouts.items())), models, dict(_code()))
 
 
+def outside_models(file: StudyFile) -> list[str]:
+    """Return the models of a study that are code outside this repository or an address: `module:Class` and URLs."""
+    cast = cast_of([file])
+    models = {_HOW_IT_ACTS.sub("", model) for _, model in (*cast.agents, *cast.predictors)}
+    return sorted(model for model in models if ":" in model)
+
+
 def differences(wanted: State, here: State) -> list[str]:
     """What is not as `wanted`, one sentence each; empty: everything is the same."""
     found = [f"the kitchen {name} is another one" for name in _unlike(wanted.layouts, here.layouts)]
@@ -81,14 +91,25 @@ def _model(layout: str, model: str) -> str:
 
 def _foreign(model: str) -> str:
     """The file of an ONNX model or of the module of somebody's class."""
-    if model.partition("@")[0].endswith(".onnx"):
-        path = Path(model.partition("@")[0])
-    else:
-        found = importlib.util.find_spec(model.partition(":")[0])
-        path = Path(found.origin) if found is not None and found.origin else Path(model)
-    if not path.is_file():
+    base = model.partition("@")[0]
+    is_onnx = base.endswith(".onnx")
+    path = Path(base) if is_onnx else _module_file(base.partition(":")[0])
+    if path is None or not path.is_file():
         raise StateError(f"there is no file of the model {model}. Correct its name in the study")
-    return _sha256(path.read_bytes())
+    return onnx_sha256(path) if is_onnx else _sha256(path.read_bytes())
+
+
+def _module_file(name: str) -> Path | None:
+    """Where a module lies. Found without running any of its code: find_spec of a.b would import a."""
+    places: list[str] | None = None
+    full = ""
+    for part in name.split("."):
+        full = f"{full}.{part}" if full else part
+        spec = importlib.machinery.PathFinder.find_spec(full, places)
+        if spec is None:
+            return None
+        places = list(spec.submodule_search_locations or ())
+    return Path(spec.origin) if spec and spec.origin else None
 
 
 def _code() -> Iterator[tuple[str, str]]:

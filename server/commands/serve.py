@@ -30,6 +30,13 @@ _SEND_BUFFER_BYTES = 64 * 1024  # what a slow reader can make the kernel keep
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--study", action="append", type=Path, metavar="FILE", help="a study file; may be repeated")
     parser.add_argument("--bundle", type=Path, metavar="FILE", help="run exactly what `kitchenmind bundle` put in here")
+    parser.add_argument(
+        "--allow-model",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="a module:Class or address that the bundle may use; may be repeated",
+    )
     parser.add_argument("--host", help="address to listen on (127.0.0.1)")
     parser.add_argument("--port", type=int, help="port to listen on (8000; 0 takes a free one)")
     parser.add_argument("--database", metavar="URL", help="sqlite:///path or postgresql://user@host/name")
@@ -65,7 +72,7 @@ def unbundled(arguments: argparse.Namespace) -> Iterator[None]:
 
     if arguments.study:
         raise ValueError("--bundle runs its own study: leave --study out.")
-    bundle = open_bundle(arguments.bundle)
+    bundle = open_bundle(arguments.bundle, arguments.allow_model)
     with tempfile.TemporaryDirectory(prefix="kitchenmind-bundle-") as folder:
         path = Path(folder) / f"{bundle.file.study.name}.yaml"
         path.write_text(bundle.file.text, encoding="utf-8", newline="")

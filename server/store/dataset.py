@@ -11,6 +11,7 @@ from typing import Any
 from server.store import codebook
 from server.store.codebook import Column
 from server.store.export_files import table_path
+from server.store.import_checks import SUMS, plain_name, write_sums
 from server.store.studies import Study
 
 Columns = Mapping[str, tuple[Column, ...]]
@@ -22,18 +23,19 @@ def write_about(folder: Path, versions: Sequence[Study], columns: Columns, forma
     """Writes everything that is no table. Call it last: it names the files with their hashes."""
     (folder / "studies").mkdir()
     for study in versions:
-        (folder / study_file(study.key, study.version)).write_text(study.source, encoding="utf-8")
+        (folder / study_file(study.key, study.version)).write_bytes(study.source.encode())
     _write_json(folder / "codebook.json", codebook_of(columns))
     (folder / "README.md").write_text(readme(versions, columns, formats), encoding="utf-8")
     _write_json(folder / "dataset_description.json", psych_ds(versions, columns))
     _write_json(
         folder / "croissant.json", croissant(folder, versions, columns, "csv" if "csv" in formats else "parquet")
     )
+    write_sums(folder)
 
 
 def study_file(key: str, version: int) -> str:
-    """Where a version of a study file lies in an export."""
-    return f"studies/{key}_version-{version}.yaml"
+    """Return where a version of a study file lies in an export. Raises ImportRefused for a key that is not plain."""
+    return f"studies/{plain_name(key, 'the study')}_version-{version}.yaml"
 
 
 def codebook_of(columns: Columns) -> dict[str, Any]:
@@ -178,6 +180,7 @@ def readme(versions: Sequence[Study], columns: Columns, formats: Sequence[str]) 
         rows=rows,
         studies=texts,
         escaped=codebook.ESCAPED,
+        sums=SUMS,
         version=metadata.version("kitchenmind"),
     )
 
@@ -195,7 +198,7 @@ Each table is {files}:
 {rows}
 
 - `codebook.json`: every column with type, unit and meaning. `dataset_description.json`: the same for Psych-DS tools.
-  `croissant.json`: for Croissant tools.
+  `croissant.json`: for Croissant tools. `{sums}`: the hash of every file (`sha256sum --check {sums}`).
 - Tables are joined by `participant` and `episode`. Times are UTC, durations in milliseconds. An empty cell: not known,
   or there is none.
 - Actions: 0 north, 1 south, 2 east, 3 west, 4 stay, 5 interact. `action_0` is the chef on seat 0, whose start cell the

@@ -9,17 +9,21 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 from sqlalchemy import Connection, Table, func, select
+from sqlalchemy.exc import DBAPIError
 
 from server.play.recorder import KeyRecord, TickRecord
 from server.store import codebook, dataset, tables
 from server.store import ticks as tick_rows
 from server.store.codebook import ACTION_NAMES, STEPS
+from server.store.engines import is_down
 from server.store.export import schema
 from server.store.export_files import table_path, unescaped
+from server.store.import_checks import ImportRefused, check_files, episode_spec, plain_name, study_source
 
 Record = dict[str, Any]
 _INSERT = 2000
@@ -27,19 +31,28 @@ IMPORTED = "imported"  # stands for the researchers, whose names are not in an e
 _RENAMED = {"step": "step_key", "question": "question_key", "episode": "episode_id", "participant": "participant_id"}
 
 
-class ImportRefused(ValueError):
-    """The folder is no export, or the database is not empty; the text says what to do."""
-
-
 def import_export(connection: Connection, folder: Path) -> dict[str, int]:
-    """Fills an empty database from an export (Parquet where there is some, else CSV); returns rows by table.
+    """Fill an empty database from an export (Parquet where there is some, else CSV); return rows by table.
 
-    Raises ImportRefused, and OSError or pyarrow's errors (both ValueError or OSError) for damaged files.
+    Raises ImportRefused for a folder that cannot be trusted or is damaged, OSError.
     """
     if not (folder / "codebook.json").is_file():
         raise ImportRefused(f"{folder} is no export: it has no codebook.json.")
     if connection.execute(select(func.count()).select_from(tables.studies)).scalar_one():
         raise ImportRefused("the database is not empty. Import into a new one.")
+    check_files(folder)
+    try:
+        return _import_tables(connection, folder)
+    except DBAPIError as error:
+        if is_down(error):
+            raise
+        reason = str(error.orig).strip()
+    except (pa.ArrowException, msgspec.MsgspecError, LookupError, TypeError, ArithmeticError, RecursionError) as error:
+        reason = f"{type(error).__name__}: {error}"
+    raise ImportRefused(f"{folder} is damaged ({reason}). Export the study again.")
+
+
+def _import_tables(connection: Connection, folder: Path) -> dict[str, int]:
     studies = _studies(connection, folder)
     counted = {"studies": len(studies)}
     counted["arrivals"] = _fill(connection, tables.arrivals, _of_study(folder, "arrivals", studies))
@@ -60,7 +73,8 @@ def rows(folder: Path, table: str) -> Iterator[Record]:
     if path.is_file():
         with pa.parquet.ParquetFile(path) as file:
             for batch in file.iter_batches(_INSERT, columns=types.names):
-                yield from batch.to_pylist()
+                wanted = pa.schema([types.field(name) for name in batch.schema.names])
+                yield from batch.cast(wanted).to_pylist()
         return
     path = table_path(folder, "csv", table)
     if not path.is_file():
@@ -93,8 +107,8 @@ def _studies(connection: Connection, folder: Path) -> dict[tuple[str, int], int]
     """The numbers of the versions in the new database."""
     found = {}
     for row in rows(folder, "studies"):
-        key, version = row["study"], row["study_version"]
-        source = (folder / dataset.study_file(key, version)).read_text(encoding="utf-8")
+        key, version = plain_name(row["study"], "the study"), row["study_version"]
+        source = study_source(folder, dataset.study_file(key, version), row["sha256"])
         values = {"key": key, "version": version, "source": source}
         values |= {name: row[name] for name in ("sha256", "started", "created_at", "frozen_at")}
         new = tables.studies.insert().values(values).returning(tables.studies.c.id)
@@ -111,15 +125,17 @@ def _of_study(folder: Path, table: str, studies: dict[tuple[str, int], int]) -> 
 def _participants(folder: Path, studies: dict[tuple[str, int], int]) -> Iterator[Record]:
     for row in _of_study(folder, "participants", studies):
         del row["excluded"]
-        yield row | {"id": row.pop("participant"), "token_hash": f"imported {secrets.token_hex(16)}"}
+        row["id"] = plain_name(row.pop("participant"), "the participant")
+        yield row | {"token_hash": f"imported {secrets.token_hex(16)}"}
 
 
 def _episodes(folder: Path, studies: dict[tuple[str, int], int]) -> Iterator[Record]:
     for row in _of_study(folder, "episodes", studies):
-        spec = json.loads(row["spec"])
+        episode = plain_name(row.pop("episode"), "the episode")
+        spec = episode_spec(row["spec"], episode, row["layout_sha256"])
         for name in ("timesteps", "last_tick", "excluded"):
             del row[name]
-        yield row | {"id": row.pop("episode"), "step_key": row.pop("step"), "spec": spec, "grid": spec["grid"]}
+        yield row | {"id": episode, "step_key": row.pop("step"), "spec": spec, "grid": spec["grid"]}
 
 
 def _records(folder: Path, table: str) -> Iterator[Record]:

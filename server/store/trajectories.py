@@ -8,6 +8,7 @@ from sqlalchemy import select
 from overcooked.layout import Layout, parse_layout
 from overcooked.trajectory import write_trajectories
 from server.store.exported import Selection, episode_ids
+from server.store.import_checks import plain_name
 from server.store.tables import episodes, ticks
 
 FOLDER = "trajectories"
@@ -23,7 +24,7 @@ def write(chosen: Selection, folder: Path) -> int:
         actions = select(ticks.c.action_0, ticks.c.action_1).where(ticks.c.episode_id == episode, ticks.c.timestep > 0)
         played = [list(pair) for pair in chosen.connection.execute(actions.order_by(ticks.c.timestep))]
         if played:
-            with (folder / FOLDER / f"{episode}.json").open("w", encoding="utf-8") as file:
+            with (folder / FOLDER / f"{plain_name(episode, 'the episode')}.json").open("w", encoding="utf-8") as file:
                 write_trajectories([(_layout(row.grid, row.layout), played)], file)
             written += 1
     return written

@@ -15,6 +15,11 @@ from server.study.plan import Study
 
 LARGEST_BYTES = 1_000_000
 LARGEST_NODES = 50_000
+DEEPEST = 20  # blocks and lists inside one another
+_TOO_MUCH = f"more than {DEEPEST} levels inside one another, or more than {LARGEST_NODES:,} values"
+_TAG = "tag:yaml.org,2002:"
+_SCALARS = frozenset({"str", "int", "float", "bool", "null", "timestamp"})
+_NULLS = frozenset({"", "~", "null", "Null", "NULL"})
 
 
 class StudyError(ValueError):
@@ -104,7 +109,7 @@ def parse_study(text: str, source: str = "study.yaml") -> StudyFile:
 
 def _read(text: str, places: Places) -> Any:
     try:
-        root = yaml.compose(text, Loader=yaml.SafeLoader)
+        root = yaml.compose(text, Loader=_Composer)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark else 1
@@ -118,7 +123,27 @@ def _read(text: str, places: Places) -> Any:
     return _Reader(places).value(root, ())
 
 
+class _Composer(yaml.BaseLoader):
+    """Nodes with their text as written (the field decides the type of a value), within limits on depth and size."""
+
+    def __init__(self, stream: Any) -> None:
+        super().__init__(stream)
+        self._depth = self._composed = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        self._depth += 1
+        self._composed += 1
+        if self._depth > DEEPEST + 1 or self._composed > LARGEST_NODES:
+            event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+            raise yaml.MarkedYAMLError(problem=_TOO_MUCH, problem_mark=event.start_mark)
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
+
+
 def _yaml_remedy(problem: str) -> str:
+    if problem == _TOO_MUCH:
+        return "Write a flatter or shorter file."
     if "\\t" in problem or "tab" in problem:
         return "Indent with spaces, not tabs."
     if "but got '?'" in problem or "expected ',' or '}'" in problem:
@@ -127,39 +152,36 @@ def _yaml_remedy(problem: str) -> str:
 
 
 class _Reader:
-    """Plain values from YAML nodes, remembering lines; safe tags only, no key twice, no bomb of aliases."""
+    """Texts, lists and blocks from YAML nodes, remembering lines; no key twice, no bomb of aliases.
+
+    A value stays the text that stands in the file: `1:30`, `007`, `7.50` and `no` are shown as they were written, and a
+    field that wants a number or true/false parses the text itself.
+    """
 
     def __init__(self, places: Places) -> None:
         self._places = places
         self._nodes = 0
-        self._scalars = yaml.SafeLoader("")
 
     def value(self, node: yaml.Node, path: Path) -> Any:
         self._nodes += 1
         line = node.start_mark.line + 1
         self._places.put(path, line)
-        if self._nodes > LARGEST_NODES or len(path) > 20:
+        if self._nodes > LARGEST_NODES or len(path) > DEEPEST:
             self._refuse(line, "the file is nested too deep or its aliases unfold to too much", "Write the values out.")
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node, path)
         if isinstance(node, yaml.SequenceNode):
             return [self.value(item, (*path, index)) for index, item in enumerate(node.value)]
-        if not node.tag.startswith("tag:yaml.org,2002:") or node.tag.endswith(("timestamp", "binary")):
-            return (
-                str(node.value)
-                if node.tag.endswith("timestamp")
-                else self._refuse(line, f"the tag {node.tag} is not allowed", "Remove it.")
-            )
-        if node.tag.endswith(":bool") and str(node.value).lower() not in ("true", "false"):
-            return str(node.value)  # yes, no, on and off are words, also in answers
-        try:
-            return self._scalars.construct_object(node)
-        except (yaml.YAMLError, ValueError) as error:
-            return self._refuse(line, f"this value cannot be read ({error})", "Put it in quotes.")
+        if node.tag.removeprefix(_TAG) not in _SCALARS:
+            self._refuse(line, f"the tag {node.tag} is not allowed", "Remove it.")
+        is_null = node.tag == f"{_TAG}null" or (getattr(node, "style", None) is None and node.value in _NULLS)
+        return None if is_null else str(node.value)
 
     def _mapping(self, node: yaml.MappingNode, path: Path) -> dict[str, Any]:
         result: dict[str, Any] = {}
         for key_node, value_node in node.value:
+            if not isinstance(key_node, yaml.ScalarNode):
+                self._refuse(key_node.start_mark.line + 1, "a key is a list or a block", "Write a word as the key.")
             key, line = str(key_node.value), key_node.start_mark.line + 1
             if key in result:
                 self._refuse(line, f"the key {key!r} is there twice in this block", "Leave one of the two.")

@@ -64,7 +64,8 @@ def _problem(error: Any, nearest: Callable[[Path], Path]) -> Problem:
         reason, _, remedy = str(context["error"]).rpartition(". ")
         return Problem(nearest(path), reason or remedy, f"{remedy}." if reason else "")
     if kind in _WORDS:
-        numbers = context | {"input": _shortened(error["input"])}
+        is_out_of_range = kind.startswith(("greater_than", "less_than"))
+        numbers = context | {"input": str(error["input"]) if is_out_of_range else _shortened(error["input"])}
         reason, remedy = (words.format_map(numbers) for words in _WORDS[kind])
         return Problem(nearest(path), reason, remedy)
     return Problem(nearest(path), message[0].lower() + message[1:], "")

@@ -1,8 +1,8 @@
 """What a study file may say, as frozen models. Knows words and numbers only: no game, no database, no web."""
 
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from server.study.locale import languages, locale
 from server.study.part import Part
@@ -131,12 +131,17 @@ class Progress(Part):
     soup_on_dish: Annotated[float, Field(ge=0)] = 17
 
 
+def _whole(value: Any) -> Any:
+    """A digit of the file as a number: values of a study file are texts, and a Literal of numbers parses none."""
+    return int(value) if isinstance(value, str) and value in ("0", "1") else value
+
+
 class Game(Part):
     """The settings of every episode."""
 
     tick_ms: Annotated[int, Field(ge=20, le=2000)] = 200
     horizon: Annotated[int, Field(ge=1, le=10_000)] = 400
-    human_seat: Literal[0, 1] = 0
+    human_seat: Annotated[Literal[0, 1], BeforeValidator(_whole)] = 0
     deadline_ms: Annotated[int, Field(ge=5, le=2000)] = 120
     """How long the models may take in a tick; later, the partner waits."""
     pause: Pause = Pause()

@@ -190,6 +190,21 @@ def test_the_study_file_of_the_export_gives_title_and_order(planted_folder: Path
     assert read_export(folder).conditions == ("none", "random", "tom")
 
 
+@pytest.mark.parametrize(
+    ("written", "shown"),
+    [("1:30", "1:30"), ("7.50", "7.50"), ("no", "no"), ("[" * 5000, None)],
+    ids=lambda words: str(words)[:5],
+)
+def test_the_title_stands_in_the_report_as_it_was_written(
+    written: str, shown: str | None, planted_folder: Path, tmp_path: Path
+) -> None:
+    folder = copied(planted_folder, tmp_path / "data", lambda name, table: table)
+    (folder / "studies").mkdir()
+    (folder / "studies" / "simulated_version-1.yaml").write_text(f"title: {{en: {written}}}\n", encoding="utf-8")
+    title = read_export(folder).about.get("title")
+    assert title == shown
+
+
 def test_several_studies_in_one_export_are_not_mixed(planted_folder: Path, tmp_path: Path) -> None:
     def change(name: str, table: pl.DataFrame) -> pl.DataFrame:
         if name != "participants":

@@ -5,9 +5,10 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 
-def linear_agent(path, shape, seed=0, softmax=False, kind=TensorProto.FLOAT):
-    """Planes of `shape` ("games" first), flattened, times a random matrix: logits, or probabilities."""
-    inputs = int(np.prod([size for size in shape if isinstance(size, int)]))
+def linear_agent(path, shape, seed=0, softmax=False, kind=TensorProto.FLOAT, games_inside=None, beside=None):
+    """Planes of `shape` ("games" first), flattened, times a random matrix: logits, or probabilities. `games_inside`: it
+    works with so many games only, whatever its input says; `beside`: the file that keeps the weights."""
+    inputs = int(np.prod([size for size in shape[1:] if isinstance(size, int)]))
     weights = np.random.default_rng(seed).normal(0, 0.3, (inputs, 6)).astype(np.float32)
     nodes = [
         helper.make_node("Cast", ["planes"], ["numbers"], to=TensorProto.FLOAT),
@@ -17,11 +18,15 @@ def linear_agent(path, shape, seed=0, softmax=False, kind=TensorProto.FLOAT):
     if softmax:
         nodes.append(helper.make_node("Softmax", ["logits"], ["law"]))
     output = helper.make_tensor_value_info("law" if softmax else "logits", TensorProto.FLOAT, [shape[0], 6])
-    _save(path, nodes, [helper.make_tensor_value_info("planes", kind, shape)], output, weights)
+    constants = {}
+    if games_inside is not None:
+        flat = helper.make_node("Reshape", ["numbers", "flat_shape"], ["flat"])
+        nodes[1], constants = flat, {"flat_shape": np.array([games_inside, inputs], np.int64)}
+    _save(path, nodes, [helper.make_tensor_value_info("planes", kind, shape)], output, weights, beside, **constants)
     return weights
 
 
-def linear_predictor(path, width, height, seed=0):
+def linear_predictor(path, width, height, seed=0, games="games"):
     """The last joint action that it was shown decides, through a random matrix, about all three steps."""
     weights = np.random.default_rng(seed).normal(0, 1, (120, 18)).astype(np.float32)
     nodes = [
@@ -31,16 +36,16 @@ def linear_predictor(path, width, height, seed=0):
         helper.make_node("ReduceSum", ["observations"], ["unused"]),
     ]
     inputs = [
-        helper.make_tensor_value_info("observations", TensorProto.FLOAT, ["games", 10, width, height, 26]),
-        helper.make_tensor_value_info("actions", TensorProto.FLOAT, ["games", 10, 12]),
+        helper.make_tensor_value_info("observations", TensorProto.FLOAT, [games, 10, width, height, 26]),
+        helper.make_tensor_value_info("actions", TensorProto.FLOAT, [games, 10, 12]),
     ]
-    output = helper.make_tensor_value_info("logits", TensorProto.FLOAT, ["games", 3, 6])
-    _save(path, nodes, inputs, output, weights, shape=np.array([-1, 3, 6], np.int64))
+    output = helper.make_tensor_value_info("logits", TensorProto.FLOAT, [games, 3, 6])
+    _save(path, nodes, inputs, output, weights, None, shape=np.array([-1, 3, 6], np.int64))
     return weights
 
 
-def _save(path, nodes, inputs, output, weights, **constants):
+def _save(path, nodes, inputs, output, weights, beside, **constants):
     stored = [numpy_helper.from_array(array, name) for name, array in {"weights": weights, **constants}.items()]
     graph = helper.make_graph(nodes, "tiny", inputs, [output], stored)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
-    onnx.save(model, str(path))
+    onnx.save(model, str(path), save_as_external_data=beside is not None, location=beside, size_threshold=0)

@@ -1,17 +1,23 @@
 """Other people's agents and predictors: ONNX files, Python classes, addresses."""
 
 import json
+import socket
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from hashlib import sha256
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
+import onnx
 import onnx_files
 import pytest
 from onnx import TensorProto
 
 import kitchenmind
+from models import http_agent
 from models.blackbox import BlackBoxError, load_foreign_agent, load_foreign_predictor
+from models.catalogue import agent_sha256
+from models.onnx_weights import external_files
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
 
@@ -142,6 +148,95 @@ def test_an_address_that_answers_nonsense_is_an_error(address, path, reason):
         policy.probabilities(STATES)
 
 
+@pytest.fixture
+def raw_address():
+    """An address that answers every connection with what the test gives: chunks of bytes, each sent with a pause."""
+    stop = threading.Event()
+    listening = socket.create_server(("127.0.0.1", 0))
+    listening.settimeout(0.1)
+    answer = {"chunks": [], "pause_s": 0.0, "sent": 0}
+
+    def serve():
+        while not stop.is_set():
+            try:
+                connection, _ = listening.accept()
+            except TimeoutError:
+                continue
+            with connection, suppress(OSError):
+                connection.recv(65536)
+                for chunk in answer["chunks"]:
+                    connection.sendall(chunk)
+                    answer["sent"] += len(chunk)
+                    if stop.wait(answer["pause_s"]):
+                        return
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    yield f"http://127.0.0.1:{listening.getsockname()[1]}/", answer
+    stop.set()
+    thread.join()
+    listening.close()
+
+
+HEAD = b"HTTP/1.1 200 OK\r\nContent-Length: 100000000\r\n\r\n"
+
+
+@pytest.mark.parametrize("where", ["headers", "body"])
+def test_an_answer_that_trickles_in_is_given_up_after_the_time_for_one_call(raw_address, monkeypatch, where):
+    url, answer = raw_address
+    monkeypatch.setattr(http_agent, "TIMEOUT_S", 0.3)
+    trickle = [b"1"] * 10_000 if where == "body" else [b"X-A: b\r\n"] * 10_000
+    answer |= {"chunks": [HEAD if where == "body" else HEAD[:17], *trickle], "pause_s": 0.1}
+    with agent_at(url) as policy, pytest.raises(BlackBoxError, match=r"no whole answer within|timed out"):
+        policy.probabilities(STATES)
+    assert answer["sent"] < 1000
+
+
+def test_an_answer_without_end_is_read_up_to_the_limit_only(raw_address):
+    url, answer = raw_address
+    answer["chunks"] = [HEAD, *[b" " * 1_000_000] * 100]
+    with agent_at(url) as policy, pytest.raises(BlackBoxError, match=r"more than 1,000,000 bytes"):
+        policy.probabilities(STATES)
+    assert answer["sent"] < 50_000_000
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"[" * 100_000,
+        b'{"actions": ' + b"[" * 100_000,
+        b'{"other": ' + b"[" * 100_000,
+        b'{"actions": [1, 2]}',
+        b'{"actions": [1e999, 0, 0]}',
+        b'{"actions": [99999999999999999999999, 0, 0]}',
+        b'{"actions": null}',
+        b'{"probabilities": [[1], [1, 0], []]}',
+        b'{"probabilities": [[[0.5]]]}',
+        b"\xff\xfe",
+        b"",
+    ],
+    ids=lambda body: repr(body[:24]),
+)
+def test_an_answer_that_cannot_be_read_is_an_error_of_the_agent(raw_address, body):
+    url, answer = raw_address
+    answer["chunks"] = [b"HTTP/1.1 200 OK\r\nConnection: close\r\nContent-Length: %d\r\n\r\n" % len(body) + body]
+    with agent_at(url) as policy, pytest.raises(BlackBoxError, match=r"127\.0\.0\.1"):
+        policy.probabilities(STATES)
+
+
+def test_an_answer_on_a_connection_that_closes_is_read_whole(raw_address):
+    url, answer = raw_address
+    answer["chunks"] = [b"HTTP/1.1 200 OK\r\nConnection: close\r\n\r\n", b'{"actions": [2, ', b"2, 3]}"]
+    with agent_at(url) as policy:
+        assert policy.probabilities(STATES).argmax(1).tolist() == [2, 2, 3]
+        assert policy.probabilities(STATES).argmax(1).tolist() == [2, 2, 3]
+
+
+def test_an_address_with_a_wrong_port_is_refused():
+    with pytest.raises(BlackBoxError, match="is not an address"):
+        load_foreign_agent("http://127.0.0.1:x/", RING)
+
+
 def test_an_address_where_nobody_listens_is_an_error():
     policy, _ = load_foreign_agent("http://127.0.0.1:9/", RING)
     with pytest.raises(BlackBoxError, match="does not answer"):
@@ -179,3 +274,96 @@ def test_agent_check_refuses_what_does_not_fit(capsys):
     status, _, err = checked(capsys, "nobody")
     assert status == 2
     assert "Known: planner" in err
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [TensorProto.FLOAT16, TensorProto.UINT8, TensorProto.INT16, TensorProto.INT64, TensorProto.UINT64],
+    ids=["float16", "uint8", "int16", "int64", "uint64"],
+)
+def test_an_onnx_agent_may_read_any_type_of_number(kind, tmp_path):
+    expected = onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26])
+    onnx_files.linear_agent(tmp_path / "b.onnx", ["games", 5, 5, 26], kind=kind)
+    policy, _ = load_foreign_agent(str(tmp_path / "b.onnx"), RING)
+    wanted = softmax(STATES.reshape(3, -1).astype(np.float32) @ expected)
+    assert np.allclose(policy.probabilities(STATES), wanted, atol=1e-4)
+
+
+def test_a_type_that_cannot_be_given_is_named(tmp_path):
+    onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26], kind=TensorProto.BOOL)
+    with pytest.raises(
+        BlackBoxError, match=r"wants tensor\(bool\), which cannot be given. Cast it .* float16"
+    ) as refusal:
+        load_foreign_agent(str(tmp_path / "a.onnx"), RING)
+    assert "must end in" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("size", [1, 2])
+def test_an_onnx_agent_that_takes_so_many_games_at_once_is_asked_in_parts(size, tmp_path):
+    weights = onnx_files.linear_agent(tmp_path / "a.onnx", [size, 5, 5, 26])
+    policy, _ = load_foreign_agent(str(tmp_path / "a.onnx"), RING)
+    for games in (1, 2, 3):
+        expected = softmax(STATES[:games].reshape(games, -1).astype(np.float32) @ weights)
+        assert np.allclose(policy.probabilities(STATES[:games]), expected, atol=1e-4)
+
+
+def test_an_onnx_predictor_for_one_game_watches_several(tmp_path):
+    onnx_files.linear_predictor(tmp_path / "many.onnx", 5, 5)
+    onnx_files.linear_predictor(tmp_path / "one.onnx", 5, 5, games=1)
+    slots, draws = np.array([2, 0, 1]), np.random.default_rng(0)
+    many, one = (load_foreign_predictor(str(tmp_path / name), RING) for name in ("many.onnx", "one.onnx"))
+    for predictor in (many, one):
+        predictor.begin(slots)
+    for _ in range(4):
+        actions = draws.integers(0, 6, (3, 2)).astype(np.int8)
+        assert np.allclose(one.predict(slots, STATES, actions), many.predict(slots, STATES, actions), atol=1e-5)
+
+
+def test_a_model_that_breaks_in_a_batch_says_so_in_plain_words(tmp_path):
+    onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26], games_inside=1)
+    policy, _ = load_foreign_agent(str(tmp_path / "a.onnx"), RING)
+    assert policy.probabilities(STATES[:1]).shape == (1, 6)
+    with pytest.raises(BlackBoxError, match=r"fails with 3 games at once\. Export it with a free first dimension"):
+        policy.probabilities(STATES)
+
+
+def test_weights_beside_an_onnx_model_are_part_of_its_hash(tmp_path):
+    onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26], beside="a.weights")
+    assert external_files(tmp_path / "a.onnx") == ["a.weights"]
+    load_foreign_agent(str(tmp_path / "a.onnx"), RING)
+    first = agent_sha256(str(tmp_path / "a.onnx"), RING)
+    changed = bytearray((tmp_path / "a.weights").read_bytes())
+    changed[10] ^= 1
+    (tmp_path / "a.weights").write_bytes(changed)
+    assert agent_sha256(str(tmp_path / "a.onnx"), RING) != first
+    (tmp_path / "a.weights").unlink()
+    with pytest.raises(BlackBoxError, match=r"keeps weights in a\.weights, which is not there"):
+        load_foreign_agent(str(tmp_path / "a.onnx"), RING)
+
+
+def test_hash_of_a_model_in_one_file_is_that_of_the_file(tmp_path):
+    onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26])
+    assert agent_sha256(str(tmp_path / "a.onnx"), RING) == sha256((tmp_path / "a.onnx").read_bytes()).hexdigest()
+
+
+def test_weights_outside_the_folder_of_a_model_are_refused(tmp_path):
+    (tmp_path / "in").mkdir()
+    onnx_files.linear_agent(tmp_path / "in" / "a.onnx", ["games", 5, 5, 26], beside="a.weights")
+    model = (tmp_path / "in" / "a.onnx").read_bytes()
+    (tmp_path / "in" / "a.onnx").write_bytes(model.replace(b"a.weights", b"../weight"))
+    (tmp_path / "weight").write_bytes((tmp_path / "in" / "a.weights").read_bytes())
+    with pytest.raises(BlackBoxError, match="must lie in the folder of the model"):
+        load_foreign_agent(str(tmp_path / "in" / "a.onnx"), RING)
+
+
+def test_weights_in_a_subgraph_are_found(tmp_path):
+    inner = onnx.helper.make_tensor("w", TensorProto.FLOAT, [1], b"1234", raw=True)
+    inner.data_location = TensorProto.EXTERNAL
+    inner.external_data.add(key="location", value="deep.bin")
+    constant = onnx.helper.make_node("Constant", [], ["c"], value=inner)
+    branch = onnx.helper.make_graph([constant], "branch", [], [])
+    node = onnx.helper.make_node("If", ["x"], ["y"], then_branch=branch, else_branch=branch)
+    model = onnx.helper.make_model(onnx.helper.make_graph([node], "g", [], []))
+    (tmp_path / "m.onnx").write_bytes(model.SerializeToString())
+    (tmp_path / "deep.bin").write_bytes(b"1234")
+    assert external_files(tmp_path / "m.onnx") == ["deep.bin"]

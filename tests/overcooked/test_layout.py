@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from overcooked.layout import LayoutError, load_layout, parse_layout
+from overcooked.layout import LayoutError, bundled_layout, load_layout, parse_layout
 
 RING = "XXXPX\nX 1 P\nD2X X\nO   X\nXOSXX"
 FOREIGN = '{"grid": """' + RING.replace("\n", "\n                ") + '""", %s}'
@@ -75,6 +75,9 @@ def test_layout_arrays_cannot_be_changed() -> None:
         THREE_ONIONS,
         THREE_ONIONS + ', "rew_shaping_params": None, "cook_time": 20, "delivery_reward": 20',
         '"start_order_list": None, "num_items_for_soup": 3',
+        '"recipe_times": [20], "recipe_values": [20], "start_bonus_orders": [], "start_state": None',
+        '"old_dynamics": True, "layout_name": "ring", "order_bonus": 2',
+        '"rew_shaping_params": {"PLACEMENT_IN_POT_REW": 3, "DISH_PICKUP_REWARD": 3, "SOUP_PICKUP_REWARD": 5}',
     ],
 )
 def test_dictionary_of_overcooked_ai_is_the_same_kitchen(settings: str) -> None:
@@ -91,6 +94,23 @@ def test_dictionary_of_overcooked_ai_is_the_same_kitchen(settings: str) -> None:
         ('"onion_value": 7', "onion_value = 7 is not supported"),
         ('"cook_time": open("x")', "no readable dictionary"),
         ('"cook_time": }', "no readable dictionary"),
+        ('"recipe_times": [5]', "recipe_times = [5] is not supported"),
+        ('"recipe_values": [3]', "recipe_values = [3] is not supported"),
+        ('"cook_time": True', "cook_time = True is not supported"),
+        ('"start_state": {"players": [], "objects": []}', "start_state = {"),
+        ('"start_bonus_orders": [{"ingredients": ["onion"]}]', "start_bonus_orders = ["),
+        ('"start_order_list": ["any"]', "start_order_list = ['any'] is not supported"),
+        ('"num_items_for_soup": 2', "num_items_for_soup = 2 is not supported"),
+        ('"max_num_ingredients": 2', "max_num_ingredients = 2 is not supported"),
+        ('"old_dynamics": False', "old_dynamics = False is not supported"),
+        ('"rew_shaping_params": {"PLACEMENT_IN_POT_REW": 9}', "rew_shaping_params = {"),
+        ('"rew_shaping_params": {"OTHER": 1}', "rew_shaping_params = {"),
+        ('"start_player_positions": [[1, 1], [2, 2]]', "unknown setting 'start_player_positions'"),
+        ('"cooktime": 5', "unknown setting 'cooktime'"),
+        ("7: 5", "unknown setting 7"),
+        ('"cook_time": 5, "cook_time": 20', "a key is there twice"),
+        ('**{"cook_time": 5}', "no readable dictionary"),
+        ('"cook_time": ' + "[" * 10_000, "no readable dictionary"),
     ],
 )
 def test_dictionary_of_another_kitchen_is_refused(settings: str, reason: str) -> None:
@@ -106,6 +126,30 @@ def test_layout_is_loaded_from_a_file(tmp_path: Path) -> None:
     file.write_text(RING)
     assert load_layout(file).name == "mine"
     assert load_layout(file).sha256 == load_layout("coordination_ring").sha256
+
+
+@pytest.mark.parametrize("text", [RING, FOREIGN % THREE_ONIONS], ids=["drawn", "dictionary"])
+def test_byte_order_mark_is_not_part_of_the_kitchen(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "mine.layout"
+    file.write_bytes(text.encode("utf-8-sig"))
+    assert load_layout(file).sha256 == parse_layout(RING).sha256
+    assert parse_layout("\ufeff" + text).sha256 == parse_layout(RING).sha256
+
+
+def test_file_in_another_encoding_is_refused_with_the_remedy(tmp_path: Path) -> None:
+    file = tmp_path / "mine.layout"
+    file.write_bytes(RING.encode("utf-16"))
+    with pytest.raises(LayoutError, match=r"mine\.layout: this is not UTF-8 .* Save the file as UTF-8"):
+        load_layout(file)
+
+
+def test_name_out_of_a_file_is_no_path(tmp_path: Path) -> None:
+    file = tmp_path / "mine.layout"
+    file.write_text(RING)
+    assert bundled_layout("coordination_ring").text == RING
+    for name in (str(file), str(file.with_suffix("")), "../layouts/coordination_ring"):
+        with pytest.raises(FileNotFoundError, match="there is no layout"):
+            bundled_layout(name)
 
 
 def test_unknown_layout_is_refused_with_the_known_names() -> None:

@@ -99,6 +99,26 @@ def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
         list(read_trajectories(file))
 
 
+def test_older_format_is_named_with_what_to_do(written: Path) -> None:
+    columns = json.loads(written.read_text())
+    columns["ep_observations"] = columns.pop("ep_states")
+    written.write_text(json.dumps(columns))
+    with pytest.raises(TrajectoryError, match=r"older format: ep_observations .* \.jsonl file") as refusal:
+        list(read_trajectories(written))
+    assert "no trajectories of overcooked_ai" not in str(refusal.value)
+
+
+def test_layout_name_of_a_trajectory_is_no_path(written: Path, tmp_path: Path) -> None:
+    (tmp_path / "other.layout").write_text(load_layout("coordination_ring").text)
+    columns = json.loads(written.read_text())
+    for parameters in columns["mdp_params"]:
+        del parameters["terrain"], parameters["start_player_positions"]
+        parameters["layout_name"] = str(tmp_path / "other.layout")
+    written.write_text(json.dumps(columns))
+    with pytest.raises(TrajectoryError, match="there is no layout"):
+        list(read_trajectories(written))
+
+
 def test_unknown_actions_are_refused(written: Path) -> None:
     columns = json.loads(written.read_text())
     columns["ep_actions"][1][0][0] = "jump"

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
+import onnx_files
 import pytest
 
 import kitchenmind
@@ -240,3 +241,57 @@ def test_the_command_says_why_a_bundle_is_not_served(
         said = capsys.readouterr().err
         assert "the code differs in " in said
         assert "made with 9.9" in said
+
+
+def foreign_study(folder: Path, model: str) -> Path:
+    """The quick look with somebody's own model."""
+    path = folder / "study.yaml"
+    text = QUICK.read_text(encoding="utf-8")
+    agent = next(line for line in text.splitlines() if line.lstrip().startswith("- {name: sp"))
+    own = f"  - {{name: own, model: '{model}', predictor: random}}"
+    path.write_text(text.replace(agent, own).replace("agent: {name: sp", "agent: {name: own"), encoding="utf-8")
+    return path
+
+
+def test_a_bundle_runs_code_that_is_not_in_it_only_if_it_was_allowed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = tmp_path / "somebodys_package"
+    package.mkdir()
+    (package / "__init__.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w').close()\n")
+    (package / "agent.py").write_text((package / "__init__.py").read_text())
+    monkeypatch.syspath_prepend(str(tmp_path))
+    model = "somebodys_package.agent:Agent"
+    path = tmp_path / "study.zip"
+    path.write_bytes(making.make(load_study(foreign_study(tmp_path, model))))
+    with pytest.raises(BundleRefused, match=f"--allow-model {model}"):
+        making.open_bundle(path)
+    with pytest.raises(BundleRefused, match="allow-model"):
+        making.open_bundle(path, ["other:Agent"])
+    assert making.open_bundle(path, [model]).file.study.name == "quick_look"
+    assert not (tmp_path / "ran").exists(), "to look at a bundle runs nothing of it"
+    (package / "agent.py").write_text("# another one\n")
+    with pytest.raises(BundleRefused, match="weights of"):
+        making.open_bundle(path, [model])
+
+
+def test_the_command_asks_before_it_uses_an_address_of_a_bundle(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    url, path = "http://127.0.0.1:9/act", tmp_path / "study.zip"
+    path.write_bytes(making.make(load_study(foreign_study(tmp_path, url))))
+    for verb in ("serve", "doctor"):
+        assert kitchenmind.main([verb, "--bundle", str(path), "--port", "0"]) == 2
+        assert f"--allow-model {url}" in capsys.readouterr().err
+
+
+def test_weights_beside_an_onnx_model_belong_to_the_bundle(tmp_path: Path) -> None:
+    onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26], beside="a.weights")
+    path = tmp_path / "study.zip"
+    path.write_bytes(making.make(load_study(foreign_study(tmp_path, str(tmp_path / "a.onnx")))))
+    assert making.open_bundle(path).file.study.name == "quick_look"
+    changed = bytearray((tmp_path / "a.weights").read_bytes())
+    changed[100] ^= 1
+    (tmp_path / "a.weights").write_bytes(changed)
+    with pytest.raises(BundleRefused, match=r"a\.onnx are others"):
+        making.open_bundle(path)

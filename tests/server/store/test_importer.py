@@ -1,8 +1,13 @@
 import filecmp
+import hashlib
+import json
+import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet
 import pytest
 from study_data import SPEC, fill, new_participant, played
 
@@ -93,3 +98,166 @@ def test_damaged_export_leaves_the_database_empty(
     assert capsys.readouterr().err.startswith("kitchenmind import: ")
     with Database(again) as database:
         assert database.read_now(studies.every) == []
+
+
+def refused(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    """What the command says about an export that it must not import; nothing of it may be stored."""
+    again = f"sqlite:///{tmp_path}/refused.db"
+    assert kitchenmind.main(["import", str(folder), "--database", again]) == 2
+    with Database(again) as database:
+        assert database.read_now(studies.every) == []
+    said = capsys.readouterr().err
+    assert said.startswith("kitchenmind import: ")
+    assert "Traceback" not in said
+    return said
+
+
+def forged(export: Path, table: str, column: str, value: object, where: Callable[[dict], bool] = bool) -> None:
+    """Write another value into a table, as somebody would who also removed every hash."""
+    for name in ("SHA256SUMS", "croissant.json"):
+        (export / name).unlink(missing_ok=True)
+    path = export / "parquet" / f"{table}.parquet"
+    rows = pa.parquet.read_table(path).to_pylist()
+    first = next(row for row in rows if where(row))
+    first[column] = value
+    pa.parquet.write_table(pa.Table.from_pylist(rows), path)
+
+
+@pytest.mark.parametrize(
+    ("table", "column", "value"),
+    [
+        ("studies", "study", "../../../outside/x"),
+        ("studies", "study", "/outside"),
+        ("studies", "study", "a/b"),
+        ("studies", "study", "..\\x"),
+        ("studies", "study", "x\n"),
+        ("studies", "study", ""),
+        ("studies", "study", None),
+        ("episodes", "episode", "../../OUT"),
+        ("episodes", "episode", "."),
+        ("participants", "participant", "../" * 9 + "person"),
+    ],
+)
+def test_name_that_would_lead_out_of_a_folder_is_refused(
+    table: str, column: str, value: object, export: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    forged(export, table, column, value)
+    if table == "studies" and value:  # the file is where the name leads
+        for folder in (export / "studies", tmp_path / "outside", tmp_path / "a"):
+            folder.mkdir(exist_ok=True)
+        source = next((export / "studies").glob("*.yaml"))
+        shutil.copy(source, tmp_path / "outside" / "x_version-1.yaml")
+    assert f"{value!r} cannot be used as a file name" in refused(export, tmp_path, capsys)
+
+
+def test_version_that_is_a_path_is_refused(export: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = export / "parquet" / "studies.parquet"
+    rows = pa.parquet.read_table(path).to_pylist()
+    for row in rows:
+        row["study_version"] = "1/../../x"
+    pa.parquet.write_table(pa.Table.from_pylist(rows), path)
+    for name in ("SHA256SUMS", "croissant.json"):
+        (export / name).unlink(missing_ok=True)
+    assert "1/../../x" in refused(export, tmp_path, capsys)
+
+
+def test_stored_name_that_would_lead_out_is_not_exported(database: Database, url: str, tmp_path: Path) -> None:
+    """A database that was filled before imports were checked does no harm either."""
+    database.write_now(studies.register, "../../outside", "name: x\n")
+    assert kitchenmind.main(["export", "--database", url, "--out", str(tmp_path / "deep" / "out")]) == 2
+    assert not list(tmp_path.rglob("*outside*"))
+
+
+@pytest.mark.parametrize("link", ["studies/ring_version-1.yaml", "parquet/answers.parquet", "codebook.json", "studies"])
+def test_link_in_an_export_is_refused(
+    link: str, export: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    shutil.move(export / link, elsewhere)
+    (export / link).symlink_to(elsewhere)
+    assert f"{export / link} is a link" in refused(export, tmp_path, capsys)
+
+
+def test_device_in_an_export_is_refused(export: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    os.mkfifo(export / "studies" / "pipe")
+    assert "is a link or a device" in refused(export, tmp_path, capsys)
+
+
+def test_every_file_of_an_export_is_in_its_sums(export: Path) -> None:
+    lines = (export / "SHA256SUMS").read_text(encoding="utf-8").splitlines()
+    listed = {name: digest for digest, name in (line.split("  ") for line in lines)}
+    files = [path for path in export.rglob("*") if path.is_file() and path.name != "SHA256SUMS"]
+    assert listed == {
+        path.relative_to(export).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files
+    }
+
+
+@pytest.mark.parametrize("sums", ["SHA256SUMS", "croissant.json"])
+def test_table_that_was_changed_is_refused(
+    sums: str, export: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if sums == "croissant.json":  # as exports were before: its hashes are those of the CSV files
+        (export / "SHA256SUMS").unlink()
+        shutil.rmtree(export / "parquet")
+        path = export / "data" / "description-answers_data.csv"
+        path.write_text(path.read_text(encoding="utf-8").replace("-1.5", "-1.6"), encoding="utf-8")
+    else:
+        path = export / "parquet" / "answers.parquet"
+        pa.parquet.write_table(pa.parquet.read_table(path).slice(1), path)
+    assert f"{path} was changed after the export" in refused(export, tmp_path, capsys)
+
+
+def test_table_that_came_later_is_refused(export: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sums = export / "SHA256SUMS"
+    lines = [line for line in sums.read_text().splitlines(keepends=True) if "parquet/ticks" not in line]
+    sums.write_text("".join(lines))
+    assert "ticks.parquet is not listed in SHA256SUMS" in refused(export, tmp_path, capsys)
+
+
+def test_study_file_that_is_not_the_one_of_its_hash_is_refused(
+    export: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("SHA256SUMS", "croissant.json"):
+        (export / name).unlink()
+    (export / "studies" / "ring_version-1.yaml").write_text("name: other\n")
+    assert "ring_version-1.yaml differs from the SHA-256" in refused(export, tmp_path, capsys)
+
+
+def test_study_file_with_windows_line_ends_comes_back_as_it_was(database: Database, url: str, tmp_path: Path) -> None:
+    database.write_now(studies.register, "windows", "name: windows\r\ntitle: x\r\n")
+    assert kitchenmind.main(["export", "--database", url, "--out", str(tmp_path / "out")]) == 0
+    again = f"sqlite:///{tmp_path}/again.db"
+    assert kitchenmind.main(["import", str(tmp_path / "out"), "--database", again]) == 0
+    with Database(again, read_only=True) as second:
+        assert second.read_now(studies.every)[0].source == "name: windows\r\ntitle: x\r\n"
+
+
+def _spec(**changes: object) -> str:
+    import msgspec
+
+    return json.dumps(msgspec.to_builtins(SPEC) | changes)
+
+
+@pytest.mark.parametrize(
+    ("spec", "reason"),
+    [
+        ("[" * 100_000, "its spec cannot be used"),
+        ("{}", "its spec cannot be used"),
+        (_spec(grid="XX"), "its spec cannot be used"),
+        (_spec(horizon="long"), "its spec cannot be used"),
+        (_spec(grid=SPEC.grid.replace("XXXPX", "XXPXX")), "its grid differs from layout_sha256"),
+    ],
+    ids=["deep", "empty", "no kitchen", "no number", "another kitchen"],
+)
+def test_episode_that_cannot_be_played_again_is_refused(
+    spec: str, reason: str, export: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    forged(export, "episodes", "spec", spec)
+    assert reason in refused(export, tmp_path, capsys)
+
+
+def test_rows_that_do_not_belong_together_are_refused(
+    export: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    forged(export, "answers", "participant", "nobody")
+    assert "is damaged" in refused(export, tmp_path, capsys)

@@ -86,6 +86,79 @@ def test_file_that_is_no_mapping_is_refused() -> None:
     assert "a study is a mapping" in errors("- one\n- two\n")[0]
 
 
+@pytest.mark.parametrize(
+    "written",
+    [
+        "1:30",
+        "007",
+        "7.50",
+        "1e3",
+        "0x10",
+        "1_000",
+        "12:30:45",
+        "2026-01-01",
+        "yes",
+        "True",
+        "off",
+        ".5",
+        "+49",
+        ".nan",
+    ],
+)
+def test_words_are_shown_as_they_were_written(written: str) -> None:
+    text = SMALL_STUDY.replace("title: {en: Small, zh: 小}", f"title: {{en: {written}, zh: 小}}")
+    assert parse_study(text).study.title.of("en") == written
+    text = SMALL_STUDY.replace("title: {en: Small, zh: 小}", f"title: {written}")
+    assert parse_study(text).study.title.of("zh") == written
+
+
+def test_code_keeps_its_zeros() -> None:
+    text = SMALL_STUDY.replace("seed: 11\n", "recruitment: {completed: {code: 001234}}\nseed: 11\n")
+    assert parse_study(text).study.recruitment.completed.code == "001234"
+
+
+def test_numbers_and_yes_or_no_are_read_where_the_field_wants_them() -> None:
+    text = SMALL_STUDY.replace("seed: 11\n", "seed: 0011\nrecruitment: {required: true, person: P}\n")
+    text = text.replace("horizon: 20", "horizon: 20, human_seat: 1, pause: {each_s: 2.50}")
+    study = parse_study(text).study
+    assert (study.seed, study.recruitment.required) == (11, True)
+    assert (study.game.human_seat, study.game.pause.each_s) == (1, 2.5)
+    assert study.recruitment.extra is None
+
+
+@pytest.mark.parametrize("written", ["1:30", "0x10", "4 min", "[4]", "true"])
+def test_what_is_no_plain_number_is_refused_where_a_number_is_wanted(written: str) -> None:
+    (line,) = errors(SMALL_STUDY.replace("duration_min: 4", f"duration_min: {written}"))
+    assert "is no whole number" in line
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["a: " + "[" * 100_000, "a: " + "{b: " * 100_000, "- " * 5_000, "a: " + "[" * 30 + "]" * 30, "? " * 5_000 + "x"],
+    ids=["lists", "blocks", "dashes", "closed", "keys"],
+)
+def test_file_that_is_nested_too_deep_is_refused_with_its_line(text: str) -> None:
+    (line,) = errors("name: x\n" + text if text.startswith("a") else text)
+    assert line.startswith("small.yaml:")
+    assert "levels inside one another" in line
+
+
+def test_file_of_too_many_values_is_refused() -> None:
+    (line,) = errors("a:\n" + "- b\n" * 60_000)
+    assert "more than 50,000 values" in line
+
+
+def test_number_with_endless_colons_is_a_text_like_any_other() -> None:
+    """YAML 1.1 reads it in base 60, in a time that grows with the square of its length."""
+    (line,) = errors(SMALL_STUDY.replace("duration_min: 4", "duration_min: 1" + ":1" * 200_000))
+    assert "is no whole number" in line
+    assert len(line) < 200
+
+
+def test_key_that_is_a_list_is_refused() -> None:
+    assert "a key is a list or a block" in errors("name: x\n? [a, b]\n: c\n")[0]
+
+
 def test_bomb_of_aliases_is_refused() -> None:
     rows = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
     rows += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, 9)]

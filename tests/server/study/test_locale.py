@@ -35,6 +35,12 @@ def test_language_translates_every_sentence(language: str) -> None:
     assert same == []
 
 
+def test_words_of_a_language_are_shown_as_they_were_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "xx.yaml").write_text("name: No\ndone: 7.50\nback: 1:30\nnext: 007\nskip: null\n", encoding="utf-8")
+    monkeypatch.setattr("server.study.locale.LOCALES", tmp_path)
+    assert _words.__wrapped__("xx") == {"name": "No", "done": "7.50", "back": "1:30", "next": "007", "skip": "null"}
+
+
 def test_every_word_that_a_template_asks_for_is_there() -> None:
     used = set()
     for path in (ROOT / "templates").rglob("participant/*.html"):
