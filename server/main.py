@@ -30,7 +30,6 @@ from server.store.migrate import migrate_shared, to_newest
 from server.study.loader import StudyError, StudyFile, load_study
 from server.version import code_version
 from server.web import actions, admin, downloads, health, leaving, live, pages, replay, socket, watch
-from server.web.admin_auth import Tries
 from server.web.alerts import Alert, Alerts, message_of
 from server.web.auth import Guard
 from server.web.control import Control
@@ -40,8 +39,9 @@ from server.web.episodes import layout_of
 from server.web.errors import install_error_pages
 from server.web.everywhere import Everywhere
 from server.web.figures import Figures
+from server.web.guessing import Hashing
 from server.web.headers import SecurityHeaders
-from server.web.health import figures_of
+from server.web.health import Commits, figures_of
 from server.web.live import Live
 from server.web.rates import Rates, keep_to_the_rate
 from server.web.seats import Seats
@@ -72,7 +72,7 @@ def create_app(settings: Settings, ahead: Launched | None = None) -> FastAPI:
     app.add_middleware(SecurityHeaders, secure=guard.secure)
     app.mount("/static", StaticFiles(directory=ROOT / "static"), name="static")
     install_error_pages(app)
-    app.state.tries, app.state.code_tries = Tries(), Tries()
+    app.state.hashing, app.state.commits = Hashing(), Commits()
     for doors in (pages, leaving, socket, watch, admin, live, replay, actions, downloads, health):
         app.include_router(doors.router)
     return app

@@ -13,6 +13,7 @@ from fastapi import HTTPException
 from starlette.requests import HTTPConnection
 
 from server.play.budget import Budget
+from server.web.addresses import address_of
 from server.web.auth import token_of
 
 PER_S: Final = 10.0  # of one participant
@@ -44,7 +45,7 @@ async def keep_to_the_rate(connection: HTTPConnection) -> None:
     if connection.scope["type"] != "http":
         return
     rates: Rates = connection.app.state.rates
-    address, token = connection.client.host if connection.client else "?", token_of(connection)
+    address, token = address_of(connection), token_of(connection)
     allowed = address in _HERE or rates.spend(f"address {address}", ADDRESS_PER_S, ADDRESS_BURST)
     if token is not None:
         who = hashlib.sha256(token.encode()).hexdigest()

@@ -10,8 +10,8 @@ import pytest
 from page_site import SMALL_STUDY, Site, Visitor
 
 from server.store import participants
+from server.store.attempts import LIMIT
 from server.store.database import Database
-from server.web.admin_auth import TRIES
 from server.web.recruiting import recruitment_of, way_back
 
 CC = "https://app.prolific.com/submissions/complete?cc={code}"
@@ -184,8 +184,8 @@ def test_codes_cannot_be_guessed(site: Site) -> None:
     guessing = Visitor(site)
     guessing.get("/s/sona/withdraw")
     fields = guessing.fields("/withdraw")
-    answers = [guessing.send("/s/sona/withdraw", fields | {"code": f"KM-{n}"}).status_code for n in range(TRIES + 1)]
-    assert answers == [422] * TRIES + [429]
+    answers = [guessing.send("/s/sona/withdraw", fields | {"code": f"KM-{n}"}).status_code for n in range(LIMIT + 1)]
+    assert answers == [422] * LIMIT + [429]
     late = guessing.send("/s/sona/withdraw", fields | {"code": code})
     assert (late.status_code, "Too many codes were wrong" in late.text) == (429, True)
     before = len(site.everybody("sona"))
