@@ -5,6 +5,7 @@ from typing import Final
 
 from starlette.requests import HTTPConnection
 
+HERE: Final = frozenset({"127.0.0.1", "::1"})  # simulated participants and the tests come from there
 _OF_ONE_SITE: Final = 64  # bits of an IPv6 address that a provider gives to one customer; the rest is theirs to change
 
 

@@ -182,6 +182,11 @@ class Sockets:
         for one in own[:-MOST_OF_ONE]:
             one.close(ABUSE, "too many connections")
 
+    def dismiss(self, participant: str, reason: str) -> None:
+        """Close every socket of a participant for good."""
+        for one in [one for one in self._open if one.player.participant == participant]:
+            one.close(ABUSE, reason)
+
     @staticmethod
     async def _settle(writer: asyncio.Task[None], mine: PlayerSocket) -> None:
         """The last words may still go out, but nobody waits long for a dead peer."""
