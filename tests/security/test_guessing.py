@@ -81,6 +81,24 @@ async def test_of_thirty_guesses_at_once_five_are_checked(live: LiveServer, ada:
         assert Counter(await sign_in(stranger, "nobody", *wrong(30))) == {401: LIMIT, 429: 30 - LIMIT}
 
 
+async def test_an_address_that_a_browser_claims_gives_no_more_tries(live: LiveServer, ada: str) -> None:
+    """As a proxy writes it that adds the address it sees to whatever came."""
+    for number in range(LIMIT + 1):
+        async with browser(live, f"192.0.2.{number}, {STRANGER}") as stranger:
+            assert await sign_in(stranger, ada, "a guess") == [401 if number < LIMIT else 429]
+    async with browser(live, STRANGER) as stranger, browser(live, f"{STRANGER}, {OWNER}") as owner:
+        assert await sign_in(stranger, ada, PASSWORD) == [429]
+        assert await sign_in(owner, ada, PASSWORD) == [303]
+
+
+async def test_an_ipv6_network_has_the_tries_of_one_address(live: LiveServer, ada: str) -> None:
+    for number in range(LIMIT + 1):
+        async with browser(live, f"2001:db8:0:1::{number:x}") as stranger:
+            assert await sign_in(stranger, ada, "a guess") == [401 if number < LIMIT else 429]
+    async with browser(live, "2001:db8:0:2::1") as owner:
+        assert await sign_in(owner, ada, PASSWORD) == [303]
+
+
 async def test_right_passwords_use_up_no_tries(live: LiveServer, ada: str) -> None:
     async with browser(live, OWNER) as owner:
         assert await sign_in(owner, ada, *wrong(LIMIT - 1)) == [401] * (LIMIT - 1)
