@@ -122,8 +122,8 @@ class Settings(BaseSettings):
         token = self.metrics_token.get_secret_value() if self.metrics_token else None
         if token is not None and (len(token) < _SHORTEST_TOKEN or is_weak(token, _RANDOM_OF_TOKEN)):
             raise ValueError(
-                f"production needs a KITCHENMIND_METRICS_TOKEN of at least {_SHORTEST_TOKEN} random characters, or none."
-                f" Make one with {_MAKE_ONE}"
+                f"production needs a KITCHENMIND_METRICS_TOKEN of at least {_SHORTEST_TOKEN} random characters, "
+                f"or none. Make one with {_MAKE_ONE}"
             )
         url = urlsplit(self.public_url)
         only_here = url.hostname in _LOCAL_HOSTS and self.host in _LOCAL_HOSTS
@@ -143,7 +143,7 @@ class Settings(BaseSettings):
         """The secret; for local use one is made at the first start and kept, readable by the owner only."""
         if self.secret is not None:
             return self.secret.get_secret_value().encode()
-        VAR.mkdir(exist_ok=True)
+        VAR.mkdir(mode=0o700, exist_ok=True)
         path = VAR / "secret"
         try:
             descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)

@@ -19,6 +19,7 @@ _FIXED = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "camera=(), microphone=(), geolocation=(), payment=(), usb=()",
 }
+_SAME_FOR_ALL: Final = "/static/"
 _YEAR_S = 365 * 24 * 3600
 _HOST: Final = r"(?:[A-Za-z0-9_-]+(?:\.[A-Za-z0-9_-]+)*\.?|\[[0-9A-Fa-f:.]+\])(?::[0-9]{1,5})?"
 _PLAIN_HOST: Final = re.compile(_HOST)
@@ -27,7 +28,10 @@ _NOBODY: Final = "'none'"
 
 
 class SecurityHeaders:
-    """Middleware. `secure`: the public address is https, so browsers shall never ask without TLS again."""
+    """Middleware. `secure`: the public address is https, so browsers shall never ask without TLS again.
+
+    No answer is kept by a cache, but files of ours that are the same for everybody.
+    """
 
     def __init__(self, app: ASGIApp, secure: bool = False) -> None:
         self._app = app
@@ -45,6 +49,8 @@ class SecurityHeaders:
                 headers = MutableHeaders(scope=message)
                 for name, value in security_headers(headers_of_request.get("host", ""), self._secure).items():
                     headers.setdefault(name, value)
+                if not scope["path"].startswith(_SAME_FOR_ALL):
+                    headers.setdefault("Cache-Control", "no-store")
             await send(message)
 
         await self._app(scope, receive, send_with_headers)

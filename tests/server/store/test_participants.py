@@ -245,6 +245,15 @@ def test_database_itself_refuses_to_change_the_audit_log(database: Database, sta
         database.write_now(lambda connection: connection.exec_driver_sql(statement))
 
 
+def test_only_so_many_events_of_one_kind_and_person_are_stored(database: Database, study_id: int) -> None:
+    one, other = database.write_now(new_participant, study_id), database.write_now(new_participant, study_id)
+    for person in (one, one, one, other):
+        database.write_now(events.add_at_most, events.Event("trouble", datetime.now(UTC), person), 2)
+    database.write_now(events.add_at_most, events.Event("reload", datetime.now(UTC), one), 2)
+    kinds = [[event.kind for event in database.read_now(events.of_participant, who)] for who in (one, other)]
+    assert kinds == [["trouble", "trouble", "reload"], ["trouble"]]
+
+
 def test_naive_time_is_refused(database: Database, study_id: int) -> None:
     person = database.write_now(new_participant, study_id)
     with pytest.raises(Exception, match="no time zone"):
