@@ -281,11 +281,10 @@ def _lock_file(url: URL) -> IO[str]:
     """Held while the server lives; the system lets go of it when the process dies, however it dies."""
     path = Path(f"{url.database}.lock")
     try:
-        private_files.make_folder(path.parent)
-        private_files.make_file(path)
+        private_files.make_database(Path(str(url.database)), path)
         file = path.open("a+", encoding="utf-8")
     except OSError as error:
-        raise DatabaseDown(f"cannot open {path}: {error.strerror}") from error
+        raise DatabaseDown(f"cannot open {error.filename or path}: {error.strerror}") from error
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -298,17 +297,4 @@ def _lock_file(url: URL) -> IO[str]:
     file.truncate(0)
     file.write(f"{os.getpid()}\n")
     file.flush()
-    try:
-        _make_private(Path(str(url.database)))
-    except OSError as error:
-        file.close()
-        raise DatabaseDown(f"cannot open {url.database}: {error.strerror}") from error
     return file
-
-
-def _make_private(database: Path) -> None:
-    """What SQLite makes beside the database gets the database's own rights; what is there already is changed."""
-    private_files.make_file(database)
-    for beside in (Path(f"{database}-wal"), Path(f"{database}-shm")):
-        if beside.exists():
-            private_files.tighten(beside)

@@ -18,9 +18,27 @@ def make_folder(folder: Path) -> None:
 
 
 def make_file(path: Path) -> None:
-    """Make an empty file if there is none, and take an existing one away from everybody else. Raises OSError."""
-    os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, _FILE))
-    tighten(path)
+    """Make an empty file if there is none, and take an existing one away from everybody else. Raises OSError.
+
+    An existing file is not opened: closing it again would drop the locks that SQLite has on it in this process.
+    """
+    try:
+        os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, _FILE))
+    except FileExistsError:
+        tighten(path)
+
+
+def make_database(database: Path, lock: Path) -> None:
+    """Make the folder and the files of a SQLite database, or take existing ones away from everybody else.
+
+    What SQLite makes beside the database later gets the database's own rights. Raises OSError.
+    """
+    make_folder(database.parent)
+    for path in (lock, database):
+        make_file(path)
+    for beside in (Path(f"{database}-wal"), Path(f"{database}-shm")):
+        if beside.exists():
+            tighten(beside)
 
 
 def tighten(path: Path) -> None:
