@@ -21,6 +21,7 @@ from models.checkpoint import CheckpointError, load_checkpoint
 from server.cast import cast_of, folder_of
 from server.commands.serve import listen
 from server.settings import VAR, Settings
+from server.store import engines
 from server.store.database import Database, DatabaseDown
 from server.store.engines import encoding_problem, normal_url
 from server.store.migrate import known_revisions, revision_of
@@ -72,7 +73,7 @@ def _port(settings: Settings) -> Iterator[Finding]:
 
 def _database(settings: Settings) -> Iterator[Finding]:
     url = normal_url(settings.database)
-    shown = url.render_as_string()
+    shown = engines.shown(url)
     if url.get_backend_name() == "sqlite" and not Path(str(url.database)).exists():
         place = _nearest(Path(str(url.database)))
         if place.is_dir() and os.access(place, os.W_OK):

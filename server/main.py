@@ -30,9 +30,9 @@ from server.store.migrate import migrate_shared, to_newest
 from server.study.loader import StudyError, StudyFile, load_study
 from server.version import code_version
 from server.web import actions, admin, downloads, health, leaving, live, pages, replay, socket, watch
-from server.web.admin_auth import Tries
 from server.web.alerts import Alert, Alerts, message_of
 from server.web.auth import Guard
+from server.web.boundary import Boundary
 from server.web.control import Control
 from server.web.course import Course
 from server.web.deps import Web, templates
@@ -40,8 +40,9 @@ from server.web.episodes import layout_of
 from server.web.errors import install_error_pages
 from server.web.everywhere import Everywhere
 from server.web.figures import Figures
+from server.web.guessing import Hashing
 from server.web.headers import SecurityHeaders
-from server.web.health import figures_of
+from server.web.health import Commits, figures_of
 from server.web.live import Live
 from server.web.rates import Rates, keep_to_the_rate
 from server.web.seats import Seats
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     from server.member import Member
 
 log = logging.getLogger(__name__)
+MOST_TROUBLES = 100  # of one participant that are stored
 _GARBAGE_THRESHOLDS = (50_000, 20, 20)  # a full collection costs milliseconds, and a game makes hardly any cycles
 
 
@@ -70,9 +72,10 @@ def create_app(settings: Settings, ahead: Launched | None = None) -> FastAPI:
     guard = Guard(settings.signing_key(), settings.public_url)
     app.state.guard = guard
     app.add_middleware(SecurityHeaders, secure=guard.secure)
+    app.add_middleware(Boundary)
     app.mount("/static", StaticFiles(directory=ROOT / "static"), name="static")
     install_error_pages(app)
-    app.state.tries, app.state.code_tries = Tries(), Tries()
+    app.state.hashing, app.state.commits = Hashing(), Commits()
     for doors in (pages, leaving, socket, watch, admin, live, replay, actions, downloads, health):
         app.include_router(doors.router)
     return app
@@ -181,7 +184,7 @@ def _sockets(app: FastAPI, database: Database, studies: Studies) -> Sockets:
     async def report(participant: str, text: str) -> None:
         event = events.Event("trouble", datetime.now(UTC), participant, detail={"text": text})
         try:
-            await database.write(events.add, event)
+            await database.write(events.add_at_most, event, MOST_TROUBLES)
         except DatabaseDown:
             log.warning("a problem in a browser could not be stored: %r", text)
 

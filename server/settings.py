@@ -1,6 +1,8 @@
 """What can be set about a server: by KITCHENMIND_* variables, a .env file or `kitchenmind serve`. Frozen once read."""
 
+import ipaddress
 import os
+import re
 import secrets
 from pathlib import Path
 from typing import Literal, Self
@@ -9,17 +11,26 @@ from urllib.parse import urlsplit
 from pydantic import Field, SecretStr, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from server.weak_secrets import is_weak
+
 ROOT = Path(__file__).resolve().parent.parent
 VAR = ROOT / "var"
 _LOCAL_HOSTS = frozenset({"127.0.0.1", "::1", "localhost"})
-_WEAK_SECRETS = frozenset({"secret", "changeme", "change-me", "default", "kitchenmind", "password"})
-_SHORTEST_SECRET = 32
+_SHORTEST_SECRET, _SHORTEST_TOKEN = 32, 16
+_RANDOM_OF_SECRET, _RANDOM_OF_TOKEN = 20, 12  # characters of it that nobody can foresee
+_MAKE_ONE = "`python3 -c 'import secrets; print(secrets.token_urlsafe(32))'`"
+_PLAIN_ADDRESS = re.compile(
+    r"https?://(?P<host>[A-Za-z0-9](?:[A-Za-z0-9.-]*[A-Za-z0-9])?|\[[0-9A-Fa-f:.]+\])(?::(?P<port>[0-9]{1,5}))?/?"
+)
+_WIDEST_PROXY = {4: 8, 6: 16}  # bits that a network of proxies must fix, at least
 
 
 class Settings(BaseSettings):
     """Every setting has a default that is right on one's own machine; `mode = production` refuses the unsafe ones."""
 
-    model_config = SettingsConfigDict(env_prefix="KITCHENMIND_", env_file=".env", frozen=True, extra="ignore")
+    model_config = SettingsConfigDict(
+        env_prefix="KITCHENMIND_", env_file=".env", frozen=True, extra="ignore", hide_input_in_errors=True
+    )
 
     mode: Literal["local", "production"] = "local"
     """production: a real study on a public address. A secret and TLS in front of the server are required."""
@@ -82,6 +93,18 @@ class Settings(BaseSettings):
         return self
 
     @model_validator(mode="after")
+    def _address_is_plain(self) -> Self:
+        found = _PLAIN_ADDRESS.fullmatch(self.public_url)
+        if self.public_url and (found is None or int(found["port"] or 443) > 65535):
+            raise ValueError(
+                "KITCHENMIND_PUBLIC_URL must be the address alone, like https://lab.example.org or "
+                "https://lab.example.org:8443: no user, no path, and a name with other letters in its xn-- form"
+            )
+        if self.metrics_token is not None and not self.metrics_token.get_secret_value():
+            raise ValueError(f"KITCHENMIND_METRICS_TOKEN is empty. Leave it out, or make one with {_MAKE_ONE}")
+        return self
+
+    @model_validator(mode="after")
     def _safe_in_production(self) -> Self:
         if self.mode == "local":
             if self.host not in _LOCAL_HOSTS:
@@ -91,17 +114,25 @@ class Settings(BaseSettings):
                 )
             return self
         secret = self.secret.get_secret_value() if self.secret else ""
-        if len(secret) < _SHORTEST_SECRET or secret.lower() in _WEAK_SECRETS or len(set(secret)) < 8:
+        if len(secret) < _SHORTEST_SECRET or is_weak(secret, _RANDOM_OF_SECRET):
             raise ValueError(
                 f"production needs KITCHENMIND_SECRET with at least {_SHORTEST_SECRET} random characters, "
-                "e.g. from `python3 -c 'import secrets; print(secrets.token_urlsafe(32))'`"
+                f"e.g. from {_MAKE_ONE}"
+            )
+        token = self.metrics_token.get_secret_value() if self.metrics_token else None
+        if token is not None and (len(token) < _SHORTEST_TOKEN or is_weak(token, _RANDOM_OF_TOKEN)):
+            raise ValueError(
+                f"production needs a KITCHENMIND_METRICS_TOKEN of at least {_SHORTEST_TOKEN} random characters, "
+                f"or none. Make one with {_MAKE_ONE}"
             )
         url = urlsplit(self.public_url)
-        if url.scheme != "https" and url.hostname not in _LOCAL_HOSTS:
+        only_here = url.hostname in _LOCAL_HOSTS and self.host in _LOCAL_HOSTS
+        if url.scheme != "https" and not only_here:
             raise ValueError(
                 "production needs KITCHENMIND_PUBLIC_URL=https://..., the address of the TLS proxy in front: "
                 "participants' cookies must not travel in the clear"
             )
+        _check_proxies(self.trusted_proxies)
         if self.speed != 1.0 or self.patience_s:
             raise ValueError(
                 "production needs KITCHENMIND_SPEED=1 and no KITCHENMIND_PATIENCE_S: people play in real time"
@@ -112,7 +143,7 @@ class Settings(BaseSettings):
         """The secret; for local use one is made at the first start and kept, readable by the owner only."""
         if self.secret is not None:
             return self.secret.get_secret_value().encode()
-        VAR.mkdir(exist_ok=True)
+        VAR.mkdir(mode=0o700, exist_ok=True)
         path = VAR / "secret"
         try:
             descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -121,3 +152,15 @@ class Settings(BaseSettings):
         with os.fdopen(descriptor, "wb") as file:
             file.write(secrets.token_urlsafe(32).encode())
         return path.read_bytes()
+
+
+def _check_proxies(trusted: str) -> None:
+    """Raise ValueError where anybody could write the address that a request comes from."""
+    for one in (piece.strip() for piece in trusted.split(",")):
+        remedy = "KITCHENMIND_TRUSTED_PROXIES takes addresses and networks of the TLS proxy, like 172.28.57.0/24"
+        try:
+            network = ipaddress.ip_network(one)
+        except ValueError:
+            raise ValueError(f"{one!r} is not an address or a network. {remedy}") from None
+        if network.prefixlen < _WIDEST_PROXY[network.version]:
+            raise ValueError(f"{one} is too wide: almost everybody could claim any address. {remedy}")

@@ -26,9 +26,10 @@ def compose(environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
 
 
 def test_compose_file_is_accepted() -> None:
-    accepted = compose(SECRETS)
+    accepted = compose(SECRETS | {"KITCHENMIND_SUBNET": "10.99.0.0/24"})
     assert accepted.returncode == 0, accepted.stderr
     services = yaml.safe_load(accepted.stdout)["services"]
+    assert services["server"]["environment"]["KITCHENMIND_TRUSTED_PROXIES"] == "10.99.0.0/24"
     assert services["server"]["environment"]["KITCHENMIND_PUBLIC_URL"] == SECRETS["KITCHENMIND_PUBLIC_URL"]
 
 
@@ -50,10 +51,14 @@ def test_compose_file_is_the_set_up_of_several_processes() -> None:
     filled = own | {
         "studies": studies,
         "workers": 2,
-        "secret": "0123456789abcdefghij" * 2,
+        "secret": "kVx2-9TbQfLz7WmRs4cYhJp3nGd8uEaC",
         "public_url": "https://lab.example.org",
+        "trusted_proxies": own["trusted_proxies"].partition(":-")[2].removesuffix("}"),
     }
     settings = Settings(**filled, _env_file=None)
+    (network,) = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["networks"]["default"]["ipam"]["config"]
+    assert network["subnet"] == own["trusted_proxies"], "who comes in by the gateway is the proxy, and nobody else"
+    assert settings.trusted_proxies == "172.28.57.0/24"
     assert settings.redis is not None
     assert settings.redis.get_secret_value().split("/")[2].split(":")[0] in services
     assert urlsplit(settings.database).hostname in services

@@ -6,11 +6,13 @@ import getpass
 import re
 import secrets
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
+T = TypeVar("T")
 _ROLES = "watch: see; act: also step in; own: also accounts"
 
 
@@ -35,49 +37,84 @@ def run(arguments: argparse.Namespace) -> int:
     from server.store import engines
     from server.store.migrate import DatabaseTooNew, migrate
 
-    url = arguments.database or Settings().database
     try:
+        url = arguments.database or Settings().database
         with contextlib.suppress(engines.DatabaseInUse):  # the server has it open, so its tables are there
             migrate(url)
-        engine = engines.writer_engine(engines.normal_url(url))
-        try:
-            with engine.begin() as connection:
-                return _do(connection, arguments)
-        finally:
-            engine.dispose()
+        sys.stdout.writelines(f"{line}\n" for line in _do(Accounts(url), arguments))
     except (ValueError, DatabaseTooNew) as error:
         return _refuse(error, 2)
+    except (EOFError, KeyboardInterrupt):
+        return _refuse(ValueError("no password was given, nothing was changed"), 2)
     except (engines.DatabaseDown, DBAPIError, OSError) as error:
         return _refuse(error, 1)
+    return 0
 
 
-def _do(connection: "Connection", arguments: argparse.Namespace) -> int:
-    from server.store import admins, audit
+class Accounts:
+    """The accounts in a database. A transaction is open only while it reads or writes, never while somebody types."""
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+
+    def read(self, function: Callable[..., T], *args: Any) -> T:
+        """Return what the function reads."""
+        from server.store.database import Database
+
+        with Database(self._url, read_only=True, readers=1) as database:
+            return database.read_now(function, *args)
+
+    def write(self, function: Callable[..., T], *args: Any) -> T:
+        """Run the function in one transaction, beside a server that has the database open."""
+        from server.store import engines
+
+        engine = engines.writer_engine(engines.normal_url(self._url))
+        try:
+            with engine.begin() as connection:
+                return function(connection, *args)
+        finally:
+            engine.dispose()
+
+
+def _do(accounts: Accounts, arguments: argparse.Namespace) -> list[str]:
+    """Return what is to be printed, once it is done."""
+    from server.store import admins
 
     verb = arguments.admin_verb
     if verb == "list":
-        for admin in admins.every(connection):
-            print(f"{admin.name:<24}{admin.role:<8}{admin.created_at:%Y-%m-%d}")
-        return 0
+        rows = accounts.read(admins.every)
+        return [f"{admin.name:<24}{admin.role:<8}{admin.created_at:%Y-%m-%d}" for admin in rows]
     name = _checked(arguments.name)
+    there = accounts.read(admins.password_hash_of, name) is not None
+    if verb == "create" and there:
+        raise admins.NameTaken(name)
+    if verb != "create" and not there:
+        raise _nobody(name)
     if verb == "remove":
-        found = admins.remove(connection, name)
-    else:
-        from server.web.passwords import hashed
+        accounts.write(_change, verb, name, lambda connection: admins.remove(connection, name))
+        return [f"{name}: removed"]
+    from server.web.passwords import hashed
 
-        password, made = _password(name)
-        if verb == "create":
-            admins.create(connection, name, hashed(password), arguments.role)
-            found = True
-        else:
-            found = admins.set_password(connection, name, hashed(password))
-    if not found:
-        raise ValueError(f"there is no account {name!r}. See them with: kitchenmind admin list")
+    password, made = _password(name)
+    stored = hashed(password)
+    if verb == "create":
+        accounts.write(_change, verb, name, lambda connection: admins.create(connection, name, stored, arguments.role))
+    else:
+        accounts.write(_change, verb, name, lambda connection: admins.set_password(connection, name, stored))
+    return [f"{name}: can sign in at /admin", *([f"password: {password}\nIt is not shown again."] if made else [])]
+
+
+def _change(connection: "Connection", verb: str, name: str, change: "Callable[[Connection], bool | None]") -> None:
+    """Change an account and write it down. Raises ValueError if the account has gone in the meantime."""
+    from server.store import audit
+
+    if change(connection) is False:
+        raise _nobody(name)
     audit.add(connection, "command line", f"admin {verb}", {"name": name})
-    print(f"{name}: {'removed' if verb == 'remove' else 'can sign in at /admin'}")
-    if verb != "remove" and made:
-        print(f"password: {password}\nIt is not shown again.")
-    return 0
+
+
+def _nobody(name: str) -> ValueError:
+    return ValueError(f"there is no account {name!r}. See them with: kitchenmind admin list")
 
 
 def _checked(name: str) -> str:

@@ -6,13 +6,13 @@ from sqlalchemy import inspect
 
 from server.settings import Settings
 from server.store.database import Database, DatabaseDown
-from server.store.engines import normal_url
+from server.store.engines import normal_url, shown
 
 
 def open_stored(url: str | None) -> Database:
     """The database at `url`, or the one in the settings. Raises ValueError with the remedy when there is none."""
     wanted = normal_url(url or Settings().database)
-    named = wanted.render_as_string()
+    named = shown(wanted)
     if wanted.get_backend_name() == "sqlite" and not Path(str(wanted.database)).is_file():
         raise ValueError(f"there is no database {wanted.database}. Give the right one with --database sqlite:///path.")
     database = Database(wanted.render_as_string(hide_password=False), read_only=True)

@@ -35,16 +35,18 @@ def run(arguments: argparse.Namespace) -> int:
 
     try:
         with open_stored(arguments.database) as database:
-            return database.read_now(_verify, arguments.study)
+            lines, status = database.read_now(_verify, arguments.study)
     except ValueError as error:
         sys.stderr.write(f"kitchenmind verify: {error}\n")
         return 2
     except DatabaseDown as error:
         sys.stderr.write(f"kitchenmind verify: {error}\n")
         return 1
+    sys.stdout.writelines(lines)  # after the transaction: a pager may keep us waiting
+    return status
 
 
-def _verify(connection: "Connection", study: str | None) -> int:
+def _verify(connection: "Connection", study: str | None) -> tuple[list[str], int]:
     from server.store import studies
     from server.verification import verify_all
 
@@ -57,8 +59,8 @@ def _verify(connection: "Connection", study: str | None) -> int:
     return report(verify_all(connection, chosen))
 
 
-def report(verdicts: "Iterable[Verdict]") -> int:
-    """Prints a line a layout and the first differences; returns the exit status."""
+def report(verdicts: "Iterable[Verdict]") -> tuple[list[str], int]:
+    """Return a line for each layout and for the first differences, and the exit status."""
     lines: dict[str, _Line] = {}
     different: list[Verdict] = []
     for verdict in verdicts:
@@ -68,14 +70,13 @@ def report(verdicts: "Iterable[Verdict]") -> int:
         if verdict.difference is not None:
             line.different += 1
             different.append(verdict)
-    say = sys.stdout.write
-    say(f"{'layout':<24}{'episodes':>10}{'timesteps':>12}{'different':>11}\n")
+    said = [f"{'layout':<24}{'episodes':>10}{'timesteps':>12}{'different':>11}\n"]
     for layout, line in sorted(lines.items()):
-        say(f"{layout:<24}{line.episodes:>10}{line.timesteps:>12}{line.different:>11}\n")
+        said.append(f"{layout:<24}{line.episodes:>10}{line.timesteps:>12}{line.different:>11}\n")
     for verdict in different[:LISTED]:
         place = "" if verdict.timestep is None else f", timestep {verdict.timestep}"
-        say(f"episode {verdict.episode}{place}: {verdict.difference}\n")
+        said.append(f"episode {verdict.episode}{place}: {verdict.difference}\n")
     if len(different) > LISTED:
-        say(f"... and {len(different) - LISTED} more episodes\n")
-    say("Every episode was simulated to the same states.\n" if not different else "")
-    return 1 if different else 0
+        said.append(f"... and {len(different) - LISTED} more episodes\n")
+    said.append("Every episode was simulated to the same states.\n" if not different else "")
+    return said, 1 if different else 0

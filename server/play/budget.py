@@ -13,6 +13,10 @@ class Budget:
         self._burst = self._tokens = burst * max(1.0, speed)
         self._per_s, self._at = per_s, now
 
+    def is_full(self, now: float) -> bool:
+        """Return whether nothing has been asked for long enough that it can be forgotten."""
+        return self._tokens + (now - self._at) * self._per_s >= self._burst
+
     def spend(self, now: float) -> bool:
         """Takes one message's worth; False if there is none left."""
         self._tokens = min(self._burst, self._tokens + (now - self._at) * self._per_s)

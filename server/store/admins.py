@@ -5,6 +5,7 @@ from datetime import UTC, datetime, timedelta
 
 from sqlalchemy import Connection, delete, select, update
 
+from server.store import attempts
 from server.store.tables import ROLES, admin_sessions, admins
 
 IDLE = timedelta(hours=2)
@@ -38,13 +39,16 @@ class AdminSession:
 class NameTaken(ValueError):
     """There is an account of this name."""
 
+    def __init__(self, name: str) -> None:
+        super().__init__(f"there is an account {name!r} already. A new password: kitchenmind admin reset {name}")
+
 
 def create(connection: Connection, name: str, password_hash: str, role: str) -> None:
     """A new account. Raises NameTaken, ValueError for a role that is none."""
     if role not in ROLES:
         raise ValueError(f"{role!r} is no role. Choose from {', '.join(ROLES)}.")
     if password_hash_of(connection, name) is not None:
-        raise NameTaken(f"there is an account {name!r} already. A new password: kitchenmind admin reset {name}")
+        raise NameTaken(name)
     row = {"name": name, "password_hash": password_hash, "role": role, "created_at": datetime.now(UTC)}
     connection.execute(admins.insert().values(row))
 
@@ -61,8 +65,9 @@ def password_hash_of(connection: Connection, name: str) -> str | None:
 
 
 def set_password(connection: Connection, name: str, password_hash: str) -> bool:
-    """Ends all sessions of the account too. False: no such account."""
+    """Ends all sessions of the account too, and lets it sign in at once whatever was tried. False: no such account."""
     query = update(admins).where(admins.c.name == name).values(password_hash=password_hash)
+    attempts.forget(connection, name)
     close_all(connection, name)
     return connection.execute(query).rowcount == 1
 
@@ -70,6 +75,7 @@ def set_password(connection: Connection, name: str, password_hash: str) -> bool:
 def remove(connection: Connection, name: str) -> bool:
     """Deletes the account; what it did stays in the audit log. False: no such account."""
     close_all(connection, name)
+    attempts.forget(connection, name)
     return connection.execute(delete(admins).where(admins.c.name == name)).rowcount == 1
 
 

@@ -1,7 +1,7 @@
 """The audit log: who did what. Entries are only ever added; each carries the hash of the one before.
 
-A changed or missing entry shows. A detail that names a participant who withdrew is blanked; the chain holds, as it
-goes over the salted hash of the detail.
+A changed or missing entry shows, also one that is missing at the end: `audit_head` keeps where the log ends. A detail
+that names a participant who withdrew is blanked; the chain holds, as it goes over the salted hash of the detail.
 """
 
 import hashlib
@@ -14,7 +14,7 @@ from typing import Any
 
 from sqlalchemy import Connection, select, update
 
-from server.store.tables import audit
+from server.store.tables import audit, audit_head
 
 
 @dataclass(frozen=True)
@@ -30,15 +30,28 @@ class Entry:
 
 def add(connection: Connection, actor: str, action: str, detail: Mapping[str, Any] | None = None) -> int:
     """Adds an entry and returns its number. `detail` is JSON without secrets."""
-    last = connection.execute(select(audit.c.id, audit.c.hash).order_by(audit.c.id.desc()).limit(1)).first()
-    entry_id, previous = (last.id + 1, last.hash) if last else (1, "")
+    number, previous = _end(connection)
+    entry_id = number + 1
     at = datetime.now(UTC)
     text, salt = json.dumps(dict(detail or {}), sort_keys=True), secrets.token_hex(16)
     detail_hash = _sha256(salt, text)
     row = {"id": entry_id, "at": at, "actor": actor, "action": action, "detail": text, "salt": salt}
     row |= {"detail_hash": detail_hash, "hash": _sha256(previous, entry_id, at.isoformat(), actor, action, detail_hash)}
     connection.execute(audit.insert().values(row))
+    head = {"entries": entry_id, "hash": row["hash"]}
+    if not connection.execute(update(audit_head).values(head)).rowcount:
+        connection.execute(audit_head.insert().values(id=1, **head))
     return entry_id
+
+
+def _end(connection: Connection) -> tuple[int, str]:
+    """Return the number and hash of the last entry that was ever added; (0, "") if there is none.
+
+    Takes the row's lock, as on PostgreSQL the command line adds entries beside the server.
+    """
+    head = connection.execute(select(audit_head.c.entries, audit_head.c.hash).with_for_update()).first()
+    last = connection.execute(select(audit.c.id, audit.c.hash).order_by(audit.c.id.desc()).limit(1)).first()
+    return max([(0, ""), *(tuple(row) for row in (head, last) if row is not None)])
 
 
 def entries(connection: Connection) -> list[Entry]:
@@ -50,15 +63,16 @@ def entries(connection: Connection) -> list[Entry]:
 
 
 def first_forged(connection: Connection) -> int | None:
-    """The number of the first entry that was changed, or before which entries are missing; None: the log is whole."""
-    previous = ""
+    """Return the number of the first entry that was changed or is missing; None: the log is whole."""
+    previous, expected = "", 0
     for expected, row in enumerate(connection.execute(select(audit).order_by(audit.c.id)), start=1):
         wanted = _sha256(previous, row.id, row.at.isoformat(), row.actor, row.action, row.detail_hash)
         told = row.detail is None or _sha256(row.salt, row.detail) == row.detail_hash
         if row.id != expected or row.hash != wanted or not told:
             return expected
         previous = row.hash
-    return None
+    head = connection.execute(select(audit_head.c.entries, audit_head.c.hash)).first()
+    return None if (head or (0, "")) == (expected, previous) else expected + 1
 
 
 def forget(connection: Connection, word: str) -> int:

@@ -7,13 +7,14 @@ from urllib.parse import quote
 
 from sqlalchemy.engine import URL
 
+from server.store import private_files
 from server.store.engines import BUSY_TIMEOUT_S, DatabaseDown
 
 
 def copy_to(url: URL, path: Path) -> None:
     """A consistent copy of a SQLite database in a new file, complete or not at all; the server may write meanwhile.
 
-    Raises ValueError for PostgreSQL and for a file that exists, OSError or DatabaseDown when it cannot be written.
+    Raises ValueError for PostgreSQL and for a file that exists, DatabaseDown when it cannot be written.
     """
     if url.get_backend_name() != "sqlite":
         raise ValueError("this copies SQLite files. For PostgreSQL use pg_dump, see docs/guides/backup.md.")
@@ -22,6 +23,7 @@ def copy_to(url: URL, path: Path) -> None:
     making = path.with_name(f".{path.name}.part")
     making.unlink(missing_ok=True)
     try:
+        private_files.make_file(making)  # SQLite fills an empty file
         connection = sqlite3.connect(f"file:{quote(str(url.database))}?mode=ro", timeout=BUSY_TIMEOUT_S, uri=True)
         try:
             connection.execute("VACUUM INTO ?", (str(making.absolute()),))
@@ -32,5 +34,7 @@ def copy_to(url: URL, path: Path) -> None:
         making.replace(path)
     except sqlite3.Error as error:
         raise DatabaseDown(str(error)) from error
+    except OSError as error:
+        raise DatabaseDown(f"cannot write {path}: {error.strerror}") from error
     finally:
         making.unlink(missing_ok=True)

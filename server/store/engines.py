@@ -15,6 +15,8 @@ from sqlalchemy.engine import URL, make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError
 from sqlalchemy.pool import QueuePool
 
+from server.store import private_files
+
 BUSY_TIMEOUT_S = 30
 CONNECT_TIMEOUT_S = 5
 STUCK_S = 5
@@ -62,8 +64,9 @@ def normal_url(url: str) -> URL:
     """The address with its driver. Raises ValueError for one that is neither SQLite in a file nor PostgreSQL."""
     try:
         parsed = make_url(url)
-    except ArgumentError:
-        raise ValueError(f"{url!r} is no database address. {_ADDRESSES}") from None
+    except (ArgumentError, ValueError):  # their texts, and the address itself, may hold a password
+        remedy = "In a password, write / as %2F, @ as %40 and : as %3A."
+        raise ValueError(f"the database address cannot be understood. {_ADDRESSES} {remedy}") from None
     backend = parsed.get_backend_name()
     if backend == "postgresql":
         return parsed.set(drivername="postgresql+psycopg")
@@ -72,6 +75,11 @@ def normal_url(url: str) -> URL:
     if parsed.database in (None, "", ":memory:"):
         raise ValueError("a database in memory would lose every game. Use sqlite:///file.db.")
     return parsed.set(database=str(Path(str(parsed.database)).absolute()))
+
+
+def shown(url: URL) -> str:
+    """Return an address as messages may show it: without a password, wherever it stands."""
+    return url.difference_update_query([name for name in url.query if "pass" in name.lower()]).render_as_string()
 
 
 def is_down(error: BaseException) -> bool:
@@ -221,7 +229,7 @@ class Writer:
             connection = self._engine.connect()
             if self._postgres and not self._locked(connection):
                 connection.close()
-                raise DatabaseInUse(f"another kitchenmind server uses {self._engine.url}. Stop it first.")
+                raise DatabaseInUse(f"another kitchenmind server uses {shown(self._engine.url)}. Stop it first.")
             if self._postgres:
                 problem = encoding_problem(connection)
                 if problem:
@@ -273,10 +281,10 @@ def _lock_file(url: URL) -> IO[str]:
     """Held while the server lives; the system lets go of it when the process dies, however it dies."""
     path = Path(f"{url.database}.lock")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        private_files.make_database(Path(str(url.database)), path)
         file = path.open("a+", encoding="utf-8")
     except OSError as error:
-        raise DatabaseDown(f"cannot open {path}: {error.strerror}") from error
+        raise DatabaseDown(f"cannot open {error.filename or path}: {error.strerror}") from error
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Connection, select
+from sqlalchemy import Connection, func, select
 
 from server.store.tables import events
 
@@ -35,6 +35,15 @@ def add(connection: Connection, *new: Event) -> None:
             for event in new
         ]
         connection.execute(events.insert(), rows)
+
+
+def add_at_most(connection: Connection, new: Event, most: int) -> bool:
+    """Store an event, unless the participant has `most` of its kind already. Returns whether it was stored."""
+    same = (events.c.participant_id == new.participant_id, events.c.kind == new.kind)
+    if connection.execute(select(func.count()).select_from(events).where(*same)).scalar_one() >= most:
+        return False
+    add(connection, new)
+    return True
 
 
 def of_participant(connection: Connection, participant_id: str, kind: str | None = None) -> list[Event]:

@@ -12,7 +12,7 @@ from typing import Any
 import pyarrow as pa
 from sqlalchemy import Connection
 
-from server.store import codebook, dataset, exported, exported_ticks, studies
+from server.store import codebook, dataset, exported, exported_ticks, private_files, studies
 from server.store.codebook import Column, ExportTable
 from server.store.export_files import TABLE_FORMATS, Writer
 from server.store.exported import Rows, Selection
@@ -70,7 +70,7 @@ def export(
         raise ExportRefused(f"{out} is not empty. Choose a new folder, so that nothing old is mixed in.")
     versions = _versions(connection, study)
     chosen = Selection(connection, None if study is None else tuple(version.id for version in versions))
-    out.absolute().parent.mkdir(parents=True, exist_ok=True)
+    private_files.make_folder(out.absolute().parent)
     making = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.absolute().parent))
     try:
         summary = _write(chosen, making, table_formats)
@@ -79,7 +79,6 @@ def export(
 
             summary.rows[trajectories.FOLDER] = trajectories.write(chosen, making)
         dataset.write_about(making, versions, summary.columns, formats)
-        making.chmod(0o755)
         making.replace(out)
     except BaseException:
         shutil.rmtree(making, ignore_errors=True)

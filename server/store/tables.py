@@ -307,6 +307,14 @@ audit = Table(
     CheckConstraint("id > 0", name="counts_from_one"),
 )
 
+audit_head = Table(
+    "audit_head",
+    metadata,
+    column("id", Integer, primary_key=True, autoincrement=False, meaning="Always 1."),
+    column("entries", Integer, meaning="Number of the last entry of the audit log: removed last entries show."),
+    column("hash", _Sha256, meaning="Its hash."),
+)
+
 heartbeat = Table(
     "heartbeat",
     metadata,
@@ -331,6 +339,17 @@ admin_sessions = Table(
     column("blind", Boolean, meaning="True: conditions are not sent to this browser."),
     time("created_at", "Sign-in."),
     time("seen_at", "Last request, to the minute."),
+)
+
+attempts = Table(
+    "attempts",
+    metadata,
+    number("Number of the try."),
+    column("kind", String(32), meaning="What was tried: password, password from a known browser, completion code."),
+    column("name", _Key, meaning="The researcher's account; a hash where there is none; empty for a completion code."),
+    column("origin", _Sha256, meaning="Who tried: a keyed hash of the address, or of the known browser."),
+    time("at", "When. Cleared with the first try more than 15 minutes later."),
+    Index(None, "kind", "name", "at"),
 )
 
 exclusions = Table(

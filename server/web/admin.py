@@ -4,20 +4,23 @@ from typing import Any
 
 from fastapi import APIRouter, HTTPException, Request, Response
 
-from server.store import admins, audit, decisions, overview
+from server.store import admins, attempts, audit, decisions, overview
 from server.store.overview import Played
 from server.study.plan import Study
-from server.web import admin_auth, course
-from server.web.admin_auth import ActDep, AdminFormDep, OwnDep, Tries, WatchDep
+from server.web import admin_auth, course, guessing
+from server.web.admin_auth import ActDep, AdminFormDep, OwnDep, WatchDep
 from server.web.admin_page import AdminPage, arm_names, back_to, own_path, study_at
 from server.web.deps import Web, WebDep
 from server.web.figures import step_name, way_of
 from server.web.flow import arms_of, flow_of, stock
-from server.web.forms import first
+from server.web.forms import Form, first
+from server.web.guessing import Busy, Hashing
 from server.web.live import who
 
 router = APIRouter(prefix="/admin")
 AUDIT_SHOWN = 500
+BUSY_S = 5
+_WINDOW_MIN = round(attempts.WINDOW.total_seconds() / 60)
 
 
 @router.get("/login")
@@ -28,28 +31,31 @@ async def login_page(request: Request) -> Response:
 
 @router.post("/login")
 async def login(request: Request, web: WebDep, form: AdminFormDep) -> Response:
-    """A new session, whatever session there was; too many wrong tries have to wait."""
-    tries: Tries = request.app.state.tries
-    name, address = first(form, "name")[:128], request.client.host if request.client else "?"
-    page = AdminPage(request)
-    if tries.left(name, address) == 0:
-        words = "Too many wrong tries. Wait a quarter of an hour."
-        response = page.render("login.html", 429, next=first(form, "next"), wrong=words)
-        response.headers["Retry-After"] = str(int(admin_auth.WINDOW_S))
-        return response
-    before = await admin_auth.session_of(request)
-    token = await admin_auth.sign_in(web, name, first(form, "password")[:200])
-    if token is None:
-        tries.fail(name, address)
-        left = tries.left(name, address)
-        words = f"Wrong name or password. {left} {'try' if left == 1 else 'tries'} left."
-        return page.render("login.html", 401, next=first(form, "next"), wrong=words)
-    if before is not None:
-        await web.database.write(admins.close_session, before.token_hash)
-    await web.database.write(audit.add, name, "sign in")
+    """A new session, whatever session there was; too many wrong passwords have to wait."""
+    name = first(form, "name")[:128]
+    hashing: Hashing = request.app.state.hashing
+    try:
+        outcome, stored = await admin_auth.sign_in(web, hashing, request, name, first(form, "password")[:200])
+    except Busy:
+        return _login_refused(request, form, 429, "Too many people are signing in. Try again in a moment.", BUSY_S)
+    if outcome.left is None:
+        words = f"Too many wrong passwords. Try again in {_WINDOW_MIN} minutes."
+        return _login_refused(request, form, 429, words, _WINDOW_MIN * 60)
+    if not outcome.right or stored is None:
+        words = f"Wrong name or password. {outcome.left} {'try' if outcome.left == 1 else 'tries'} left."
+        return _login_refused(request, form, 401, words)
+    token = await admin_auth.begin_session(web, name, await admin_auth.session_of(request))
     signed_in = back_to(own_path(first(form, "next")))
     admin_auth.set_cookie(signed_in, token, secure=web.guard.secure)
+    guessing.remember_browser(web, signed_in, name, stored)
     return signed_in
+
+
+def _login_refused(request: Request, form: Form, status: int, words: str, wait_s: int = 0) -> Response:
+    response = AdminPage(request).render("login.html", status, next=first(form, "next"), wrong=words)
+    if wait_s:
+        response.headers["Retry-After"] = str(wait_s)
+    return response
 
 
 @router.post("/logout")

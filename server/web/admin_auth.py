@@ -1,34 +1,28 @@
 """Who of the researchers is asking: their cookie, what their role allows, forms of their own, and tries to sign in."""
 
-import asyncio
 import hashlib
 import secrets
-import time
-from collections import OrderedDict
 from collections.abc import Callable, Coroutine
-from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Annotated, Any
 from urllib.parse import quote
 
 from fastapi import Depends, HTTPException, Request, Response
+from sqlalchemy import Connection
 from starlette.requests import HTTPConnection
 
-from server.store import admins
+from server.store import admins, audit
 from server.store.admins import AdminSession
 from server.store.database import Database
+from server.web import guessing
 from server.web.auth import cookie_name
 from server.web.deps import Web, WebDep
 from server.web.forms import Form, read_form
-from server.web.passwords import is_right
+from server.web.guessing import Hashing, Outcome
 
 COOKIE = "researcher"
 PATH = "/admin"
-TRIES = 5  # of a name from an address, or three times as many of an address or a name alone
-WINDOW_S = 15 * 60.0
 NOBODY = "a researcher who is not signed in"
-_MOST_REMEMBERED = 10_000
-_checking = asyncio.Semaphore(2)  # each check takes 64 MiB
 
 
 def token_hash(token: str) -> str:
@@ -92,42 +86,30 @@ def form_session(request: Request) -> str:
 # Signing in and out
 
 
-@dataclass
-class Tries:
-    """Failed tries to sign in, in memory: who fails too often waits."""
-
-    failed: "OrderedDict[str, list[float]]" = field(default_factory=OrderedDict)
-
-    def left(self, name: str, address: str) -> int:
-        """How many more tries this name has from this address; 0: none for now."""
-        now = time.monotonic()
-        limits = ((f"{address}\n{name}", TRIES), (f"{address}\n", 3 * TRIES), (f"\n{name}", 3 * TRIES))
-        return max(0, min(limit - self._recent(key, now) for key, limit in limits))
-
-    def fail(self, name: str, address: str) -> None:
-        now = time.monotonic()
-        for key in (f"{address}\n{name}", f"{address}\n", f"\n{name}"):
-            self.failed.setdefault(key, []).append(now)
-            self.failed.move_to_end(key)
-        while len(self.failed) > _MOST_REMEMBERED:
-            self.failed.popitem(last=False)
-
-    def _recent(self, key: str, now: float) -> int:
-        times = [at for at in self.failed.get(key, ()) if now - at < WINDOW_S]
-        if key in self.failed:
-            self.failed[key] = times
-        return len(times)
-
-
-async def sign_in(web: Web, name: str, password: str) -> str | None:
-    """A new session's token; None for a wrong name or password."""
+async def sign_in(
+    web: Web, hashing: Hashing, connection: HTTPConnection, name: str, password: str
+) -> tuple[Outcome, str | None]:
+    """Check name and password. Returns what came of it, and the stored hash of an account. Raises guessing.Busy."""
     stored = await web.database.read(admins.password_hash_of, name)
-    async with _checking:
-        right = await asyncio.to_thread(is_right, password, stored)
-    if not right:
-        return None
+    origin = guessing.known_browser(web, connection, name, stored)
+    if origin is None:
+        origin = guessing.stranger(web, connection, guessing.PASSWORD)
+    counted = name if stored is not None else guessing.keyed(web, "name", name)  # it may be a password, typed too early
+    with hashing.place(origin):
+        return await guessing.guarded(web, origin, counted, lambda: hashing.is_right(password, stored)), stored
+
+
+async def begin_session(web: Web, name: str, before: AdminSession | None) -> str:
+    """Return the token of a new session, which replaces `before`. One transaction, with its line in the audit log."""
     token = secrets.token_urlsafe(32)
-    await web.database.write(admins.open_session, name, token_hash(token), datetime.now(UTC))
+
+    def begin(connection: Connection) -> None:
+        if before is not None:
+            admins.close_session(connection, before.token_hash)
+        admins.open_session(connection, name, token_hash(token), datetime.now(UTC))
+        audit.add(connection, name, "sign in")
+
+    await web.database.write(begin)
     return token
 
 

@@ -31,10 +31,10 @@ async def export(request: Request, name: str, admin: ActDep, web: WebDep, form: 
         raise HTTPException(409, "an export tells the conditions: turn blind mode off first")
     if _one_at_a_time.locked():
         raise HTTPException(503, "another export is being made", {"Retry-After": "30"})
-    await web.database.write(audit.add, admin.name, "export", {"study": name})
     database: str = request.app.state.settings.database
-    folder = tempfile.TemporaryDirectory(prefix="kitchenmind-export-")
-    async with _one_at_a_time:
+    async with _one_at_a_time:  # taken before anything else is awaited
+        await web.database.write(audit.add, admin.name, "export", {"study": name})
+        folder = tempfile.TemporaryDirectory(prefix="kitchenmind-export-")
         try:
             archive = await _make(Path(folder.name), name, database)
         except BaseException:

@@ -1,5 +1,8 @@
 """Security headers on every answer: nothing from elsewhere, no code inside a page, no frame around it."""
 
+import re
+from typing import Final
+
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -16,11 +19,19 @@ _FIXED = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "camera=(), microphone=(), geolocation=(), payment=(), usb=()",
 }
+_SAME_FOR_ALL: Final = "/static/"
 _YEAR_S = 365 * 24 * 3600
+_HOST: Final = r"(?:[A-Za-z0-9_-]+(?:\.[A-Za-z0-9_-]+)*\.?|\[[0-9A-Fa-f:.]+\])(?::[0-9]{1,5})?"
+_PLAIN_HOST: Final = re.compile(_HOST)
+_ORIGIN: Final = re.compile(rf"https?://(?:\*\.)?{_HOST}")
+_NOBODY: Final = "'none'"
 
 
 class SecurityHeaders:
-    """Middleware. `secure`: the public address is https, so browsers shall never ask without TLS again."""
+    """Middleware. `secure`: the public address is https, so browsers shall never ask without TLS again.
+
+    No answer is kept by a cache, but files of ours that are the same for everybody.
+    """
 
     def __init__(self, app: ASGIApp, secure: bool = False) -> None:
         self._app = app
@@ -38,6 +49,8 @@ class SecurityHeaders:
                 headers = MutableHeaders(scope=message)
                 for name, value in security_headers(headers_of_request.get("host", ""), self._secure).items():
                     headers.setdefault(name, value)
+                if not scope["path"].startswith(_SAME_FOR_ALL):
+                    headers.setdefault("Cache-Control", "no-store")
             await send(message)
 
         await self._app(scope, receive, send_with_headers)
@@ -49,11 +62,26 @@ def security_headers(host: str, secure: bool) -> dict[str, str]:
     return headers | ({"Strict-Transport-Security": f"max-age={_YEAR_S}"} if secure else {})
 
 
-def policy(host: str, secure: bool, form_to: str = "", framed_by: str = "'none'") -> dict[str, str]:
-    """The page's own policy. A recruiter may get its form (`form_to`) or show the page in a frame (`framed_by`, which
-    browsers heed rather than X-Frame-Options)."""
+def policy(host: str, secure: bool, form_to: str = "", framed_by: str = _NOBODY) -> dict[str, str]:
+    """Return the page's own content security policy.
+
+    A recruiter may get its form (`form_to`) or show the page in a frame (`framed_by`, which browsers heed rather than
+    X-Frame-Options). Raises ValueError for anything that is not a plain origin: a policy is one line of text, so a
+    space or a semicolon in a value would rewrite the rest of it.
+    """
     # Some browsers do not count a websocket of our own address as 'self'.
-    plain = all(letter.isalnum() or letter in ".-:[]" for letter in host)
-    sockets = f" {'wss' if secure else 'ws'}://{host}" if host and plain else ""
-    forms = f" {form_to}" if form_to else ""
-    return {"Content-Security-Policy": _POLICY.format(sockets=sockets, forms=forms, framed_by=framed_by)}
+    sockets = f" {'wss' if secure else 'ws'}://{host}" if is_plain_host(host) else ""
+    forms = f" {_origin(form_to)}" if form_to else ""
+    frames = framed_by if framed_by == _NOBODY else _origin(framed_by)
+    return {"Content-Security-Policy": _POLICY.format(sockets=sockets, forms=forms, framed_by=frames)}
+
+
+def is_plain_host(host: str) -> bool:
+    """Return whether it is a host name or address, perhaps with a port, and nothing else."""
+    return _PLAIN_HOST.fullmatch(host) is not None
+
+
+def _origin(value: str) -> str:
+    if _ORIGIN.fullmatch(value) is None:
+        raise ValueError("a content security policy takes plain origins only, like https://www.example.org")
+    return value

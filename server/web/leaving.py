@@ -3,22 +3,16 @@
 from fastapi import APIRouter, Request, Response
 
 from server.store import overview, withdrawal
+from server.store.participants import Participant
 from server.study.plan import Outcome
-from server.web import walk
+from server.web import guessing, walk
 from server.web.actions import ControlDep
-from server.web.admin_auth import Tries
 from server.web.auth import forget_cookie
-from server.web.deps import FormDep, OpenStudy, OpenStudyDep, Page, ParticipantDep, WebDep, page
+from server.web.deps import FormDep, OpenStudy, OpenStudyDep, Page, ParticipantDep, Web, WebDep, page
 from server.web.forms import first
 from server.web.recruiting import recruitment_of, way_back
 
 router = APIRouter(prefix="/s/{name}")
-
-
-def _tries_of(request: Request) -> tuple[Tries, str]:
-    """Wrong codes of the last quarter of an hour, and whose count: the address's, as a code has no name."""
-    tries: Tries = request.app.state.code_tries
-    return tries, request.client.host if request.client else "?"
 
 
 @router.get("/declined")
@@ -55,13 +49,12 @@ async def withdraw(
     """Deletes everything about the participant; a count remains. Whoever guesses codes has to wait."""
     code = first(form, "code").strip().upper()
     made = page(request, web, opened.study, participant)
-    tries, address = _tries_of(request)
-    if participant is None and not tries.left(address, address):
-        return made.render("participant/withdraw.html", 429, code=code, wrong="wait")
-    leaving = participant or await web.database.read(walk.by_code, web.studies, opened.study.name, code)
+    leaving = participant
     if leaving is None:
-        tries.fail(address, address)
-        return made.render("participant/withdraw.html", 422, code=code, wrong="code_wrong")
+        outcome, leaving = await _by_code(request, opened, web, code)
+        if leaving is None:
+            status, wrong = (429, "wait") if outcome.left is None else (422, "code_wrong")
+            return made.render("participant/withdraw.html", status, code=code, wrong=wrong)
     played = await web.database.read(overview.played_by, leaving.id)
     await control.end_all([one.id for one in played])  # a running game would go on writing
     await web.database.write(withdrawal.withdraw, leaving.id)
@@ -70,3 +63,18 @@ async def withdraw(
     if participant is not None:
         forget_cookie(response, opened.study.name, secure=web.guard.secure)
     return response
+
+
+async def _by_code(
+    request: Request, opened: OpenStudy, web: Web, code: str
+) -> tuple[guessing.Outcome, Participant | None]:
+    """Whose completion code it is. A code has no name, so wrong ones are counted by address alone."""
+    found: Participant | None = None
+
+    async def look() -> bool:
+        nonlocal found
+        found = await web.database.read(walk.by_code, web.studies, opened.study.name, code)
+        return found is not None
+
+    outcome = await guessing.guarded(web, guessing.stranger(web, request, guessing.CODE), "", look)
+    return outcome, found

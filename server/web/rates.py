@@ -13,6 +13,7 @@ from fastapi import HTTPException
 from starlette.requests import HTTPConnection
 
 from server.play.budget import Budget
+from server.web.addresses import HERE, address_of
 from server.web.auth import token_of
 
 PER_S: Final = 10.0  # of one participant
@@ -20,7 +21,6 @@ BURST: Final = 100.0
 ADDRESS_PER_S: Final = 100.0  # of all behind one address
 ADDRESS_BURST: Final = 2000.0
 _MOST_REMEMBERED: Final = 10_000
-_HERE: Final = frozenset({"127.0.0.1", "::1"})
 
 
 class Rates:
@@ -44,8 +44,8 @@ async def keep_to_the_rate(connection: HTTPConnection) -> None:
     if connection.scope["type"] != "http":
         return
     rates: Rates = connection.app.state.rates
-    address, token = connection.client.host if connection.client else "?", token_of(connection)
-    allowed = address in _HERE or rates.spend(f"address {address}", ADDRESS_PER_S, ADDRESS_BURST)
+    address, token = address_of(connection), token_of(connection)
+    allowed = address in HERE or rates.spend(f"address {address}", ADDRESS_PER_S, ADDRESS_BURST)
     if token is not None:
         who = hashlib.sha256(token.encode()).hexdigest()
         allowed = rates.spend(who, PER_S, BURST) and allowed

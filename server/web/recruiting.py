@@ -1,12 +1,18 @@
 """What a recruiter's link brings and what goes back: parameters in, an address or a form out. Knows no database."""
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
-from urllib.parse import quote, urlsplit
+from typing import Final
+from urllib.parse import quote
 
 from server.study.plan import Outcome, Recruitment
 
+log = logging.getLogger(__name__)
 LONGEST_PARAMETER = 128
+MTURK_HOME: Final = "turkSubmitTo"
+# Everything that MTurk puts into `turkSubmitTo`. The value comes with the link, so it only selects one of these.
+MTURK_ORIGINS: Final = ("https://www.mturk.com", "https://workersandbox.mturk.com", "https://worker.mturk.com")
 PREVIEW = "ASSIGNMENT_ID_NOT_AVAILABLE"  # what MTurk says to somebody who only looks
 
 
@@ -17,11 +23,25 @@ class WayBack:
     url: str
     fields: Mapping[str, str] | None = None
 
+    @property
+    def origin(self) -> str:
+        """The scheme and host of `url`."""
+        return "/".join(self.url.split("/", 3)[:3])
+
 
 def recruitment_of(recruitment: Recruitment, given: Mapping[str, str]) -> tuple[str | None, dict[str, str]]:
-    """The person's id and the other parameters that the study keeps, from a link's query or a form."""
+    """Return the person's id and the other parameters that the study keeps, from a link's query or a form.
+
+    A `turkSubmitTo` that does not name MTurk counts as missing.
+    """
     person = _parameter(given, recruitment.person_parameter)
     extra = {name: value for name in recruitment.extra_parameters if (value := _parameter(given, name))}
+    if MTURK_HOME in extra:
+        origin = mturk_origin(extra.pop(MTURK_HOME))
+        if origin is not None:
+            extra[MTURK_HOME] = origin
+        else:
+            log.warning("a link with a turkSubmitTo that is not an address of MTurk was opened: the value is ignored")
     return person, extra
 
 
@@ -46,20 +66,19 @@ def way_back(recruitment: Recruitment, outcome: Outcome, values: Mapping[str, st
     url = leave_url(outcome, values)
     if url is not None:
         return WayBack(url)
-    assignment, home = values.get("assignmentId", PREVIEW), values.get("turkSubmitTo", "")
+    assignment, home = values.get("assignmentId", PREVIEW), mturk_origin(values.get(MTURK_HOME, ""))
     if recruitment.source != "mturk" or outcome is not recruitment.completed or assignment == PREVIEW:
         return None
-    if not _is_mturk(home):
+    if home is None:
         return None
     fields = {"assignmentId": assignment, "code": values.get("code", "")}
-    return WayBack(f"{home.rstrip('/')}/mturk/externalSubmit", fields)
+    return WayBack(f"{home}/mturk/externalSubmit", fields)
 
 
-def _is_mturk(address: str) -> bool:
-    """The address comes with the link, so it is held to be MTurk's only if it is."""
-    parts = urlsplit(address)
-    own = parts.hostname is not None and f".{parts.hostname}".endswith(".mturk.com")
-    return own and address.rstrip("/") == f"https://{parts.hostname}"
+def mturk_origin(address: str) -> str | None:
+    """Return the one of MTURK_ORIGINS that the address names as a whole, or None."""
+    wanted = address.lower().removesuffix("/")
+    return next((origin for origin in MTURK_ORIGINS if origin == wanted), None)
 
 
 def _parameter(given: Mapping[str, str], name: str | None) -> str | None:

@@ -25,6 +25,8 @@ log = logging.getLogger(__name__)
 BEAT_EVERY_S: Final = 0.25
 MOST_OF_ONE: Final = 8  # sockets of one participant
 MOST_REFUSED: Final = 20  # bad messages on one socket
+TROUBLES_PER_S: Final = 1 / 60  # of one participant that are passed on
+TROUBLES_BURST: Final = 10.0
 UNBOUNDED_PER_S: Final = 1e9
 _BUDGETS_KEPT: Final = 10_000
 
@@ -135,6 +137,7 @@ class Sockets:
         self._games, self._find, self.is_ours, self._report, self._room = games, find, is_ours, report, room
         self._open: dict[PlayerSocket, None] = {}  # oldest first
         self._budgets: dict[str, Budget] = {}
+        self._troubles: dict[str, Budget] = {}
         self._heart: asyncio.Task[None] | None = None
 
     def __len__(self) -> int:
@@ -182,6 +185,11 @@ class Sockets:
         for one in own[:-MOST_OF_ONE]:
             one.close(ABUSE, "too many connections")
 
+    def dismiss(self, participant: str, reason: str) -> None:
+        """Close every socket of a participant for good."""
+        for one in [one for one in self._open if one.player.participant == participant]:
+            one.close(ABUSE, reason)
+
     @staticmethod
     async def _settle(writer: asyncio.Task[None], mine: PlayerSocket) -> None:
         """The last words may still go out, but nobody waits long for a dead peer."""
@@ -195,6 +203,8 @@ class Sockets:
             for mine in list(self._open):
                 if mine.outlet.beat(now) and mine.reader is not None:
                     mine.reader.cancel()
+            if len(self._troubles) > _BUDGETS_KEPT:
+                self._troubles = {who: one for who, one in self._troubles.items() if not one.is_full(now)}
             if len(self._budgets) > _BUDGETS_KEPT:
                 self._budgets = {mine.player.participant: self._budgets[mine.player.participant] for mine in self._open}
 
@@ -221,9 +231,7 @@ class Sockets:
             case messages.Hello():
                 return await self._hello(message, game, mine)
             case messages.Trouble():
-                log.info("trouble in a browser: %r", message.text)
-                if self._report is not None:
-                    await self._report(mine.player.participant, message.text)
+                await self._trouble(mine.player.participant, message.text)
             case messages.Pong():
                 pass  # late, or an answer to nothing: of no use, of no harm
             case _ if game is None:
@@ -231,6 +239,16 @@ class Sockets:
             case _:
                 game.receive(mine.player.seat, mine, message)
         return game
+
+    async def _trouble(self, participant: str, text: str) -> None:
+        """Pass on a problem in a browser. A page that breaks on every frame says it over and over: a few are enough."""
+        now = time.monotonic()
+        budget = self._troubles.setdefault(participant, Budget(now, 1.0, TROUBLES_PER_S, TROUBLES_BURST))
+        if not budget.spend(now):
+            return
+        log.info("trouble in a browser: %r", text)
+        if self._report is not None:
+            await self._report(participant, text)
 
     async def _hello(self, hello: messages.Hello, game: Game | None, mine: PlayerSocket) -> Game | None:
         player = mine.player

@@ -53,7 +53,7 @@ async def render_step(page: Page, participant: Participant, filled: Filled | Non
     response = page.render(f"participant/{template}.html", status, **base)
     back = base.get("back")
     if back is not None and back.fields is not None:
-        page.allow(response, form_to=back.url)
+        page.allow(response, form_to=back.origin)
     return response
 
 

@@ -15,13 +15,16 @@ from server.play.session import VIEWER
 from server.play.spec import EpisodeSpec
 from server.study.locale import best_language, languages
 from server.study.plan import Agent, Condition, Kitchen, Study
+from server.web.addresses import HERE, address_of
 from server.web.deps import WebDep, page
 from server.web.episodes import layout_of, models_of, predictor_of
 from server.web.socket import IsOurs, Player, Sockets
 from server.web.studies import Studies
 
 MOST_GAMES: Final = 12  # so that onlookers never take the time of participants
+MOST_OF_ONE_ADDRESS: Final = 4  # not counted on this machine
 HORIZON: Final = 400
+_EPISODE: Final = "kitchenmind.watched"  # in the scope of a socket: the game that was made for it
 _SHOWN: Final = Condition(name="watch", predictor="tom")
 
 
@@ -66,13 +69,21 @@ class Unstored:
     async def end(self, result: EpisodeResult) -> None: ...
 
 
+@dataclass
+class Onlooker:
+    """Somebody who has a socket open. `spec`: the game that was chosen, until it is opened."""
+
+    address: str
+    spec: EpisodeSpec | None
+
+
 class Demonstrations:
-    """The games that are only watched."""
+    """The games that are only watched. Each has one onlooker, and ends when that socket closes."""
 
     def __init__(self, make: Callable[[Recorder, Load], Games], studies: Studies, is_ours: IsOurs) -> None:
         """`make`: games with the server's clock and models, and a recorder and a reader of their own."""
         self._studies = studies
-        self._specs: dict[str, EpisodeSpec] = {}  # made, not yet opened
+        self._onlookers: dict[str, Onlooker] = {}  # by episode, those who came first first
         self.games = make(Unstored(), self._load)
         self.sockets = Sockets(self.games, self._find, is_ours)
 
@@ -120,16 +131,52 @@ class Demonstrations:
         given = connection.query_params
         marks = int(given.get("marks") == "1")
         wish = wish_of(given.get("kitchen", ""), given.get("first", ""), given.get("second", ""), marks)
-        spec = self.spec(wish, language) if len(self.games) + len(self._specs) < MOST_GAMES else None
-        if spec is None:
+        spec, address = self.spec(wish, language), address_of(connection)
+        if spec is None or not self._make_room(address):
             return None
         episode = f"watch-{secrets.token_hex(8)}"
-        self._specs[episode] = spec
+        self._onlookers[episode] = Onlooker(address, spec)
+        connection.scope[_EPISODE] = episode
         return Player(episode, episode, VIEWER, "/watch")
 
+    async def serve(self, socket: WebSocket, language: str) -> None:
+        """Show one game from handshake to close; nothing of it is left afterwards, whatever the socket did."""
+        try:
+            await self.sockets.serve(socket, language)
+        finally:
+            self._end(socket.scope.get(_EPISODE, ""))
+
+    def _make_room(self, address: str) -> bool:
+        """Whether there is a place. If all are taken, the onlooker who has watched no running game longest leaves."""
+        own = [episode for episode, one in self._onlookers.items() if one.address == address]
+        if address not in HERE and len(own) >= MOST_OF_ONE_ADDRESS:
+            candidates = own
+        elif len(self._onlookers) >= MOST_GAMES:
+            candidates = list(self._onlookers)
+        else:
+            return True
+        idle = next((episode for episode in candidates if not self._moves(episode)), None)
+        if idle is not None:
+            self.sockets.dismiss(idle, "somebody else wants to watch")
+            self._end(idle)
+        return idle is not None
+
+    def _moves(self, episode: str) -> bool:
+        game = self.games.get(episode)
+        return game is not None and game.session.moving
+
+    def _end(self, episode: str) -> None:
+        self._onlookers.pop(episode, None)
+        game = self.games.get(episode)
+        if game is not None:
+            self.games.abort(game, "left")
+
     async def _load(self, episode: str) -> EpisodeRecord | None:
-        spec = self._specs.pop(episode, None)
-        return None if spec is None else EpisodeRecord(episode, (None, None), spec, (), None, "new", 0.0)
+        onlooker = self._onlookers.get(episode)
+        if onlooker is None or onlooker.spec is None:
+            return None
+        spec, onlooker.spec = onlooker.spec, None
+        return EpisodeRecord(episode, (None, None), spec, (), None, "new", 0.0)
 
 
 router = APIRouter()
@@ -160,4 +207,4 @@ async def watch(socket: WebSocket) -> None:
     language = (
         wanted if wanted in languages() else best_language(socket.headers.get("accept-language", ""), languages())
     )
-    await demonstrations.sockets.serve(socket, language)
+    await demonstrations.serve(socket, language)

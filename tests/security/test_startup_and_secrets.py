@@ -6,6 +6,7 @@ import re
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from secrets import token_hex, token_urlsafe
 
 import httpx
 import pytest
@@ -17,6 +18,7 @@ from real_server import RealServer
 from sqlalchemy import select
 from witness import Witness
 
+import kitchenmind
 from server.settings import Settings
 from server.store import admins, audit, engines
 from server.store.admins import IDLE, LONGEST
@@ -43,6 +45,35 @@ def settings(**values: object) -> Settings:
         ({"secret": STRONG, "public_url": ""}, "KITCHENMIND_PUBLIC_URL"),
         ({"secret": STRONG, "public_url": "http://lab.example.org"}, "KITCHENMIND_PUBLIC_URL"),
         ({"secret": STRONG, "public_url": PUBLIC, "speed": 2.0}, "KITCHENMIND_SPEED"),
+        ({"secret": "12345678901234567890123456789012", "public_url": PUBLIC}, "KITCHENMIND_SECRET"),
+        ({"secret": "98765432109876543210987654321098", "public_url": PUBLIC}, "KITCHENMIND_SECRET"),
+        ({"secret": "abcdefghijklmnopqrstuvwxyz123456", "public_url": PUBLIC}, "KITCHENMIND_SECRET"),
+        ({"secret": "0123456789abcdef0123456789abcdef", "public_url": PUBLIC}, "KITCHENMIND_SECRET"),
+        ({"secret": "Ab3$xY9!" * 4, "public_url": PUBLIC}, "KITCHENMIND_SECRET"),
+        ({"secret": "change-me-please-this-is-secret-1", "public_url": PUBLIC}, "KITCHENMIND_SECRET"),
+        ({"secret": STRONG, "public_url": "https://"}, "KITCHENMIND_PUBLIC_URL"),
+        ({"secret": STRONG, "public_url": "https://[x"}, "KITCHENMIND_PUBLIC_URL"),
+        ({"secret": STRONG, "public_url": "https://lab.example.org/study"}, "KITCHENMIND_PUBLIC_URL"),
+        ({"secret": STRONG, "public_url": "https://me:pw@lab.example.org"}, "KITCHENMIND_PUBLIC_URL"),
+        ({"secret": STRONG, "public_url": "https://lab.example.org:99999"}, "KITCHENMIND_PUBLIC_URL"),
+        ({"secret": STRONG, "public_url": "http://localhost", "host": "0.0.0.0"}, "KITCHENMIND_PUBLIC_URL"),
+        ({"secret": STRONG, "public_url": "http://127.0.0.1:8000", "host": "::"}, "KITCHENMIND_PUBLIC_URL"),
+        ({"secret": STRONG, "public_url": PUBLIC, "metrics_token": "x"}, "KITCHENMIND_METRICS_TOKEN"),
+        ({"secret": STRONG, "public_url": PUBLIC, "metrics_token": ""}, "KITCHENMIND_METRICS_TOKEN"),
+        ({"secret": STRONG, "public_url": PUBLIC, "metrics_token": "1234567890123456"}, "KITCHENMIND_METRICS_TOKEN"),
+        *(
+            ({"secret": STRONG, "public_url": PUBLIC, "trusted_proxies": proxies}, "KITCHENMIND_TRUSTED_PROXIES")
+            for proxies in (
+                "*",
+                "127.0.0.1,*",
+                "0.0.0.0/0",
+                "::/0",
+                "0.0.0.0/1,128.0.0.0/1",
+                "172.28.57.1/24",
+                "proxy",
+                "",
+            )
+        ),
     ],
 )
 def test_production_refuses_to_start_with_what_is_not_safe(
@@ -56,6 +87,32 @@ def test_production_refuses_to_start_with_what_is_not_safe(
 
 def test_production_starts_with_a_secret_and_tls_in_front() -> None:
     assert settings(mode="production", secret=STRONG, public_url=PUBLIC, host="0.0.0.0").mode == "production"
+
+
+@pytest.mark.parametrize(
+    "secret", [token_hex(16), token_hex(32), token_urlsafe(32), "grüner Tee, zwölf Löffel & ein Keks"]
+)
+def test_production_takes_random_secrets(secret: str) -> None:
+    proxies = "127.0.0.1, ::1, 172.28.57.0/24, 10.0.0.0/8"
+    taken = settings(
+        mode="production", secret=secret, public_url=f"{PUBLIC}:8443/", metrics_token=secret, trusted_proxies=proxies
+    )
+    assert taken.secret is not None
+    assert taken.secret.get_secret_value() == secret
+
+
+@pytest.mark.parametrize("command", [["admin", "list"], ["serve"], ["doctor"], ["verify"], ["export", "--out", "x"]])
+def test_a_setting_that_is_refused_tells_no_secret(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, command: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("KITCHENMIND_MODE", "production")
+    monkeypatch.setenv("KITCHENMIND_SECRET", "hunter2hunter2")
+    monkeypatch.setenv("KITCHENMIND_DATABASE", "postgresql://kitchenmind:hunter3hunter3@192.0.2.1/x")
+    assert kitchenmind.main(command) == 2
+    said = capsys.readouterr().err
+    assert "KITCHENMIND_SECRET" in said
+    assert "hunter" not in said
 
 
 def test_without_production_nobody_else_can_reach_the_server() -> None:

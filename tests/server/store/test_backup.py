@@ -1,4 +1,6 @@
+import os
 import shutil
+import stat
 import subprocess
 import threading
 from pathlib import Path
@@ -22,6 +24,16 @@ def database(tmp_path: Path) -> Database:
 
 def backup(database: Database, path: Path) -> int:
     return kitchenmind.main(["backup", "--database", database.url.render_as_string(), "--to", str(path)])
+
+
+def test_backup_is_for_its_owner_only(database: Database, tmp_path: Path) -> None:
+    before = os.umask(0)
+    try:
+        assert backup(database, tmp_path / "copy.db") == 0
+    finally:
+        os.umask(before)
+        database.close()
+    assert stat.S_IMODE((tmp_path / "copy.db").stat().st_mode) == 0o600
 
 
 def test_backup_taken_while_the_server_writes_is_one_good_state(database: Database, tmp_path: Path) -> None:

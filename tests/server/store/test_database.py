@@ -1,5 +1,8 @@
 import asyncio
+import os
+import stat
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import psycopg
@@ -11,7 +14,7 @@ from sqlalchemy import Connection, create_engine, event, func, select, text
 
 from server.store import studies
 from server.store.database import Database, DatabaseDown, DatabaseInUse
-from server.store.engines import normal_url
+from server.store.engines import normal_url, shown
 from server.store.migrate import DatabaseTooNew, migrate, migrate_shared, newest_revision
 from server.store.tables import metadata
 from server.store.tables import studies as study_table
@@ -143,6 +146,65 @@ def test_read_only_database_refuses_to_write_and_takes_no_lock(database: Databas
 def test_address_of_something_else_is_refused_with_the_remedy(address: str) -> None:
     with pytest.raises(ValueError, match="Use sqlite:///"):
         Database(address)
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "postgresql:/kitchenmind:hunter2@host/name",
+        "kitchenmind:hunter2@host/name",
+        "postgresql://kitchenmind:1hunter2@host:port/name",
+        "mysql://root:hunter2@host/name",
+    ],
+)
+def test_address_that_is_not_understood_is_not_shown_as_it_may_hold_a_password(address: str) -> None:
+    with pytest.raises(ValueError, match="Use sqlite:///") as refused:
+        normal_url(address)
+    assert "hunter" not in str(refused.value)
+
+
+def test_addresses_are_shown_without_their_password_wherever_it_stands() -> None:
+    for address in (
+        "postgresql://ada:hunter2@host/name",
+        "postgresql://ada@host/name?password=hunter2&sslmode=require",
+    ):
+        assert "hunter" not in shown(normal_url(address))
+    assert shown(normal_url("postgresql://ada@host/name?sslmode=require")).endswith("ada@host/name?sslmode=require")
+
+
+@pytest.fixture
+def loose() -> Iterator[None]:
+    before = os.umask(0)
+    yield
+    os.umask(before)
+
+
+def rights(path: Path) -> int:
+    return stat.S_IMODE(path.stat().st_mode)
+
+
+@pytest.mark.usefixtures("loose")
+def test_files_of_a_database_are_for_its_owner_only(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path}/new/deeper/study.db"
+    migrate(url)
+    with Database(url) as database:
+        database.write_now(studies.register, "ring", "text")
+        database.read_now(how_many)
+        files = {path.name: rights(path) for path in (tmp_path / "new" / "deeper").iterdir()}
+        assert files == dict.fromkeys(("study.db", "study.db-wal", "study.db-shm", "study.db.lock"), 0o600)
+    assert [rights(tmp_path / "new"), rights(tmp_path / "new" / "deeper")] == [0o700, 0o700]
+
+
+@pytest.mark.usefixtures("loose")
+def test_files_that_everybody_could_read_are_taken_back_and_those_of_a_group_stay(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path}/study.db"
+    migrate(url)
+    (tmp_path / "study.db").chmod(0o644)
+    with Database(url):
+        assert rights(tmp_path / "study.db") == 0o600
+    (tmp_path / "study.db").chmod(0o660)
+    with Database(url):
+        assert rights(tmp_path / "study.db") == 0o660
 
 
 @pytest.mark.postgres

@@ -2,7 +2,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
-from sqlalchemy import Connection, func, select, update
+from sqlalchemy import Connection, delete, func, select, update
 from sqlalchemy.exc import DBAPIError
 from study_data import fill, new_participant
 
@@ -198,11 +198,60 @@ def test_audit_log_shows_a_changed_and_a_missing_entry(database: Database) -> No
     assert database.read_now(audit.first_forged) == 3
 
 
-@pytest.mark.parametrize("statement", ["DELETE FROM audit", "UPDATE audit SET actor = 'nobody'"])
+@pytest.mark.parametrize("kept", [0, 1, 3], ids=["all", "most", "the last"])
+def test_audit_log_shows_that_its_last_entries_are_missing(database: Database, kept: int) -> None:
+    for number in range(4):
+        database.write_now(audit.add, "anna", "pause_game", {"number": number})
+
+    def forge(connection: Connection) -> None:
+        if connection.dialect.name == "sqlite":
+            connection.exec_driver_sql("DROP TRIGGER audit_keeps_entries")
+        else:
+            connection.exec_driver_sql("ALTER TABLE audit DISABLE TRIGGER ALL")
+        connection.execute(delete(audit_table).where(audit_table.c.id > kept))
+
+    database.write_now(forge)
+    assert database.read_now(audit.first_forged) == kept + 1
+    database.write_now(audit.add, "anna", "sign in")
+    assert database.read_now(audit.first_forged) == kept + 1, "what comes later hides nothing"
+
+
+def test_audit_log_shows_that_its_end_was_forgotten(database: Database) -> None:
+    database.write_now(audit.add, "anna", "pause_game")
+
+    def forge(connection: Connection) -> None:
+        if connection.dialect.name == "sqlite":
+            connection.exec_driver_sql("DROP TRIGGER audit_head_stays")
+        else:
+            connection.exec_driver_sql("ALTER TABLE audit_head DISABLE TRIGGER ALL")
+        connection.exec_driver_sql("DELETE FROM audit_head")
+
+    database.write_now(forge)
+    assert database.read_now(audit.first_forged) == 2
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "DELETE FROM audit",
+        "UPDATE audit SET actor = 'nobody'",
+        "DELETE FROM audit_head",
+        "UPDATE audit_head SET entries = 0",
+    ],
+)
 def test_database_itself_refuses_to_change_the_audit_log(database: Database, statement: str) -> None:
     database.write_now(audit.add, "anna", "pause_game")
     with pytest.raises(DBAPIError, match="audit log cannot be changed"):
         database.write_now(lambda connection: connection.exec_driver_sql(statement))
+
+
+def test_only_so_many_events_of_one_kind_and_person_are_stored(database: Database, study_id: int) -> None:
+    one, other = database.write_now(new_participant, study_id), database.write_now(new_participant, study_id)
+    for person in (one, one, one, other):
+        database.write_now(events.add_at_most, events.Event("trouble", datetime.now(UTC), person), 2)
+    database.write_now(events.add_at_most, events.Event("reload", datetime.now(UTC), one), 2)
+    kinds = [[event.kind for event in database.read_now(events.of_participant, who)] for who in (one, other)]
+    assert kinds == [["trouble", "trouble", "reload"], ["trouble"]]
 
 
 def test_naive_time_is_refused(database: Database, study_id: int) -> None:

@@ -24,7 +24,6 @@ from server.store.participants import Participant
 from server.study.loader import parse_study
 from server.study.steps import Step
 from server.web import leaving, pages
-from server.web.admin_auth import Tries
 from server.web.auth import Guard
 from server.web.control import Control
 from server.web.deps import Web, templates
@@ -55,7 +54,6 @@ class Site:
         self.app.include_router(pages.router)
         self.app.include_router(leaving.router)
         self.app.state.web = Web(self.database, self.studies, Guard(SECRET), templates())
-        self.app.state.code_tries = Tries()
         control = Control({}, self.database, self.studies)  # type: ignore[arg-type] - no game runs here
         self.app.state.control = Everywhere(control)
         self.clients: list[httpx.Client] = []

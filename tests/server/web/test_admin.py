@@ -26,7 +26,6 @@ from server.play.trace import Trace
 from server.settings import Settings
 from server.store import admins, audit, decisions, episodes, events, participants, ticks
 from server.web import actions, admin, downloads, live, replay
-from server.web.admin_auth import Tries
 from server.web.alerts import Alert, Alerts, message_of
 from server.web.control import Control
 from server.web.course import Course
@@ -35,6 +34,7 @@ from server.web.episodes import episode_spec, layout_of
 from server.web.everywhere import Everywhere
 from server.web.figures import Figures
 from server.web.flow import flow_of, stock
+from server.web.guessing import Hashing
 from server.web.live import Live
 from server.web.socket import Sockets
 
@@ -62,7 +62,7 @@ def site(tmp_path: Path) -> Iterator[Site]:
     state = made.app.state
     state.settings = Settings(database=f"sqlite:///{tmp_path}/site.db")
     state.sockets = Sockets(games, lambda *_: asyncio.sleep(0, None), state.web.guard.is_own_origin)
-    state.tries, state.live = Tries(), Live(state.web, games, state.sockets)
+    state.hashing, state.live = Hashing(), Live(state.web, games, state.sockets)
     state.figures = Figures(state.live, tmp_path / "site.db")
     state.course = Course(state.live)
     state.alerts = Alerts(state.live, tmp_path / "site.db", lambda *_: None)

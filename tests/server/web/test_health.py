@@ -3,6 +3,8 @@
 import json
 import logging
 import re
+import sqlite3
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -37,6 +39,28 @@ def test_a_server_without_models_or_on_its_way_out_is_not_ready(
     answer = httpx.get(f"{live.url}/health/ready")
     assert (answer.status_code, answer.json()["missing"]) == (503, ["models", "stopping"])
     assert httpx.get(f"{live.url}/health/live").status_code == 200
+
+
+def test_a_server_whose_database_does_not_commit_is_not_ready(live: LiveServer) -> None:
+    def missing() -> list[str]:
+        return httpx.get(f"{live.url}/health/ready", timeout=30).json()["missing"]  # type: ignore[no-any-return]
+
+    def until(wanted: list[str]) -> None:
+        deadline = time.monotonic() + 40
+        while (found := missing()) != wanted:
+            assert time.monotonic() < deadline, found
+            time.sleep(0.05)
+
+    intruder = sqlite3.connect(live.database.removeprefix("sqlite:///"), isolation_level=None)
+    intruder.execute("BEGIN IMMEDIATE")  # reading goes on as if nothing had happened
+    until(["database"])
+    jobs = live.app.state.web.database._jobs
+    for _ in range(5):
+        assert missing() == ["database"]
+    assert jobs.qsize() <= 1, "one test commit waits, however often somebody asks"
+    intruder.execute("ROLLBACK")
+    intruder.close()
+    until([])
 
 
 def test_figures_are_for_who_has_the_token(live: LiveServer) -> None:

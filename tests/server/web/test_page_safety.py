@@ -11,6 +11,7 @@ from websockets.sync.client import connect
 
 from server.store.database import Database
 from server.web.auth import FORM_S, Guard
+from server.web.headers import policy
 from server.web.pages import MOST_ECHOES
 
 
@@ -30,6 +31,33 @@ def test_every_answer_carries_the_security_headers(site: Site) -> None:
         assert "frame-ancestors 'none'" in policy
         assert headers["x-content-type-options"] == "nosniff"
         assert headers["referrer-policy"] == "same-origin"
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        "https://evil.test * ; script-src *",
+        "https://evil.test;",
+        "https://evil.test/path",
+        "evil.test",
+        "javascript:alert(1)",
+        "https://[x",
+        "https://a\nb",
+        "*",
+    ],
+)
+def test_a_policy_takes_nothing_but_plain_origins(value: str) -> None:
+    for more in ({"form_to": value}, {"framed_by": value}):
+        with pytest.raises(ValueError, match="plain origins only"):
+            policy("lab.example.org", True, **more)
+    assert ";x" not in policy(f"{value};x", True)["Content-Security-Policy"]
+
+
+def test_a_policy_takes_the_origins_of_recruiters() -> None:
+    text = policy("lab.example.org:8443", True, "https://www.mturk.com", "https://*.mturk.com")
+    assert "connect-src 'self' wss://lab.example.org:8443;" in text["Content-Security-Policy"]
+    assert "form-action 'self' https://www.mturk.com;" in text["Content-Security-Policy"]
+    assert text["Content-Security-Policy"].endswith("frame-ancestors https://*.mturk.com")
 
 
 def test_pages_hold_no_inline_code_and_ask_nobody_else(site: Site) -> None:

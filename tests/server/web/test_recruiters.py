@@ -4,14 +4,15 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from html import unescape
+from urllib.parse import urlencode
 
 import pytest
 from page_site import SMALL_STUDY, Site, Visitor
 
 from server.store import participants
+from server.store.attempts import LIMIT
 from server.store.database import Database
-from server.web.admin_auth import TRIES
-from server.web.recruiting import way_back
+from server.web.recruiting import recruitment_of, way_back
 
 CC = "https://app.prolific.com/submissions/complete?cc={code}"
 SONA = "https://lab.sona-systems.com/webstudy_credit.aspx?experiment_id=7&credit_token=ab&survey_code={person}"
@@ -101,10 +102,7 @@ def test_mturk_gets_the_assignment_by_a_form_to_its_own_address(site: Site) -> N
     code = site.everybody("mturk")[-1].completion_code or ""
     assert visitor.fields("/externalSubmit") == {"assignmentId": "A1", "code": code}
     assert 'action="https://workersandbox.mturk.com/mturk/externalSubmit"' in visitor.page.text
-    assert (
-        "form-action 'self' https://workersandbox.mturk.com/mturk/externalSubmit;"
-        in (visitor.page.headers["content-security-policy"])
-    )
+    assert "form-action 'self' https://workersandbox.mturk.com; " in (visitor.page.headers["content-security-policy"])
 
 
 @pytest.mark.parametrize(
@@ -117,6 +115,12 @@ def test_mturk_gets_the_assignment_by_a_form_to_its_own_address(site: Site) -> N
         "https://www.mturk.com:444",
         "https://xmturk.com",
         "https://www.mturk.com/elsewhere",
+        "https://evil.test\\ * ; script-src-elem * 'unsafe-inline'; .mturk.com",
+        "https://[x.mturk.com",
+        "https://evil.test#.mturk.com",
+        "https://anything.mturk.com",
+        "https://www.mturk.com//",
+        "javascript:alert(1)//.mturk.com",
         "",
     ],
 )
@@ -126,9 +130,26 @@ def test_no_form_goes_to_an_address_that_is_not_mturks(site: Site, home: str) ->
     recruitment = found[1].recruitment
     values = {"assignmentId": "A1", "code": "KM-2222-2222", "person": "W1"}
     assert way_back(recruitment, recruitment.completed, values | {"turkSubmitTo": home}) is None
-    good = way_back(recruitment, recruitment.completed, values | {"turkSubmitTo": "https://www.mturk.com/"})
+    assert "turkSubmitTo" not in recruitment_of(recruitment, {"workerId": "W1", "turkSubmitTo": home})[1]
+    good = way_back(recruitment, recruitment.completed, values | {"turkSubmitTo": "https://WWW.mturk.com/"})
     assert good is not None
     assert good.url == "https://www.mturk.com/mturk/externalSubmit"
+
+
+@pytest.mark.parametrize(
+    "home", ["https://evil.test\\ * ; script-src-elem * 'unsafe-inline'; .mturk.com", "https://[x.mturk.com"]
+)
+def test_a_crafted_mturk_link_ends_with_the_code_and_sends_it_to_nobody(site: Site, home: str) -> None:
+    query = urlencode({"workerId": f"crafted {home}", "assignmentId": "A9", "hitId": "H1", "turkSubmitTo": home})
+    visitor = finished(site, "mturk", f"?{query}")
+    me = site.everybody("mturk")[-1]
+    assert visitor.page.status_code == 200
+    assert (me.completion_code or "?") in visitor.page.text
+    assert "externalSubmit" not in visitor.page.text
+    policy = visitor.page.headers["content-security-policy"]
+    assert "evil" not in policy
+    assert "unsafe" not in policy
+    assert "turkSubmitTo" not in site.database.read_now(participants.personal_of, me.id)
 
 
 def test_who_only_looks_at_the_assignment_is_told_to_accept_it(site: Site) -> None:
@@ -163,8 +184,8 @@ def test_codes_cannot_be_guessed(site: Site) -> None:
     guessing = Visitor(site)
     guessing.get("/s/sona/withdraw")
     fields = guessing.fields("/withdraw")
-    answers = [guessing.send("/s/sona/withdraw", fields | {"code": f"KM-{n}"}).status_code for n in range(TRIES + 1)]
-    assert answers == [422] * TRIES + [429]
+    answers = [guessing.send("/s/sona/withdraw", fields | {"code": f"KM-{n}"}).status_code for n in range(LIMIT + 1)]
+    assert answers == [422] * LIMIT + [429]
     late = guessing.send("/s/sona/withdraw", fields | {"code": code})
     assert (late.status_code, "Too many codes were wrong" in late.text) == (429, True)
     before = len(site.everybody("sona"))

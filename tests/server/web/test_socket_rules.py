@@ -330,6 +330,25 @@ async def test_trouble_in_the_browser_reaches_the_researcher(served: Served) -> 
     assert served.troubles == ["ann: TypeError: x is undefined"]
 
 
+async def test_a_page_that_breaks_over_and_over_is_reported_a_few_times(served: Served) -> None:
+    told = int(game_socket.TROUBLES_BURST)
+    for _ in range(3):  # also when it connects again
+        async with served.connect() as socket:
+            for number in range(12):
+                await say(socket, type="trouble", text=f"error {number}")
+            await say(socket, **HELLO)
+            async with asyncio.timeout(10):
+                while json.loads(await socket.recv())["type"] != "welcome":
+                    pass
+    assert len(served.troubles) == told
+    async with served.connect("ben") as socket:
+        await say(socket, type="trouble", text="another")
+        async with asyncio.timeout(10):
+            while len(served.troubles) == told:
+                await asyncio.sleep(0.01)
+    assert served.troubles[-1] == "ben: another"
+
+
 async def test_round_trip_is_measured(served: Served) -> None:
     async with served.connect() as socket:
         ping = await hear(socket, "ping")

@@ -1,0 +1,115 @@
+"""`kitchenmind admin` at a terminal: somebody takes their time over a password while the server goes on."""
+
+import os
+import pty
+import re
+import select
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+import kitchenmind
+from server.settings import ROOT
+from server.store import admins, audit
+from server.store.database import Database
+from server.store.migrate import migrate
+
+
+class Terminal:
+    """A command that believes it talks to a person."""
+
+    def __init__(self, *words: str) -> None:
+        self.said = ""
+        self._line, theirs = pty.openpty()
+        command = [sys.executable, str(ROOT / "kitchenmind.py"), *words]
+        self._running = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True)
+        os.close(theirs)
+
+    def until(self, words: str, within_s: float = 120) -> None:
+        deadline = time.monotonic() + within_s
+        while words not in self.said:
+            ready, _, _ = select.select([self._line], [], [], max(0.0, deadline - time.monotonic()))
+            assert ready, self.said
+            self.said += os.read(self._line, 4096).decode()
+
+    def type(self, words: str) -> None:
+        os.write(self._line, words.encode())
+
+    def end(self) -> int:
+        """The exit status, once it has said everything."""
+        while True:
+            try:
+                more = os.read(self._line, 4096)
+            except OSError:  # what Linux says at the end
+                break
+            if not more:
+                break
+            self.said += more.decode()
+        os.close(self._line)
+        return self._running.wait(60)
+
+
+@pytest.fixture
+def url(tmp_path: Path) -> str:
+    address = f"sqlite:///{tmp_path}/study.db"
+    migrate(address)
+    return address
+
+
+@contextmanager
+def asked(url: str, *words: str) -> Iterator[Terminal]:
+    terminal = Terminal("admin", "--database", url, *words)
+    terminal.until("Password")
+    yield terminal
+
+
+@pytest.mark.parametrize("verb", ["create", "reset"])
+def test_nobody_waits_while_a_password_is_typed(url: str, verb: str) -> None:
+    with Database(url) as database:
+        database.write_now(admins.create, "mara", "a hash", "act")
+    name = "ada" if verb == "create" else "mara"
+    with asked(url, verb, name) as terminal:
+        other = sqlite3.connect(url.removeprefix("sqlite:///"), timeout=0)
+        other.execute("BEGIN IMMEDIATE")  # raises OperationalError while somebody else may write
+        other.rollback()
+        other.close()
+        terminal.type("a quite long password\n")
+        terminal.until("Again")
+        terminal.type("a quite long password\n")
+        assert terminal.end() == 0, terminal.said
+    with Database(url, read_only=True) as database:
+        stored = database.read_now(admins.password_hash_of, name)
+        assert stored is not None
+        assert stored.startswith("$argon2id$")
+        assert database.read_now(audit.entries)[-1].detail == {"name": name}
+
+
+def test_who_goes_away_without_a_password_has_changed_nothing(url: str) -> None:
+    with asked(url, "create", "ada") as terminal:
+        terminal.type("\x04")
+        assert terminal.end() == 2
+    assert "nothing was changed" in terminal.said
+    assert "Traceback" not in terminal.said
+
+
+def test_names_are_looked_up_before_anybody_is_asked(url: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert kitchenmind.main(["admin", "--database", url, "create", "ada"]) == 0
+    assert re.search(r"password: \S{20}", capsys.readouterr().out)
+    assert kitchenmind.main(["admin", "--database", url, "create", "ada"]) == 2
+    assert "kitchenmind admin reset ada" in capsys.readouterr().err
+    for verb in ("reset", "remove"):
+        assert kitchenmind.main(["admin", "--database", url, verb, "nobody"]) == 2
+        assert "kitchenmind admin list" in capsys.readouterr().err
+    assert kitchenmind.main(["admin", "--database", url, "list"]) == 0
+    assert capsys.readouterr().out.split()[:2] == ["ada", "own"]
+    assert kitchenmind.main(["admin", "--database", url, "remove", "ada"]) == 0
+    with Database(url, read_only=True) as database:
+        assert database.read_now(admins.every) == []
+        assert [entry.action for entry in database.read_now(audit.entries)] == ["admin create", "admin remove"]
+        assert database.read_now(audit.first_forged) is None
