@@ -6,7 +6,7 @@ import re
 import secrets
 from pathlib import Path
 from typing import Literal, Self
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 from pydantic import Field, SecretStr, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
@@ -38,7 +38,7 @@ class Settings(BaseSettings):
     """The address to listen on. 0.0.0.0 means all of this machine."""
     port: int = Field(default=8000, ge=0, le=65535)
     """The port to listen on; 0 takes a free one."""
-    database: str = f"sqlite:///{VAR / 'kitchenmind.sqlite3'}"
+    database: str = f"sqlite:///{quote(str(VAR / 'kitchenmind.sqlite3'))}"
     """Where the data are: sqlite:///path/to/file or postgresql://user@host/name."""
     studies: tuple[Path, ...] = (ROOT / "studies" / "quick_look.yaml", ROOT / "studies" / "external_predictor.yaml")
     """The study files that are served."""

@@ -85,6 +85,7 @@ def settings_of(arguments: argparse.Namespace) -> "Settings":
     from pydantic import ValidationError
 
     from server.settings import Settings
+    from server.store.engines import normal_url
 
     given: dict[str, Any] = {
         "studies": tuple(arguments.study) if arguments.study else None,
@@ -97,7 +98,9 @@ def settings_of(arguments: argparse.Namespace) -> "Settings":
         "speed": arguments.speed,
     }
     try:
-        return Settings(**{name: value for name, value in given.items() if value is not None})
+        settings = Settings(**{name: value for name, value in given.items() if value is not None})
+        normal_url(settings.database)
+        return settings
     except ValidationError as error:
         raise ValueError("; ".join(_plain(one) for one in error.errors())) from None
 

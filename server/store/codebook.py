@@ -12,8 +12,9 @@ ACTION_NAMES = ("north", "south", "east", "west", "stay", "interact")
 STEPS = (1, 2, 3)
 ACTION_CODE = "0 north, 1 south, 2 east, 3 west, 4 stay, 5 interact"
 ESCAPED = (
-    "In CSV a text that begins with = + - @, a tab or a line break (after any number of apostrophes) carries one more "
-    "apostrophe in front, so that no spreadsheet runs it. Numbers, and all Parquet files, are exact."
+    "In CSV a text that begins with = + - @ (also in their full-width forms), a tab or a line break (after any number "
+    "of apostrophes) carries one more apostrophe in front, so that no spreadsheet runs it; so does a part of a text "
+    "after a semicolon, a tab or a line break. Numbers, and all Parquet files, are exact."
 )
 _EVENTS = ", ".join(f"{1 << bit} {name}" for bit, name in enumerate((*EVENT_NAMES, "soup_from_pot")))
 

@@ -72,9 +72,22 @@ def normal_url(url: str) -> URL:
         return parsed.set(drivername="postgresql+psycopg")
     if backend != "sqlite":
         raise ValueError(f"{backend} is not supported. {_ADDRESSES}")
+    return _sqlite_url(parsed, url)
+
+
+def _sqlite_url(parsed: URL, written: str) -> URL:
+    """The address of a SQLite file, without anything that SQLAlchemy would drop or SQLite would not open."""
+    if parsed.host is not None or parsed.username is not None:
+        meant = f"sqlite:///{written.partition('://')[2]}"
+        raise ValueError(f"{written} has two slashes. Write {meant} (three), or four before an absolute path.")
+    if "?" in written:
+        raise ValueError(f"{written}: a ? ends the name of the file. Write %3F if it is part of the name.")
     if parsed.database in (None, "", ":memory:"):
         raise ValueError("a database in memory would lose every game. Use sqlite:///file.db.")
-    return parsed.set(database=str(Path(str(parsed.database)).absolute()))
+    path = Path(str(parsed.database)).absolute()
+    if path.is_dir():
+        raise ValueError(f"{path} is a folder. Give a file in it: sqlite:///{parsed.database.rstrip('/')}/file.db.")
+    return parsed.set(drivername="sqlite", database=str(path))
 
 
 def shown(url: URL) -> str:
@@ -192,6 +205,7 @@ class Writer:
         # PostgreSQL lets go of a closed or killed server's lock in a moment, which may come after the next one starts.
         self._waits_s = [0.1] * 20 if shared else [0.05] * 20
         self._in_turn = in_turn
+        self._made_lock = not self._postgres and not Path(f"{url.database}.lock").exists()
         self._file: IO[str] | None = None if self._postgres else _lock_file(url)
         self._engine = writer_engine(url)
         self._connection: Connection | None = None
@@ -199,6 +213,8 @@ class Writer:
             self._connect()
         except BaseException:
             self.close()
+            if self._made_lock and not Path(str(url.database)).exists():
+                Path(f"{url.database}.lock").unlink(missing_ok=True)  # no trace of an address that does not work
             raise
 
     @contextmanager

@@ -11,8 +11,14 @@ import pyarrow.parquet
 
 TABLE_FORMATS = ("csv", "parquet")
 _NUMBER = r"^-?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]+)?$"  # a number alone is no formula
-_FORMULA = r"^('*[=+\-@\t\r\n\x00])"
-_ESCAPED = re.compile(r"^'+[=+\-@\t\r\n\x00]")
+# What a spreadsheet takes for the start of a formula, or skips before it: signs, also in full-width and small forms
+# (which it reads too if it is set to Chinese or Japanese), and blanks.
+_SIGN = "[=+\\-@\\t\\r\\n\\x00＝＋－＠−﹢﹣﹦﹫]"
+# Where a cell can begin: the text itself, and what follows a separator of other countries' CSV or of a row.
+_CELL = '(^|[;\\t\\r\\n][ "]*)'
+_FORMULA = f"{_CELL}'*{_SIGN}"
+_ESCAPE = re.compile(f"{_CELL}(?='*{_SIGN})")
+_UNESCAPE = re.compile(f"{_CELL}'(?='*{_SIGN})")
 
 
 def table_path(folder: Path, file_format: str, table: str) -> Path:
@@ -47,7 +53,7 @@ class Writer:
 
 
 def escaped(table: pa.Table) -> pa.Table:
-    """The table with an apostrophe before every text that a spreadsheet would run."""
+    """Return the table with an apostrophe before everything in a text that a spreadsheet would run as a formula."""
     for index, kind in enumerate(table.schema):
         if pa.types.is_string(kind.type):
             texts = table.column(index)
@@ -55,11 +61,12 @@ def escaped(table: pa.Table) -> pa.Table:
                 pc.match_substring_regex(texts, _FORMULA), pc.invert(pc.match_substring_regex(texts, _NUMBER))
             )
             if pc.any(dangerous).as_py():
-                safe = pc.replace_substring_regex(texts, _FORMULA, r"'\1")
-                table = table.set_column(index, kind, pc.if_else(dangerous, safe, texts))
+                pairs = zip(texts.to_pylist(), dangerous.to_pylist(), strict=True)
+                safe = [_ESCAPE.sub(r"\1'", text) if unsafe else text for text, unsafe in pairs]
+                table = table.set_column(index, kind, pa.array(safe, kind.type))
     return table
 
 
 def unescaped(text: str) -> str:
     """The text before `escaped`."""
-    return text[1:] if _ESCAPED.match(text) else text
+    return _UNESCAPE.sub(r"\1", text)

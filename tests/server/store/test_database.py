@@ -1,5 +1,6 @@
 import asyncio
 import os
+import re
 import stat
 import threading
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ from alembic.migration import MigrationContext
 from postgres_server import PostgresServer
 from sqlalchemy import Connection, create_engine, event, func, select, text
 
+import kitchenmind
 from server.store import studies
 from server.store.database import Database, DatabaseDown, DatabaseInUse
 from server.store.engines import normal_url, shown
@@ -266,3 +268,51 @@ async def test_postgresql_that_went_away_is_down_and_then_goes_on_by_itself() ->
             assert [study.key for study in await database.read(studies.every)] == ["before", "after"]
     finally:
         server.remove()
+
+
+@pytest.mark.parametrize(
+    ("address", "message"),
+    [
+        ("sqlite://data/x.db", r"has two slashes\. Write sqlite:///data/x\.db"),
+        ("sqlite://x.db", r"has two slashes\. Write sqlite:///x\.db"),
+        ("sqlite://somebody@host/x.db", "has two slashes"),
+        ("sqlite:///has?query.db", r"a \? ends the name of the file\. Write %3F"),
+        ("sqlite:///x.db?mode=ro", r"a \? ends the name"),
+        ("sqlite:///", "in memory"),
+        ("sqlite:///:memory:", "in memory"),
+        ("sqlite:///folder", "is a folder. Give a file in it: sqlite:///folder/file.db"),
+        ("sqlite:///folder/", "is a folder"),
+    ],
+)
+@pytest.mark.parametrize("verb", ["serve", "doctor", "export", "verify", "backup", "admin"])
+def test_address_that_means_another_file_is_refused_and_leaves_nothing(
+    verb: str,
+    address: str,
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "folder").mkdir()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("KITCHENMIND_DATABASE", address)
+    words = {"export": ["--out", "out"], "backup": ["--to", "copy.db"], "admin": ["list"], "serve": ["--port", "0"]}
+    assert kitchenmind.main([verb, *words.get(verb, [])]) in (1, 2)
+    captured = capsys.readouterr()
+    assert re.search(message, captured.out + captured.err)
+    assert [path.name for path in tmp_path.rglob("*")] == ["folder"]
+
+
+def test_question_mark_in_the_name_of_a_file_can_be_written(tmp_path: Path) -> None:
+    address = f"sqlite:///{tmp_path}/has%3Fquery%23.db"
+    migrate(address)
+    with Database(address) as database:
+        assert database.read_now(lambda connection: connection.execute(text("SELECT 1")).scalar()) == 1
+    assert (tmp_path / "has?query#.db").is_file()
+
+
+def test_database_that_cannot_be_made_leaves_no_lock(tmp_path: Path) -> None:
+    (tmp_path / "target").symlink_to(tmp_path / "missing" / "x.db")  # its folder is not there
+    with pytest.raises(DatabaseDown):
+        migrate(f"sqlite:///{tmp_path}/target")
+    assert not (tmp_path / "target.lock").exists()

@@ -188,6 +188,19 @@ def test_texts_are_safe_for_spreadsheets_and_numbers_stay_exact(filled: Database
         "\rline",
         "'=1",
         "''-a",
+        "＝1+1",
+        "＋49",
+        "－x",
+        "＠SUM(A1)",
+        "−1 is colder",
+        "x;=1+1",
+        "x; '=1+1",
+        'x;"=1+1"',
+        "a\n=1+1",
+        "a\t@b;\t-c;;+d",
+        "\t=1",
+        "\r\n'\n=1",
+        "1;-2",
         "plain",
         "it's",
         "",
@@ -202,7 +215,25 @@ def test_escaped_text_comes_back_as_it_was(text: str) -> None:
 
     escaped: str = export_files.escaped(pa.table({"value": [text]}))["value"][0].as_py()
     assert export_files.unescaped(escaped) == text
-    assert escaped in ("-1",) or not escaped.startswith(("=", "+", "-", "@", "\t", "\r", "\x00"))
+    assert escaped in ("-1",) or not escaped.startswith(tuple("=+-@\t\r\x00＝＋－＠"))
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_no_spreadsheet_of_any_country_finds_a_formula_in_a_text(separator: str, tmp_path: Path) -> None:
+    """With a semicolon between cells, as in much of Europe, quotes in the middle of a line protect nothing."""
+    import pyarrow as pa
+
+    signs = "=+-@\t\r＝＋－＠"
+    texts = [f"{before}{sign}1+1" for sign in signs for before in ("", "x;", "x; ", 'x;"', "x\t", "x\n", "x;;", "x;\t")]
+    table = pa.table({"number": range(len(texts)), "text": texts})
+    (tmp_path / "data").mkdir()
+    with export_files.Writer(tmp_path, "csv", "answers", table.schema) as writer:
+        writer.write(table)
+    path = export_files.table_path(tmp_path, "csv", "answers")
+    with path.open(encoding="utf-8", newline="") as file:
+        cells = [cell for row in csv.reader(file, delimiter=separator) for cell in row]
+    found = [cell for cell in cells if cell.lstrip(' "').startswith(tuple("=+-@＝＋－＠"))]
+    assert found == []
 
 
 def test_one_study_of_several_is_exported_alone(filled: Database, exported: Exported) -> None:
