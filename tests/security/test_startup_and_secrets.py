@@ -4,7 +4,7 @@ import asyncio
 import hashlib
 import re
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from secrets import token_hex, token_urlsafe
 
@@ -90,9 +90,17 @@ def test_production_starts_with_a_secret_and_tls_in_front() -> None:
 
 
 @pytest.mark.parametrize(
-    "secret", [token_hex(16), token_hex(32), token_urlsafe(32), "grüner Tee, zwölf Löffel & ein Keks"]
+    "make",
+    [
+        lambda: token_hex(16),
+        lambda: token_hex(32),
+        lambda: token_urlsafe(32),
+        lambda: "grüner Tee, zwölf Löffel & ein Keks",
+    ],
+    ids=["hex", "long hex", "urlsafe", "sentence"],
 )
-def test_production_takes_random_secrets(secret: str) -> None:
+def test_production_takes_random_secrets(make: Callable[[], str]) -> None:
+    secret = make()
     proxies = "127.0.0.1, ::1, 172.28.57.0/24, 10.0.0.0/8"
     taken = settings(
         mode="production", secret=secret, public_url=f"{PUBLIC}:8443/", metrics_token=secret, trusted_proxies=proxies
