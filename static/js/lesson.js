@@ -93,6 +93,11 @@ export class Coach {
     this.placed = '';
   }
 
+  /** Writes the words again at the next chance: other keys are meant. */
+  rewrite() {
+    this.shown = '';
+  }
+
   #write(lesson, state) {
     const same = `${lesson.key}:${lesson.index}:${lesson.done}`;
     if (same === this.shown) return;
