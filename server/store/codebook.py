@@ -248,7 +248,7 @@ ARRIVALS = ExportTable(
     (
         *_STUDY,
         _text("kind", "opened, declined, unsuitable, or suitable: unsuitable at first and suitable at a later try."),
-        _text("reason", "What was unsuitable: screen, input, latency or websocket."),
+        _text("reason", "What was unsuitable: browser, screen, input, latency or websocket."),
         Column("count", "integer", "How many browsers.", bits=32),
     ),
 )

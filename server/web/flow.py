@@ -25,6 +25,7 @@ GONE = {
     "withdrawn": "withdrew",
 }
 _UNSUITABLE = {
+    "browser": "browser too old, or without cookies",
     "screen": "screen too small",
     "input": "neither keyboard nor touch",
     "latency": "connection too slow",

@@ -20,6 +20,8 @@ import { listenTouch } from './touch.js';
 import { reportTrouble } from './trouble.js';
 import { viewOf } from './views.js';
 
+document.documentElement.dataset.runs = 'yes';
+
 const REST_MS = 1500; // a game that stands still is drawn this long after the last change
 const VIEW_MS = 200;
 
@@ -213,4 +215,7 @@ async function begin() {
   requestAnimationFrame(frame);
 }
 
-begin().catch(report);
+begin().catch((error) => {
+  report(error);
+  document.querySelector('#cannot-run').hidden = false;
+});

@@ -67,7 +67,7 @@ function restore() {
   for (const [name, value] of draft) {
     for (const each of form.elements) {
       if (each.name !== name) continue;
-      if (/radio|checkbox/.test(each.type)) each.checked ||= each.value === value;
+      if (/radio|checkbox/.test(each.type)) each.checked = each.checked || each.value === value;
       else each.value = value;
     }
   }
