@@ -15,7 +15,17 @@ from server.study.questionnaire import Checked, Fault, asked, check_answers, is_
 from server.study.steps import Step
 from server.web import arrivals, walk
 from server.web.auth import set_cookie, token_for
-from server.web.deps import ConsentFormDep, FormDep, OpenStudyDep, Page, ParticipantDep, Web, WebDep, page
+from server.web.deps import (
+    AnswersFormDep,
+    ConsentFormDep,
+    FormDep,
+    OpenStudyDep,
+    Page,
+    ParticipantDep,
+    Web,
+    WebDep,
+    page,
+)
 from server.web.forms import Form, first
 from server.web.recruiting import is_preview, recruitment_of
 from server.web.views import Filled, consent_context, render_step
@@ -137,7 +147,9 @@ async def now(request: Request, name: str, web: WebDep, participant: Participant
 
 
 @router.post("/s/{name}/now")
-async def submit(request: Request, name: str, web: WebDep, participant: ParticipantDep, form: FormDep) -> Response:
+async def submit(
+    request: Request, name: str, web: WebDep, participant: ParticipantDep, form: AnswersFormDep
+) -> Response:
     """Takes the current step's page. One that is not current changes nothing and leads to the one that is."""
     if participant is None:
         return _to(f"/s/{name}")
