@@ -265,6 +265,7 @@ answers = Table(
     column("value", JSON, meaning="The answer: number, text, list or true/false."),
     time("submitted_at", "When the page was submitted."),
     column("took_ms", Double, nullable=True, meaning="Time spent on the page.", unit="ms"),
+    column("attention", Boolean, nullable=True, meaning="Whether an attention check was passed; none: it is no check."),
     UniqueConstraint("participant_id", "step_key", "question_key"),
 )
 
