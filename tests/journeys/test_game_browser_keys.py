@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 from fake_game_server import FakeGameServer, kitchen, tick, welcome
-from game_page import DESKTOP, PHONE, opened, screenshot, start
+from game_page import DESKTOP, PHONE, opened, screenshot, settled, start
 from playwright.sync_api import Browser, Page, expect
 
 from server.play.messages import Away, Countdown, Ended, Input, Paused, Ready
@@ -46,7 +46,7 @@ def test_more_keys_than_a_timestep_can_use_wait_for_the_next_one_and_only_the_la
         page.keyboard.press("ArrowUp")
         page.keyboard.press("Space")
     page.keyboard.down("ArrowLeft")
-    page.wait_for_timeout(50)
+    settled(page, server)
     sent = len(server.inputs())
     assert 20 <= sent < 40
     server.send(tick(kitchen(t=2)))
@@ -62,7 +62,7 @@ def test_a_release_that_waits_is_told_when_the_keys_go_elsewhere(page: Page, ser
     for _ in range(30):
         page.keyboard.press("ArrowUp")
     page.keyboard.down("ArrowUp")
-    page.wait_for_timeout(50)
+    settled(page, server)
     server.send(tick(kitchen(t=2)))
     page.wait_for_selector("[data-timestep='2']")
     for _ in range(30):
@@ -76,7 +76,7 @@ def test_a_release_that_waits_is_told_when_the_keys_go_elsewhere(page: Page, ser
 def test_keys_that_wait_are_forgotten_when_the_game_stands_still(page: Page, server: FakeGameServer) -> None:
     for _ in range(30):
         page.keyboard.press("ArrowUp")
-    page.wait_for_timeout(50)
+    settled(page, server)
     sent = len(server.inputs())
     server.send(Paused("researcher", 30.0))
     page.wait_for_selector("[data-view=pause]")
@@ -154,7 +154,7 @@ def test_no_key_counts_before_the_start_or_after_the_end(chromium: Browser, serv
         server.send(Ended(0, 0, 0.0, True, "/blank"))
         page.wait_for_selector("[data-phase=ended]")
         page.keyboard.press("ArrowUp")
-        page.wait_for_timeout(50)
+        settled(page, server)
         assert [each.tap for each in server.inputs()] == [0, None]
 
 
