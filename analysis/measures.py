@@ -14,7 +14,8 @@ PUSHES = 8  # as often the same move in a row goes into a wall or a person: kitc
 
 def episode_measures(export: Export) -> pl.DataFrame:
     """The export's episodes with reward, and measures from their ticks: idle_share, longest_idle_s, interactions,
-    pushing_share, late_share, lag_ms, hidden_share, accuracy and accuracy_1..3 (shares, 0 to 1; null without ticks)."""
+    pushing_share, late_share, lag_ms, hidden_share, accuracy and accuracy_1..3 (shares, 0 to 1; null without ticks).
+    attention_failed counts the attention checks that the person failed in the whole study."""
     ticks = export.ticks
     of_ticks = ticks.group_by("episode").agg(
         timesteps_seen=pl.len(),
@@ -27,6 +28,8 @@ def episode_measures(export: Export) -> pl.DataFrame:
         episodes = episodes.join(table, on="episode", how="left")
     hidden = export.pauses.filter(pl.col("reason").is_in(["hidden", "blur"]))
     hidden = hidden.group_by("episode").agg(hidden_ms=pl.col("duration_ms").cast(pl.Float64).sum())
+    failed = export.participants.select("participant", pl.col("attention_failed").cast(pl.Int64))
+    episodes = episodes.join(failed, on="participant", how="left", maintain_order="left")
     length_ms = pl.col("timesteps_seen") * pl.col("tick_ms")
     return (
         episodes.join(hidden, on="episode", how="left", maintain_order="left")

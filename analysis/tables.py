@@ -112,6 +112,7 @@ def export_of(raw: Mapping[str, pl.DataFrame], folder: Path, study: str) -> Expo
     """The tables of one study, as they are exported, in its roles. `folder` tells the rest, where it has anything."""
     participants = raw["participants"]
     participants = _with_default(participants, "excluded", "").with_columns(pl.col("excluded").fill_null(""))
+    participants = _with_default(participants, "attention_failed", 0)
     episodes = _episodes(raw["episodes"]).join(participants.select("participant"), on="participant", how="semi")
     played = episodes.select("episode")
     return Export(
@@ -201,7 +202,8 @@ def _episodes(table: pl.DataFrame) -> pl.DataFrame:
 
 
 def _answers(table: pl.DataFrame) -> pl.DataFrame:
-    """Numeric answers about an episode; free text is no matter of statistics."""
+    """Numeric answers about an episode, without attention checks: free text and instructed answers are not measures."""
+    table = _with_default(table, "attention", None).filter(pl.col("attention").is_null())
     value = pl.col("value").cast(pl.String).cast(pl.Float64, strict=False)
     return table.with_columns(value).drop_nulls(["episode", "value"])
 

@@ -1,24 +1,26 @@
 """Answers to questions, and which pages a participant was on when."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Connection, select, update
+from sqlalchemy import Connection, func, select, update
 
 from server.store.tables import answers, visits
 
 
 @dataclass(frozen=True)
 class Page:
-    """One submitted page. `values`: by question key; `episode_id`: the episode that the questions are about."""
+    """One submitted page. `values`: by question key; `episode_id`: the episode that the questions are about;
+    `attention`: whether each attention check among the questions was passed."""
 
     participant_id: str
     step_key: str
     values: Mapping[str, Any]
     episode_id: str | None = None
     took_ms: float | None = None
+    attention: Mapping[str, bool] = field(default_factory=dict)
 
 
 def save(connection: Connection, page: Page) -> int:
@@ -35,6 +37,7 @@ def save(connection: Connection, page: Page) -> int:
             "value": value,
             "submitted_at": now,
             "took_ms": page.took_ms,
+            "attention": page.attention.get(question_key),
         }
         new = insert(answers).values(row).on_conflict_do_nothing().returning(answers.c.id)
         stored += connection.execute(new).first() is not None
@@ -60,6 +63,22 @@ def of_participant(connection: Connection, participant_id: str) -> dict[str, dic
     for step_key, question_key, value in connection.execute(query):
         found.setdefault(step_key, {})[question_key] = value
     return found
+
+
+@dataclass(frozen=True)
+class AttentionCount:
+    """How many attention checks a participant answered, and how many of them wrongly."""
+
+    answered: int
+    failed: int
+
+
+def attention_of(connection: Connection, participant_id: str) -> AttentionCount:
+    """Count the participant's attention checks."""
+    query = select(func.count(), func.count().filter(answers.c.attention.is_(False)))
+    query = query.where(answers.c.participant_id == participant_id, answers.c.attention.is_not(None))
+    answered, failed = connection.execute(query).one()
+    return AttentionCount(answered, failed)
 
 
 def enter(connection: Connection, participant_id: str, step_key: str) -> None:

@@ -8,7 +8,14 @@ from sqlalchemy import Connection, func, select, update
 from server.store.tables import arrivals
 
 OPENED, DECLINED, UNSUITABLE, SUITABLE = KINDS = ("opened", "declined", "unsuitable", "suitable")
-REASONS: Final = ("", "screen", "input", "latency", "websocket")  # of `unsuitable`; `suitable` takes one back
+REASONS: Final = (
+    "",
+    "browser",
+    "screen",
+    "input",
+    "latency",
+    "websocket",
+)  # of `unsuitable`; `suitable` takes one back
 
 
 def count(connection: Connection, study_id: int, kind: str, reason: str = "") -> None:

@@ -101,6 +101,8 @@ PARTICIPANTS = ExportTable(
         _time("last_seen_at", "Last sign of life."),
         _time("completed_at", "Last step submitted."),
         _text("excluded", "Why the researcher excluded all data of the participant; empty: not excluded."),
+        Column("attention_checks", "integer", "Attention checks that the participant answered.", bits=32),
+        Column("attention_failed", "integer", "Those of them that were answered wrongly.", bits=32),
     ),
 )
 # Made for every participant from episodes and answers; the patterns stand in the codebook, the columns themselves too.
@@ -208,6 +210,11 @@ ANSWERS = ExportTable(
         _text("value_type", "text, number, boolean, list or null."),
         _time("submitted_at", "When the page was submitted."),
         _ms("took_ms", "Time spent on the page."),
+        Column(
+            "attention",
+            "boolean",
+            "True: an attention check that was passed; false: one that was failed; empty: no check.",
+        ),
     ),
 )
 VISITS = ExportTable(
@@ -249,7 +256,7 @@ ARRIVALS = ExportTable(
     (
         *_STUDY,
         _text("kind", "opened, declined, unsuitable, or suitable: unsuitable at first and suitable at a later try."),
-        _text("reason", "What was unsuitable: screen, input, latency or websocket."),
+        _text("reason", "What was unsuitable: browser, screen, input, latency or websocket."),
         Column("count", "integer", "How many browsers.", bits=32),
     ),
 )

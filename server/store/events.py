@@ -9,6 +9,8 @@ from sqlalchemy import Connection, func, select
 
 from server.store.tables import events
 
+ATTENTION_SCREENED_OUT = "attention_screened_out"  # kind of the event of a participant who failed too many checks
+
 
 @dataclass(frozen=True)
 class Event:

@@ -70,7 +70,7 @@ def withdrawal_rows(chosen: Selection) -> Rows:
 
 def participant_rows(chosen: Selection, wide: tuple[Column, ...]) -> Rows:
     query = select(_p.id, *_STUDY, _p.number, _p.condition, _p.status, _p.language, _p.simulated, _p.seed, _p.position)
-    query = query.add_columns(_p.started_at, _p.last_seen_at, _p.completed_at, _excluded(None))
+    query = query.add_columns(_p.started_at, _p.last_seen_at, _p.completed_at, _excluded(None), *attention_counts())
     query = query.join_from(participants, studies)
     for row in chosen.rows(query.order_by(*_PARTICIPANT_ORDER), _p.study_id):
         values = dict(_wide_values(chosen, row.id))
@@ -143,7 +143,7 @@ def pause_rows(chosen: Selection) -> Rows:
 def answer_rows(chosen: Selection) -> Rows:
     a = answers.c
     query = select(a.participant_id, a.episode_id, a.step_key, a.question_key, a.value, a.submitted_at, a.took_ms)
-    query = query.join_from(answers, participants).order_by(*_PARTICIPANT_ORDER, a.id)
+    query = query.add_columns(a.attention).join_from(answers, participants).order_by(*_PARTICIPANT_ORDER, a.id)
     for row in chosen.rows(query, _p.study_id):
         yield (*row[:4], *value_text(row.value), *row[5:])
 
@@ -173,6 +173,13 @@ def _excluded(episode: Any) -> Any:
     about = (x.participant_id == _p.id, x.episode_id.is_(None)) if episode is None else (x.episode_id == episode,)
     found = select(x.reason).where(*about, x.restored_at.is_(None)).order_by(x.id.desc()).limit(1)
     return found.scalar_subquery()
+
+
+def attention_counts() -> tuple[Any, Any]:
+    """How many attention checks the participant answered, and how many wrongly."""
+    a = answers.c
+    checks = select(func.count()).where(a.participant_id == _p.id, a.attention.is_not(None))
+    return checks.scalar_subquery(), checks.where(a.attention.is_(False)).scalar_subquery()
 
 
 def episode_ids(chosen: Selection) -> Iterator[str]:

@@ -66,21 +66,28 @@ def _import_tables(connection: Connection, folder: Path) -> dict[str, int]:
 
 
 def rows(folder: Path, table: str) -> Iterator[Record]:
-    """The rows of a table of an export as they were exported."""
+    """The rows of a table of an export as they were exported; a column that an older export lacks is None."""
     columns = next(known for known in codebook.TABLES if known.name == table).columns
     types = schema(columns)
     path = table_path(folder, "parquet", table)
     if path.is_file():
         with pa.parquet.ParquetFile(path) as file:
-            for batch in file.iter_batches(_INSERT, columns=types.names):
+            present = [name for name in types.names if name in file.schema_arrow.names]
+            lacking = dict.fromkeys(set(types.names) - set(present))
+            for batch in file.iter_batches(_INSERT, columns=present):
                 wanted = pa.schema([types.field(name) for name in batch.schema.names])
-                yield from batch.cast(wanted).to_pylist()
+                lines = batch.cast(wanted).to_pylist()
+                yield from (row | lacking for row in lines) if lacking else lines
         return
     path = table_path(folder, "csv", table)
     if not path.is_file():
         raise ImportRefused(f"{folder} has no table of {table}. Export the study again.")
     convert = pa.csv.ConvertOptions(
-        column_types=types, include_columns=types.names, strings_can_be_null=True, quoted_strings_can_be_null=False
+        column_types=types,
+        include_columns=types.names,
+        include_missing_columns=True,
+        strings_can_be_null=True,
+        quoted_strings_can_be_null=False,
     )
     texts = [field.name for field in types if pa.types.is_string(field.type)]
     options = pa.csv.ParseOptions(newlines_in_values=True)
@@ -124,7 +131,8 @@ def _of_study(folder: Path, table: str, studies: dict[tuple[str, int], int]) -> 
 
 def _participants(folder: Path, studies: dict[tuple[str, int], int]) -> Iterator[Record]:
     for row in _of_study(folder, "participants", studies):
-        del row["excluded"]
+        for name in ("excluded", "attention_checks", "attention_failed"):
+            del row[name]
         row["id"] = plain_name(row.pop("participant"), "the participant")
         yield row | {"token_hash": f"imported {secrets.token_hex(16)}"}
 

@@ -7,7 +7,7 @@ from sqlalchemy import Connection, or_, select
 
 from server.store import codebook, exported_ticks
 from server.store.export import schema
-from server.store.exported import value_text
+from server.store.exported import attention_counts, value_text
 from server.store.tables import answers, episodes, participants, pauses, studies
 
 OVER = ("done", "aborted")
@@ -29,12 +29,26 @@ def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pa.Table]
     own += [_e[name] for name in ("number", "status", "score", "progress", "watched_seat", "tick_ms")]
     played = connection.execute(select(_e.id.label("episode"), *own).where(_e.id.in_(chosen))).mappings().all()
     people = {row[f"participant_{seat}"] for row in played for seat in (0, 1)} - {None}
-    of_people = select(_p.id.label("participant"), studies.c.key.label("study"), _p.condition, _p.status)
+    of_people = select(
+        _p.id.label("participant"),
+        studies.c.key.label("study"),
+        _p.condition,
+        _p.status,
+        attention_counts()[1].label("attention_failed"),
+    )
     of_people = of_people.join_from(participants, studies).where(_p.id.in_(people))
-    said = select(_a.participant_id, _a.episode_id, _a.question_key, _a.value).where(_a.participant_id.in_(people))
+    said = select(_a.participant_id, _a.episode_id, _a.question_key, _a.value, _a.attention).where(
+        _a.participant_id.in_(people)
+    )
     held = select(pauses.c.episode_id.label("episode"), pauses.c.reason, pauses.c.duration_ms)
     told = [
-        {"participant": row[0], "episode": row[1], "question": row[2], "value": value_text(row[3])[0]}
+        {
+            "participant": row[0],
+            "episode": row[1],
+            "question": row[2],
+            "value": value_text(row[3])[0],
+            "attention": row[4],
+        }
         for row in connection.execute(said.order_by(_a.id))
     ]
     types = schema(codebook.TICKS.columns)

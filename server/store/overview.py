@@ -7,7 +7,8 @@ from typing import Any
 
 from sqlalchemy import ColumnElement, Connection, case, func, or_, select
 
-from server.store.tables import episodes, events, exclusions, participants, ticks, withdrawals
+from server.store.events import ATTENTION_SCREENED_OUT
+from server.store.tables import answers, episodes, events, exclusions, participants, ticks, withdrawals
 
 _p, _e = participants.c, episodes.c
 HERE = timedelta(minutes=2)  # who was seen so lately is in the study now
@@ -75,6 +76,21 @@ def flow(connection: Connection, study_ids: Sequence[int]) -> Counts:
     left = select(*gone, func.count()).where(withdrawals.c.study_id.in_(study_ids)).group_by(*gone)
     found |= {(row[0], "withdrawn", row[1]): row[2] for row in connection.execute(left)}
     return found
+
+
+def inattentive(connection: Connection, study_ids: Sequence[int]) -> dict[tuple[str, int], int]:
+    """How many were screened out because of attention checks, by condition and position."""
+    noted = select(events.c.participant_id).where(events.c.kind == ATTENTION_SCREENED_OUT)
+    query = select(_p.condition, _p.position, func.count()).where(_p.study_id.in_(study_ids), _p.id.in_(noted))
+    query = query.where(_p.status == "screened_out").group_by(_p.condition, _p.position)
+    return {(row[0], row[1]): row[2] for row in connection.execute(query)}
+
+
+def failed_a_check(connection: Connection, study_ids: Sequence[int]) -> int:
+    """How many who completed the study failed an attention check on the way."""
+    failed = select(answers.c.participant_id).where(answers.c.attention.is_(False))
+    query = select(func.count()).where(_p.study_id.in_(study_ids), _p.status == "completed", _p.id.in_(failed))
+    return connection.execute(query).scalar_one()
 
 
 def here_now(connection: Connection, study_ids: Sequence[int]) -> int:

@@ -107,7 +107,12 @@ arrivals = Table(
     metadata,
     column("study_id", Integer, ForeignKey("studies.id"), primary_key=True, meaning="Study version."),
     column("kind", String(16), primary_key=True, meaning="opened, declined, unsuitable or suitable (at a later try)."),
-    column("reason", String(16), primary_key=True, meaning="What was unsuitable: screen, input, latency or websocket."),
+    column(
+        "reason",
+        String(16),
+        primary_key=True,
+        meaning="What was unsuitable: browser, screen, input, latency or websocket.",
+    ),
     column("count", Integer, meaning="Browsers. Nothing else is kept of somebody who does not consent."),
 )
 
@@ -260,6 +265,7 @@ answers = Table(
     column("value", JSON, meaning="The answer: number, text, list or true/false."),
     time("submitted_at", "When the page was submitted."),
     column("took_ms", Double, nullable=True, meaning="Time spent on the page.", unit="ms"),
+    column("attention", Boolean, nullable=True, meaning="Whether an attention check was passed; none: it is no check."),
     UniqueConstraint("participant_id", "step_key", "question_key"),
 )
 

@@ -11,7 +11,8 @@ from server.study.assignment import participant_seed
 from server.study.locale import FALLBACK, languages
 from server.study.order import episode_order
 from server.study.plan import FIXED_PAGES, Study
-from server.study.questionnaire import ChoiceQuestion, MultipleQuestion, Questionnaire, RankingQuestion
+from server.study.questionnaire import ChoiceQuestion, MultipleQuestion, Questionnaire, RankingQuestion, asked
+from server.study.steps import episodes_of
 from server.study.text import Text
 
 Path = tuple[str | int, ...]
@@ -41,6 +42,7 @@ def problems(study: Study) -> Iterator[Problem]:
             yield Problem(
                 ("quiz",), "no question of the quiz has a correct answer", "Add `correct:` to its choice questions."
             )
+    yield from _attention(study)
     yield from _episodes(study)
     yield from _two_people(study)
     yield from _recruitment(study)
@@ -148,6 +150,31 @@ def _questions(study: Study, questionnaire: Questionnaire, path: Path) -> Iterat
             values = [option.value for option in question.options]
             if len(set(values)) < len(values):
                 yield Problem((*place, "options"), "two options have the same value", "Give each its own value.")
+
+
+def _attention(study: Study) -> Iterator[Problem]:
+    """Screening out after more checks than anybody is asked would never happen."""
+    limit = study.attention.screen_out_after
+    if limit is None:
+        return
+    count = min(_attention_checks(study, condition.name) for condition in study.conditions)
+    if limit > count:
+        reason = f"nobody can fail {limit} attention checks: the study asks {count}"
+        remedy = "Add `attention:` to more scale or choice questions, or lower it."
+        yield Problem(("attention", "screen_out_after"), reason, remedy)
+
+
+def _attention_checks(study: Study, condition: str) -> int:
+    """How many attention checks a participant in this condition meets."""
+    shows = study.condition(condition).shows_predictions
+
+    def of(key: str) -> int:
+        questions = asked(study.questions(key), condition, shows)
+        return sum(getattr(question, "attention", None) is not None for question in questions)
+
+    pages = [entry for entry in study.flow if entry in study.questionnaires or (entry == "quiz" and study.quiz)]
+    after = study.after_episode if study.after_episode in study.questionnaires else None
+    return sum(map(of, pages)) + (episodes_of(study) * of(after) if after else 0)
 
 
 def _episodes(study: Study) -> Iterator[Problem]:

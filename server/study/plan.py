@@ -195,6 +195,13 @@ class Quiz(Questionnaire):
     """After so many failures the participant is screened out. Empty: as often as they like."""
 
 
+class AttentionChecks(Part):
+    """What follows from questions with `attention`, whose text asks for a certain answer."""
+
+    screen_out_after: Annotated[int, Field(ge=1)] | None = None
+    """Somebody who failed so many is screened out after the page. Empty: wrong answers are only flagged in the data."""
+
+
 class Fact(Part):
     """One line of the consent page's summary."""
 
@@ -260,6 +267,7 @@ class Study(Part):
     questionnaires: dict[Key, Questionnaire] = Field(default_factory=dict)
     after_episode: str | None = None
     """The questionnaire that follows every episode."""
+    attention: AttentionChecks = AttentionChecks()
     breaks: Breaks = Breaks()
     pages: dict[Key, Section] = Field(default_factory=dict)
     flow: Annotated[tuple[str, ...], Field(min_length=1)]

@@ -1,17 +1,20 @@
 """Questions, and whether answers to them are right. Pure: the same check serves the page, the bots and the import."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from server.study.numbers import read_number
 from server.study.part import Part
 from server.study.text import Text
 
 Key = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 Value = int | float | str | list[str]
 Answers = dict[str, Value]
+CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # no keyboard writes them; PostgreSQL refuses some
 
 
 class Option(Part):
@@ -151,7 +154,7 @@ def check_answers(questions: tuple[AnyQuestion, ...], form: Mapping[str, list[st
     answers: Answers = {}
     faults: dict[str, Fault] = {}
     for question in questions:
-        values = [value.strip() for value in form.get(question.key, []) if value.strip()]
+        values = [value.strip(" \t\n") for value in form.get(question.key, []) if not _is_blank(value)]
         result = _check_ranking(question, form) if isinstance(question, RankingQuestion) else _check(question, values)
         if isinstance(result, Fault):
             faults[question.key] = result
@@ -172,6 +175,11 @@ def is_attentive(question: AnyQuestion, answer: Value | None) -> bool | None:
     return None
 
 
+def _is_blank(text: str) -> bool:
+    """Whether there is nothing but white space, as a browser counts it."""
+    return not text.replace("\ufeff", "").strip()
+
+
 def _check(question: AnyQuestion, values: list[str]) -> Value | Fault | None:
     if isinstance(question, MultipleQuestion):
         return _check_multiple(question, values)
@@ -187,11 +195,7 @@ def _check(question: AnyQuestion, values: list[str]) -> Value | Fault | None:
         case ChoiceQuestion():
             return value if value in {option.value for option in question.options} else Fault("missing_choice", {})
         case TextQuestion():
-            return (
-                value
-                if len(value) <= question.max_length
-                else Fault("long", {"most": question.max_length, "length": len(value)})
-            )
+            return _check_text(question, value)
         case NumberQuestion():
             return _check_number(question, value)
         case _:
@@ -208,14 +212,23 @@ def _range(question: AnyQuestion) -> dict[str, int | float | str]:
             return {}
 
 
-def _check_number(question: NumberQuestion, value: str) -> int | float | Fault:
-    try:
-        number = float(value.replace(",", ".")) if len(value) <= 32 else float("nan")
-    except ValueError:
-        number = float("nan")
+def _check_text(question: TextQuestion, text: str) -> str | Fault:
+    """Return people's words as they wrote them; control characters are refused, never removed."""
+    control = CONTROL.search(text)
+    if control:
+        return Fault("control", {"before": text[max(0, control.start() - 20) : control.start()]})
+    if len(text) > question.max_length:
+        return Fault("long", {"most": question.max_length, "length": len(text)})
+    return text
+
+
+def _check_number(question: NumberQuestion, text: str) -> int | float | Fault:
+    number = read_number(text)
+    if isinstance(number, str):
+        return Fault(number, _range(question) | {"given": text})
     if not question.minimum <= number <= question.maximum:
         return Fault("missing_number", _range(question))
-    if question.whole and number != int(number):
+    if question.whole and not number.is_integer():
         return Fault("whole", _range(question))
     return int(number) if question.whole else number
 

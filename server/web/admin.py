@@ -4,7 +4,7 @@ from typing import Any
 
 from fastapi import APIRouter, HTTPException, Request, Response
 
-from server.store import admins, attempts, audit, decisions, overview
+from server.store import admins, answers, attempts, audit, decisions, overview
 from server.store.overview import Played
 from server.study.plan import Study
 from server.web import admin_auth, course, guessing
@@ -163,6 +163,7 @@ async def person_page(request: Request, name: str, person: str, admin: WatchDep,
         now=step_name(way[min(found.position, len(way) - 1)]),
         rows=await _games(request, web, study, played),
         exclusions=await web.database.read(decisions.exclusions_of, [person]),
+        attention=await web.database.read(answers.attention_of, person),
     )
 
 

@@ -64,6 +64,14 @@ async def own_form(request: Request, web: WebDep) -> Form:
 FormDep = Annotated[Form, Depends(own_form)]
 
 
+async def answers_form(request: Request, web: WebDep) -> Form:
+    """`own_form` of a page with questions, whose answers are checked one by one (server.study.questionnaire)."""
+    return await read_form(request, web.guard, controls=True)
+
+
+AnswersFormDep = Annotated[Form, Depends(answers_form)]
+
+
 async def consent_form(request: Request, name: str, web: WebDep) -> Form:
     """`own_form` of the consent page, also when it is sent again: what was sent first gave this browser its cookie."""
     secret, cookie = web.guard.secret, token_of(request)

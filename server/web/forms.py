@@ -6,6 +6,7 @@ from urllib.parse import parse_qs
 
 from fastapi import HTTPException, Request
 
+from server.study.questionnaire import CONTROL
 from server.web.auth import FORM_FIELD, NOBODY, Guard, session_of
 
 LARGEST_FORM_BYTES = 128 * 1024
@@ -16,11 +17,16 @@ Form = Mapping[str, list[str]]
 
 
 async def read_form(
-    request: Request, guard: Guard, session: str | None = None, was_nobodys: Callable[[Form], bool] | None = None
+    request: Request,
+    guard: Guard,
+    session: str | None = None,
+    was_nobodys: Callable[[Form], bool] | None = None,
+    controls: bool = False,
 ) -> Form:
-    """All values by field name. Refuses (413, 400, 403) what is too large, unreadable, or not from our own pages.
-    `session`: what the form was made for; None: the participant's. `was_nobodys`: whether the form may have been made
-    before there was a session."""
+    """All values by field name, with line ends as one newline and otherwise as they were written. Refuses (413, 400,
+    403) what is too large, unreadable, or not from our own pages. `session`: what the form was made for; None: the
+    participant's. `was_nobodys`: whether the form may have been made before there was a session. `controls`: the caller
+    deals with control characters itself."""
     if not guard.is_own_origin(request):
         raise HTTPException(403, "this form was not sent by our own page")
     try:
@@ -37,7 +43,13 @@ async def read_form(
         sessions.append(NOBODY)
     if not any(guard.is_own_form(first(form, FORM_FIELD), one) for one in sessions):
         raise HTTPException(403, "the form is too old or not ours")
-    return {name: [_clean(value) for value in values] for name, values in form.items()}
+    found = {name: [_newlines(value) for value in values] for name, values in form.items()}
+    for name, values in found.items() if not controls else ():
+        if any(CONTROL.search(value) for value in values):
+            raise HTTPException(
+                400, f"the field {name!r} contains a control character. Delete it and send the form again."
+            )
+    return found
 
 
 async def _body(request: Request) -> bytes:
@@ -54,7 +66,5 @@ def first(form: Form, name: str) -> str:
     return form.get(name, [""])[0]
 
 
-def _clean(value: str) -> str:
-    """Without control characters, which no keyboard writes and PostgreSQL refuses; line ends as one newline."""
-    value = value.replace("\r\n", "\n").replace("\r", "\n")
-    return "".join(letter for letter in value if letter in "\n\t" or letter.isprintable())
+def _newlines(value: str) -> str:
+    return value.replace("\r\n", "\n").replace("\r", "\n")

@@ -15,7 +15,17 @@ from server.study.questionnaire import Checked, Fault, asked, check_answers, is_
 from server.study.steps import Step
 from server.web import arrivals, walk
 from server.web.auth import set_cookie, token_for
-from server.web.deps import ConsentFormDep, FormDep, OpenStudyDep, Page, ParticipantDep, Web, WebDep, page
+from server.web.deps import (
+    AnswersFormDep,
+    ConsentFormDep,
+    FormDep,
+    OpenStudyDep,
+    Page,
+    ParticipantDep,
+    Web,
+    WebDep,
+    page,
+)
 from server.web.forms import Form, first
 from server.web.recruiting import is_preview, recruitment_of
 from server.web.views import Filled, consent_context, render_step
@@ -137,7 +147,9 @@ async def now(request: Request, name: str, web: WebDep, participant: Participant
 
 
 @router.post("/s/{name}/now")
-async def submit(request: Request, name: str, web: WebDep, participant: ParticipantDep, form: FormDep) -> Response:
+async def submit(
+    request: Request, name: str, web: WebDep, participant: ParticipantDep, form: AnswersFormDep
+) -> Response:
     """Takes the current step's page. One that is not current changes nothing and leads to the one that is."""
     if participant is None:
         return _to(f"/s/{name}")
@@ -146,7 +158,7 @@ async def submit(request: Request, name: str, web: WebDep, participant: Particip
     if participant.status != "active" or first(form, "step") != step.key:
         return back
     study = web.studies.of(participant)
-    checked, happened = _check(study, participant, step, form)
+    checked, attention = _check(study, participant, step, form)
     if checked.faults:
         if any(fault.reason == "wrong" for fault in checked.faults.values()):
             wrong = {key: checked.answers.get(key) for key in checked.faults}
@@ -155,30 +167,24 @@ async def submit(request: Request, name: str, web: WebDep, participant: Particip
             if after is None or after.status != "active":
                 return back
         return await _show(request, web, participant, Filled(form, checked.faults), 422)
-    submission = walk.Submission(step, checked.answers, happened)
+    submission = walk.Submission(step, checked.answers, attention)
     await web.database.write(walk.submit, web.studies, participant.id, submission)
     return back
 
 
-def _check(
-    study: Study, participant: Participant, step: Step, form: Form
-) -> tuple[Checked, dict[str, dict[str, object]]]:
-    """The answers of a page with questions, and what is to be noted about them."""
+def _check(study: Study, participant: Participant, step: Step, form: Form) -> tuple[Checked, dict[str, bool]]:
+    """The answers of a page with questions, and whether each attention check among them was passed."""
     if step.kind not in ("questionnaire", "quiz"):
         return Checked({}, {}), {}
     condition = study.condition(participant.condition)
     questions = asked(study.questions(step.page or step.kind), condition.name, condition.shows_predictions)
     checked = check_answers(questions, form)
-    failed = [
-        question.key for question in questions if is_attentive(question, checked.answers.get(question.key)) is False
-    ]
-    happened: dict[str, dict[str, object]] = (
-        {"attention_failed": {"step": step.key, "questions": failed}} if failed else {}
-    )
+    checks = {question.key: is_attentive(question, checked.answers.get(question.key)) for question in questions}
+    attention = {key: passed for key, passed in checks.items() if passed is not None and key in checked.answers}
     if step.kind == "quiz" and not checked.faults:
         wrong = {q.key: Fault("wrong", {}) for q in questions if not is_correct(q, checked.answers.get(q.key))}
         checked = Checked(checked.answers, wrong)
-    return checked, happened
+    return checked, attention
 
 
 async def _show(

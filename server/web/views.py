@@ -6,7 +6,7 @@ from typing import Any
 
 from fastapi import Response
 
-from server.store import episodes, participants
+from server.store import episodes, events, participants
 from server.store.participants import Participant
 from server.store.tables import RECRUITMENT_ID
 from server.study.plan import Outcome, Study
@@ -31,7 +31,7 @@ class Filled:
 async def render_step(page: Page, participant: Participant, filled: Filled | None, status: int) -> Response:
     """The page on which the participant is."""
     if participant.status not in ("active", "completed"):
-        kind, outcome = _ended(page.web.studies.of(participant), participant)
+        kind, outcome = await _ended(page, participant)
         return page.render("participant/ended.html", kind=kind, outcome=outcome, back=await _back(page, outcome))
     way = page.web.studies.way(participant)
     step = page.web.studies.step(participant)
@@ -80,13 +80,16 @@ def consent_context(
     }
 
 
-def _ended(study: Study, participant: Participant) -> tuple[str, Outcome]:
+async def _ended(page: Page, participant: Participant) -> tuple[str, Outcome]:
     """How the participation ended before its end, and what the person gets for it."""
+    study = page.web.studies.of(participant)
     if participant.status == "returned" and participant.completion_code:
         unpaired = study.recruitment.unpaired
         return "unpaired", unpaired.model_copy(update={"code": unpaired.code or participant.completion_code})
     if participant.status == "screened_out":
-        return "screened_out", study.recruitment.screened_out
+        database, kind = page.web.database, events.ATTENTION_SCREENED_OUT
+        inattentive = await database.read(events.of_participant, participant.id, kind)
+        return ("inattentive" if inattentive else "screened_out"), study.recruitment.screened_out
     return ("withdrawn" if participant.status == "withdrawn" else "timed_out"), Outcome()
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from sqlalchemy import Connection
 
 from server.store import answers, decisions, episodes, events, participants, studies
+from server.store.events import ATTENTION_SCREENED_OUT
 from server.store.participants import NewParticipant, Participant
 from server.study.assignment import Count, StudyFullError, next_condition, participant_seed
 from server.study.plan import Study
@@ -43,7 +44,7 @@ class Submission:
 
     step: Step
     answers: Mapping[str, Any] = field(default_factory=dict)
-    events: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # kind -> detail
+    attention: Mapping[str, bool] = field(default_factory=dict)  # attention check -> whether it was passed
 
 
 def new_code() -> str:
@@ -142,9 +143,24 @@ def submit(connection: Connection, all_studies: Studies, participant_id: str, su
     took_ms = answers.leave(connection, participant_id, step.key)
     episode = episodes.of_step(connection, participant_id, f"episode-{step.number:02d}") if step.number else None
     about = episode.id if episode is not None and step.kind == "questionnaire" else None
-    answers.save(connection, answers.Page(participant_id, step.key, submission.answers, about, took_ms))
-    note(connection, participant_id, submission.events)
+    checks = submission.attention
+    answers.save(connection, answers.Page(participant_id, step.key, submission.answers, about, took_ms, checks))
+    failed = [question for question, passed in checks.items() if not passed]
+    if failed:
+        note(connection, participant_id, {"attention_failed": {"step": step.key, "questions": failed}})
+        if _screened_out(connection, participant_id, all_studies.of(participant)):
+            return True
     return _move_on(connection, participant, way)
+
+
+def _screened_out(connection: Connection, participant_id: str, study: Study) -> bool:
+    """End the participation if as many attention checks were failed as the study allows. The answers stay stored."""
+    limit = study.attention.screen_out_after
+    count = answers.attention_of(connection, participant_id)
+    if limit is None or count.failed < limit or not participants.leave(connection, participant_id, "screened_out"):
+        return False
+    note(connection, participant_id, {ATTENTION_SCREENED_OUT: {"failed": count.failed, "answered": count.answered}})
+    return True
 
 
 def note(connection: Connection, participant_id: str, happened: Mapping[str, Mapping[str, Any]]) -> None:

@@ -5,7 +5,7 @@ const query = new URLSearchParams(location.search);
 const names = [...query.keys()].filter((name) => name !== 'lang');
 if (names.length > 0) {
   names.forEach((name) => query.delete(name));
-  history.replaceState({ query: location.search }, '', location.pathname + (query.size > 0 ? `?${query}` : ''));
+  history.replaceState({ query: location.search }, '', location.pathname + (String(query) ? `?${query}` : ''));
 } else if (history.state?.query) {
   location.replace(location.pathname + history.state.query);
 }

@@ -67,7 +67,7 @@ function flow(nodes) {
     const lost = Object.entries(node.lost);
     const rows = [];
     if (lost.length) rows.push(make('div', { className: 'out' }, make('dt', { text: 'Left' }), make('dd', { text: lost.reduce((sum, [, count]) => sum + count, 0) })));
-    for (const [word, count] of [...lost, ...(node.here ? [['there now', node.here]] : [])]) rows.push(make('div', { className: 'row' }, make('dt', { text: word }), make('dd', { text: count })));
+    for (const [word, count] of [...lost, ...Object.entries(node.flags ?? {}), ...(node.here ? [['there now', node.here]] : [])]) rows.push(make('div', { className: 'row' }, make('dt', { text: word }), make('dd', { text: count })));
     return make('li', {}, make('div', { className: 'node' }, make('span', { text: node.name }), make('b', { text: node.reached })), make('dl', {}, ...rows));
   }));
 }

@@ -1,6 +1,8 @@
 // Checks before consent whether the game will run on this device. The page alone decides; the server only counts, and
 // learns nothing about who came.
 
+document.documentElement.dataset.runs = 'yes';
+
 const TRIES = 7, PATIENCE_MS = 8000;
 const box = document.getElementById('entry');
 const [text, faults, agree, again, unsuitable, decline] = ['entry-text', 'entry-faults', 'agree', 'again', 'unsuitable', 'decline'].map((id) => document.getElementById(id));
@@ -49,6 +51,18 @@ function inputFault() {
   return touch || keyboard ? null : words.input;
 }
 
+/** Tries the game's own code. Loaded late: in a browser that cannot even read it, this page goes on and says so. */
+async function browserFault() {
+  if (!navigator.cookieEnabled) return words.cookies;
+  try {
+    (await import('./rehearsal.js')).rehearse();
+    return null;
+  } catch (error) {
+    console.info(String(error));
+    return words.browser;
+  }
+}
+
 /** Round trips over a websocket in ms; rejects when none can be opened. */
 function roundTrips() {
   return new Promise((resolve, reject) => {
@@ -87,12 +101,13 @@ async function check() {
   box.dataset.state = 'waiting';
   text.textContent = words.wait;
   faults.hidden = true;
-  const found = [['screen', screenFault()], ['input', inputFault()], await connectionFault()].filter(([, fault]) => fault);
+  const found = [['browser', await browserFault()], ['screen', screenFault()], ['input', inputFault()], await connectionFault()].filter(([, fault]) => fault);
   const good = found.length === 0;
   countCheck(good ? '' : found[0][0]);
   box.dataset.state = good ? 'good' : 'bad';
   text.textContent = good ? words.good : words.unsuitable_title;
-  faults.replaceChildren(...found.map(([, fault]) => Object.assign(document.createElement('li'), { textContent: fault })));
+  faults.textContent = ''; // only what every browser with modules has: this page speaks to old ones
+  for (const [, fault] of found) faults.appendChild(document.createElement('li')).textContent = fault;
   faults.hidden = good;
   agree.disabled = !good;
   agree.hidden = !good;

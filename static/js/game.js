@@ -3,7 +3,8 @@
 import { Announcer } from './announce.js';
 import { Hud } from './hud.js';
 import { Keys, Pace, listen, watchPresence } from './input.js';
-import { keyName, keysDialog, storedBindings } from './keysdialog.js';
+import { Layout, keyName } from './keycodes.js';
+import { keysDialog, storedBindings } from './keysdialog.js';
 import { Coach } from './lesson.js';
 import { drawLegend } from './markshapes.js';
 import { away, input, ready } from './messages.js';
@@ -13,10 +14,13 @@ import { Connection, tabName } from './socket.js';
 import { Sound } from './sound.js';
 import { Sprites } from './sprites.js';
 import { apply, applyLink, applyTurn, defaults, secondsLeft } from './state.js';
+import { session } from './storage.js';
 import { catalogue, jsonBlock } from './texts.js';
 import { listenTouch } from './touch.js';
 import { reportTrouble } from './trouble.js';
 import { viewOf } from './views.js';
+
+document.documentElement.dataset.runs = 'yes';
 
 const REST_MS = 1500; // a game that stands still is drawn this long after the last change
 const VIEW_MS = 200;
@@ -34,6 +38,7 @@ let leftPage = false; // the server has been told that the participant is away
 let startedEpisode = null; // the episode that was started on this page: after a lost connection it goes on by itself
 let changedMs = 0, viewedMs = 0, board = null;
 
+const layout = new Layout();
 const keys = new Keys(bindings);
 const pace = new Pace(press);
 const changed = (move) => pace.change(move);
@@ -43,7 +48,7 @@ const sound = new Sound(page.querySelector('#sound'), text);
 const announcer = new Announcer(page.querySelector('#polite'), page.querySelector('#urgent'), text);
 const coach = new Coach(stage, page.querySelector('#coach'), page.querySelector('#lessons'), config.lessons ?? [], text, keyCaps);
 const overlay = new Overlay(page, text, { ready: start, takeOver: () => connection.open(), reload: () => location.reload() });
-const connection = new Connection(new URL(config.socket, location.href.replace(/^http/, 'ws')), tabName(sessionStorage), {
+const connection = new Connection(new URL(config.socket, location.href.replace(/^http/, 'ws')), tabName(session), {
   message: receive,
   link: (link) => { letGo(); change(applyLink(state, link === 'no_game' ? leave() : link, performance.now())); },
   problem: (error) => report(error),
@@ -108,8 +113,8 @@ function start() {
 
 /** This page has no game any more: the server knows where to go on. Twice in a row would be a fault, not a way. */
 function leave() {
-  const last = Number(sessionStorage.getItem('kitchenmind.left') ?? 0);
-  sessionStorage.setItem('kitchenmind.left', Date.now());
+  const last = Number(session.getItem('kitchenmind.left') ?? 0);
+  session.setItem('kitchenmind.left', Date.now());
   if (Date.now() - last < 10_000) return 'closed';
   location.reload();
   return 'connecting';
@@ -150,13 +155,15 @@ function keyCaps() {
   const cap = (words) => Object.assign(document.createElement('kbd'), { textContent: words });
   const group = document.createElement('span');
   group.className = 'capline';
-  group.append(...[3, 0, 1, 2].map((action) => cap(keyName(bindings[action][0], text))));
+  group.append(...[3, 0, 1, 2].map((action) => cap(keyName(bindings[action][0], text, layout))));
   const touch = matchMedia('(pointer: coarse)').matches;
-  return { walk: group, use: cap(touch ? text('keys.use') : keyName(bindings[5][0], text)) };
+  return { walk: group, use: cap(touch ? text('keys.use') : keyName(bindings[5][0], text, layout)) };
 }
 
 function showCaps() {
-  for (const cap of page.querySelectorAll('kbd[data-action]')) cap.textContent = keyName(bindings[cap.dataset.action][0], text);
+  coach.rewrite();
+  if (state.game) change(state);
+  for (const cap of page.querySelectorAll('kbd[data-action]')) cap.textContent = keyName(bindings[cap.dataset.action][0], text, layout);
 }
 
 /** Fits the board into the stage. */
@@ -192,7 +199,10 @@ async function begin() {
   listenTouch(page.querySelector('.touch'), keys, inHand, changed);
   watchPresence(left, back);
   stage.addEventListener('blur', () => { const change = letGo(); if (change) press(change); });
-  keysDialog(document.querySelector('#keys-dialog'), page.querySelector('#change-keys'), text, (next) => { bindings = next; keys.bind(next); showCaps(); });
+  const showDialog = keysDialog(document.querySelector('#keys-dialog'), page.querySelector('#change-keys'), text, layout, (next) => { bindings = next; keys.bind(next); showCaps(); });
+  document.addEventListener('keydown', (event) => layout.learn(event));
+  layout.changed = () => { showCaps(); showDialog(); };
+  layout.ask();
   const backToGame = () => { if (inPlay()) stage.focus({ preventScroll: true }); };
   page.querySelector('#sound').addEventListener('click', backToGame);
   document.querySelector('#keys-dialog').addEventListener('close', backToGame);
@@ -205,4 +215,7 @@ async function begin() {
   requestAnimationFrame(frame);
 }
 
-begin().catch(report);
+begin().catch((error) => {
+  report(error);
+  document.querySelector('#cannot-run').hidden = false;
+});

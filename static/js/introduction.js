@@ -1,7 +1,9 @@
 // The introduction one slide at a time, each with a small kitchen. Without this script all slides stand below each other.
 
 import { EAST, INTERACT, NORTH, SOUTH, WEST } from './kitchen.js';
+import { Layout } from './keycodes.js';
 import { Scene } from './scene.js';
+import { session } from './storage.js';
 
 const GRID = ['XXPXXXX', 'X     D', 'O     X', 'X     S', 'XXXXXXX'];
 const CRATE = [0, 2], POT = [2, 0], HATCH = [6, 3];
@@ -36,13 +38,13 @@ const slides = [...form.querySelectorAll('.slide')];
 const [back, next, finish, dots, canvas] = ['back', 'next', 'finish', 'dots', 'scene'].map((id) => document.getElementById(id));
 const still = matchMedia('(prefers-reduced-motion: reduce)');
 const key = `slide:${form.dataset.key}`;
-let here = Math.min(slides.length - 1, Number(sessionStorage.getItem(key)) || 0);
+let here = Math.min(slides.length - 1, Number(session.getItem(key)) || 0);
 let timer = 0;
 let scene = null;
 
 function show(index, focus = false) {
   here = index;
-  sessionStorage.setItem(key, index);
+  session.setItem(key, index);
   slides.forEach((slide, k) => { slide.hidden = k !== index; });
   back.hidden = index === 0;
   next.hidden = index === slides.length - 1;
@@ -67,12 +69,25 @@ function play() {
   }, FRAME_MS);
 }
 
+/** The letters to walk with as they are printed on this keyboard: ZQSD in France. */
+let letters = 'WASD';
+function showLetters() {
+  const printed = [...'WASD'].map((letter) => layout.of(`Key${letter}`) ?? letter).join('');
+  for (const text of form.querySelectorAll('#slide-fetch .text')) text.textContent = text.textContent.replace(letters, printed);
+  letters = printed;
+}
+
+const layout = new Layout(showLetters);
+showLetters();
+layout.ask();
+document.addEventListener('keydown', (event) => layout.learn(event));
+
 form.classList.add('one');
 dots.hidden = false;
 next.addEventListener('click', () => show(here + 1, true));
 back.addEventListener('click', () => show(here - 1, true));
 [...dots.querySelectorAll('button')].forEach((dot, k) => dot.addEventListener('click', () => show(k)));
-form.addEventListener('submit', () => sessionStorage.removeItem(key));
+form.addEventListener('submit', () => session.removeItem(key));
 still.addEventListener('change', play);
 show(here);
 scene = await Scene.open(canvas, form.dataset.you);

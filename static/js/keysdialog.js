@@ -1,24 +1,18 @@
 // Other keys for the participant: a small dialog; the choice stays in this browser.
 
 import { DEFAULT_BINDINGS } from './input.js';
+import { codeOf, isModifier, isUsable, keyName } from './keycodes.js';
+import { local, readJson } from './storage.js';
 
 const STORE = 'kitchenmind.keys';
-const ARROWS = { ArrowUp: '↑', ArrowDown: '↓', ArrowLeft: '←', ArrowRight: '→' };
 
-/** The stored keys, or the usual ones. */
-export function storedBindings(storage = localStorage) {
-  try {
-    const stored = JSON.parse(storage.getItem(STORE));
-    const whole = Object.keys(DEFAULT_BINDINGS).every((action) => Array.isArray(stored[action]) && stored[action].length);
-    return whole ? stored : DEFAULT_BINDINGS;
-  } catch {
-    return DEFAULT_BINDINGS;
-  }
-}
-
-/** What is written on a key cap for a KeyboardEvent.code. */
-export function keyName(code, text) {
-  return ARROWS[code] ?? (code === 'Space' ? text('keys.space') : code.replace(/^(Key|Digit|Numpad)/, ''));
+/** The stored keys, or the usual ones. Keys that do not work are left out; an action without any gets its usual ones. */
+export function storedBindings(storage = local) {
+  const stored = readJson(storage, STORE, {});
+  const own = Object.keys(DEFAULT_BINDINGS).map((action) => [action, Array.isArray(stored[action]) ? stored[action].filter(isUsable) : []]);
+  const taken = own.flatMap(([, codes]) => codes);
+  const next = own.map(([action, codes]) => [action, codes.length ? codes : DEFAULT_BINDINGS[action].filter((code) => !taken.includes(code))]);
+  return next.every(([, codes]) => codes.length) ? Object.fromEntries(next) : DEFAULT_BINDINGS;
 }
 
 /** The bindings with `code` as first key of `action`; no key means two things. */
@@ -30,31 +24,41 @@ export function rebind(bindings, action, code) {
   return Object.values(next).every((codes) => codes.length) ? next : bindings;
 }
 
-/** Opens on `opener`; `changed(bindings)` is told a new choice. */
-export function keysDialog(dialog, opener, text, changed) {
+/** Opens on `opener`; `changed(bindings)` is told a new choice. `layout`: what is printed on the keys. Returns `show()`, for
+ * when that has become known. */
+export function keysDialog(dialog, opener, text, layout, changed) {
   let bindings = storedBindings();
   let asking = null; // the button that waits for a key
   const buttons = [...dialog.querySelectorAll('[data-rebind]')];
-  const show = () => buttons.forEach((button) => {
-    const names = bindings[button.dataset.rebind].map((code) => keyName(code, text)).join(' / ');
-    button.textContent = button === asking ? text('keys.press') : names;
-  });
+  const note = dialog.querySelector('#keys-note');
+  const show = (words = '') => {
+    note.textContent = words;
+    buttons.forEach((button) => {
+      const names = bindings[button.dataset.rebind].map((code) => keyName(code, text, layout)).join(' / ');
+      button.textContent = button === asking ? text('keys.press') : names;
+    });
+  };
   const keep = (next) => {
     bindings = next;
-    localStorage.setItem(STORE, JSON.stringify(next));
+    local.setItem(STORE, JSON.stringify(next));
     changed(next);
     show();
   };
   opener.addEventListener('click', () => { asking = null; show(); dialog.showModal(); });
   buttons.forEach((button) => button.addEventListener('click', () => { asking = asking === button ? null : button; show(); }));
-  dialog.querySelector('#keys-reset').addEventListener('click', () => keep(DEFAULT_BINDINGS));
+  dialog.querySelector('#keys-reset').addEventListener('click', () => { asking = null; keep(DEFAULT_BINDINGS); });
   dialog.addEventListener('keydown', (event) => {
-    if (!asking || event.code === 'Tab') return;
+    const code = codeOf(event);
+    if (!asking || code === 'Tab') return;
     event.preventDefault();
+    if (event.repeat) return;
+    const isFree = !event.ctrlKey && !event.metaKey && !event.altKey && !isModifier(event);
+    if (event.key !== 'Escape' && !(isFree && isUsable(code))) { show(text('keys.unusable')); return; }
     const { rebind: action } = asking.dataset;
     asking = null;
     dialog.addEventListener('keyup', (release) => release.preventDefault(), { once: true }); // or Space would press the button again
-    if (event.code === 'Escape') show();
-    else keep(rebind(bindings, action, event.code));
+    if (event.key === 'Escape') show();
+    else keep(rebind(bindings, action, code));
   });
+  return () => show(note.textContent);
 }

@@ -9,7 +9,7 @@ export function target(key, state) {
   const { grid, seat, watched_seat: watched } = state.game;
   const { players, pots } = state.current;
   const own = players[seat];
-  const nearest = (cells) => cells.toSorted((a, b) => distance(a, own) - distance(b, own))[0] ?? null;
+  const nearest = (cells) => [...cells].sort((a, b) => distance(a, own) - distance(b, own))[0] ?? null;
   const full = pots.filter(([, , , tick]) => tick >= 0);
   const ready = nearest(full.filter(([, , , tick]) => tick >= COOK_TIME));
   const filling = nearest(pots.filter(([, , onions, tick]) => tick < 0 && onions > 0)) ?? nearest(cellsOf(grid, 'P'));
@@ -91,6 +91,11 @@ export class Coach {
   /** Puts the bubble where it belongs again: the stage has another size. */
   moved() {
     this.placed = '';
+  }
+
+  /** Writes the words again at the next chance: other keys are meant. */
+  rewrite() {
+    this.shown = '';
   }
 
   #write(lesson, state) {

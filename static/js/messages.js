@@ -41,7 +41,7 @@ function wrongField(value, fields) {
 /** The message in a frame of the server. Throws TypeError that names what is wrong. */
 export function parse(frame) {
   const message = JSON.parse(frame);
-  const fields = Object.hasOwn(INCOMING, message?.type) ? INCOMING[message.type] : null;
+  const fields = Object.keys(INCOMING).includes(message?.type) ? INCOMING[message.type] : null;
   if (!fields) throw new TypeError(`unknown message ${String(message?.type)}`);
   const wrong = wrongField(message, fields);
   if (wrong !== null) throw new TypeError(`${message.type}: bad field ${wrong}`);

@@ -1,12 +1,18 @@
 // A page of questions: keys 1-9 answer a scale, the first open question gets the focus, answers survive a reload of this tab.
 
+import { readNumber } from './numbers.js';
+import { readJson, session } from './storage.js';
+
 const form = document.getElementById('questions');
-const words = JSON.parse(form.dataset.words);
+const words = JSON.parse(form.dataset.words), reasons = JSON.parse(form.dataset.faults);
 const draftKey = `answers:${form.dataset.step}`;
 const fields = [...form.querySelectorAll('.q')];
 const [alertBox, left, go] = ['alert', 'left', 'go'].map((id) => document.getElementById(id));
 
-const fill = (key, numbers = {}) => words[key].replace(/\{(\w+)\}/g, (_, name) => numbers[name]);
+const CONTROL = /[\u0000-\u0008\u000b\u000c\u000e-\u001f\u007f-\u009f]/; // as in server/study/questionnaire.py
+
+const fillIn = (text, values) => text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
+const fill = (key, numbers = {}) => fillIn(words[key], numbers);
 const controls = (field) => [...field.querySelectorAll('input, textarea, select')];
 const required = (field) => 'required' in field.dataset;
 
@@ -16,15 +22,27 @@ function answered(field) {
   switch (field.dataset.type) {
     case 'scale': case 'choice': case 'multiple': return all.some((each) => each.checked);
     case 'ranking': return new Set(all.map((each) => each.value).filter(Boolean)).size === all.length;
-    case 'number': return isNumber(all[0]);
-    default: return all[0].value.trim() !== '';
+    default: return all[0].value.trim() !== '' && written(field) === null;
   }
 }
 
-function isNumber(input) {
-  const value = Number(input.value.trim().replace(',', '.'));
-  return input.value.trim() !== '' && value >= Number(input.dataset.low) && value <= Number(input.dataset.high);
+/** Why what is written in a field cannot be taken: {reason, ...values}, a key of the words' `faults`; null if it can. */
+function written(field) {
+  const [input] = controls(field);
+  if (field.dataset.type === 'number') return numberFault(input);
+  const found = input.value.match(CONTROL);
+  return found && { reason: 'control', before: input.value.slice(Math.max(0, found.index - 20), found.index) };
 }
+
+function numberFault(input) {
+  const { low, high, whole } = input.dataset;
+  const { value, reason } = readNumber(input.value);
+  if (reason) return reason === 'missing_number' ? { reason, ...range(input) } : { reason, given: input.value.trim() };
+  if (!(value >= Number(low) && value <= Number(high))) return { reason: 'missing_number', ...range(input) };
+  return whole !== undefined && value % 1 !== 0 ? { reason: 'whole' } : null;
+}
+
+const range = ({ dataset: { low, high } }) => ({ low: Number(low), high: Number(high) });
 
 const begun = (field) => controls(field).some((each) => each.checked || (!/radio|checkbox/.test(each.type) && each.value.trim() !== ''));
 const open = () => fields.filter((field) => (required(field) || begun(field)) && !answered(field));
@@ -36,9 +54,25 @@ function tell() {
 function markFields(missing) {
   for (const field of fields) {
     const wrong = missing.includes(field);
+    if (wrong) explain(field);
     field.classList.toggle('missing', wrong);
     for (const each of controls(field)) wrong ? each.setAttribute('aria-invalid', 'true') : each.removeAttribute('aria-invalid');
   }
+}
+
+/** Says below a field with something written in it what is the matter with that. */
+function explain(field) {
+  const [input] = controls(field), message = field.querySelector('.msg');
+  if (!/^(text|number)$/.test(field.dataset.type)) return;
+  const fault = input.value.trim() === '' ? null : written(field);
+  message.textContent = fault ? fillIn(reasons[fault.reason], fault) : message.dataset.usual;
+  if (fault && fault.reason === 'control') selectControl(input);
+}
+
+/** Shows where the character is that cannot be seen. */
+function selectControl(input) {
+  const { index } = input.value.match(CONTROL);
+  setTimeout(() => input.setSelectionRange(index, index + 1)); // after the focus has come
 }
 
 function summary(missing) {
@@ -57,17 +91,17 @@ function focusOn(field) {
 
 function save() {
   const draft = [...new FormData(form)].filter(([name]) => name !== 'step' && name !== 'form_token');
-  sessionStorage.setItem(draftKey, JSON.stringify(draft));
+  session.setItem(draftKey, JSON.stringify(draft));
 }
 
 /** Puts a draft of this tab back, unless the server has sent the answers with the page. */
 function restore() {
-  const draft = JSON.parse(sessionStorage.getItem(draftKey) ?? '[]');
+  const draft = readJson(session, draftKey, []);
   if (fields.some(begun)) return;
   for (const [name, value] of draft) {
     for (const each of form.elements) {
       if (each.name !== name) continue;
-      if (/radio|checkbox/.test(each.type)) each.checked ||= each.value === value;
+      if (/radio|checkbox/.test(each.type)) each.checked = each.checked || each.value === value;
       else each.value = value;
     }
   }
@@ -85,12 +119,22 @@ function changed(event) {
   tell();
 }
 
-/** A digit answers the scale in focus, or the first open one, and moves on. */
+/** The digit 1-9 that a key writes, also where a keyboard wants Shift for digits or writes those of another script; 0: none. */
+function digitOf(event) {
+  if (/^[1-9]$/.test(event.key)) return Number(event.key);
+  const place = /^Digit([1-9])$/.exec(event.code);
+  return place && !event.shiftKey ? Number(place[1]) : 0;
+}
+
+/** A digit answers the scale in focus, or else the first open one, and moves on. */
 function digit(event) {
-  if (!/^[1-9]$/.test(event.key) || event.ctrlKey || event.metaKey || event.altKey) return;
+  const number = digitOf(event);
+  if (!number || event.repeat || event.ctrlKey || event.metaKey || event.altKey || event.isComposing) return;
   if (/^(text|number|textarea|select-one)$/.test(document.activeElement?.type)) return;
-  const field = document.activeElement?.closest('.q') ?? fields.find((each) => !answered(each));
-  const radio = field?.dataset.type === 'scale' ? controls(field)[Number(event.key) - 1] : null;
+  const isScale = (field) => field?.dataset.type === 'scale';
+  const here = document.activeElement?.closest('.q');
+  const field = isScale(here) ? here : fields.find((each) => isScale(each) && !answered(each));
+  const radio = field && controls(field)[number - 1];
   if (!radio) return;
   event.preventDefault();
   radio.checked = true;

@@ -137,8 +137,7 @@ export class Renderer {
     for (const [paint, width] of [['#ffffff', 7], [colour('--accent'), 4]]) {
       context.strokeStyle = paint;
       context.lineWidth = width;
-      context.beginPath();
-      context.roundRect(x * CELL + 4.5 - beat, y * CELL + 3.5 - beat, CELL - 9 + 2 * beat, CELL - 7 + 2 * beat, 12);
+      rounded(context, x * CELL + 4.5 - beat, y * CELL + 3.5 - beat, CELL - 9 + 2 * beat, CELL - 7 + 2 * beat);
       context.stroke();
     }
   }
@@ -157,6 +156,18 @@ export class Renderer {
     for (const chef of chefs) drawChef(this.context, this.sprites, chef);
     for (const chef of chefs) if (chef.isOwn && this.youText) drawTag(this.context, this.youText, chef, this.tagScale);
   }
+}
+
+/** The path of a rectangle with round corners. `roundRect` is missing in browsers of 2022. */
+function rounded(context, left, top, width, height, radius = 12) {
+  const corners = [[left + width, top], [left + width, top + height], [left, top + height], [left, top]];
+  context.beginPath();
+  context.moveTo(left + width / 2, top);
+  corners.forEach(([x, y], k) => {
+    const [nextX, nextY] = corners[(k + 1) % 4];
+    context.arcTo(x, y, (x + nextX) / 2, (y + nextY) / 2, radius);
+  });
+  context.closePath();
 }
 
 /** How a chef moves within this tick, for its bounce: {kind: 'walk' | 'bump' | 'use' | 'rest', part 0..1, now}. */

@@ -1,5 +1,7 @@
 // Little beeps by WebAudio; off until the participant turns them on. No files, nothing before a gesture.
 
+import { local } from './storage.js';
+
 const KEY = 'kitchenmind.sound';
 
 // kind -> notes [frequency in Hz, start in s, length in s]
@@ -12,7 +14,7 @@ const TUNES = {
 export class Sound {
   constructor(button, text) {
     Object.assign(this, { button, text, context: null });
-    this.on = localStorage.getItem(KEY) === 'on';
+    this.on = local.getItem(KEY) === 'on';
     button.addEventListener('click', () => this.#toggle());
     this.#label();
   }
@@ -39,7 +41,7 @@ export class Sound {
 
   #toggle() {
     this.on = !this.on;
-    localStorage.setItem(KEY, this.on ? 'on' : 'off');
+    local.setItem(KEY, this.on ? 'on' : 'off');
     this.#label();
     this.play('ready');
   }

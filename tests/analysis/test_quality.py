@@ -54,6 +54,8 @@ def test_an_ordinary_episode_is_kept() -> None:
         ({"hidden_share": 0.3}, "drop", "hidden"),
         ({"lag_ms": 5000.0}, "look", "lag"),
         ({"late_share": 0.02}, "look", "late"),
+        ({"attention_failed": 1}, "look", "inattentive"),
+        ({"attention_failed": 2}, "drop", "inattentive"),
     ],
 )
 def test_each_rule_proposes_by_its_bounds_and_is_named(measured: dict[str, object], proposal: str, rule: str) -> None:

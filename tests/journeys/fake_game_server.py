@@ -1,6 +1,7 @@
 """A server that plays whatever a test tells it: one page, our static files, one websocket. Speaks the real messages."""
 
 import asyncio
+import contextlib
 import json
 import mimetypes
 import threading
@@ -17,7 +18,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from server.play import messages
-from server.play.messages import Countdown, Hello, Input, Kitchen, Outgoing, Tick, Welcome, decode, encode
+from server.play.messages import Countdown, Hello, Input, Kitchen, Outgoing, Ping, Pong, Tick, Welcome, decode, encode
 from server.study.locale import locale
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,6 +28,7 @@ CSP = (
 RING = ("XXXPX", "X 1 P", "D2X X", "O   X", "XOSXX")
 RINGS = ("XXOXPXPXX", "X   1   X", "D XX XX S", "X   2   X", "XXOXXXDXX")
 PRACTICE = ("XXPXXXX", "X     D", "O 1   X", "X    2S", "XXXXXXX")
+ALIVE = Ping(0)  # as the real server says now and then, or the page gives the line up while a slow test does something
 NONE = ((6, 95), (6, 80), (6, 60))
 
 
@@ -151,9 +153,12 @@ class FakeGameServer:
     async def _play(self, connection: ServerConnection) -> None:
         self._connection = connection
         received = self.received  # the last words of a page that is gone do not belong to the next test
+        alive = asyncio.create_task(_stay_alive(connection))
         try:
             async for frame in connection:
                 message = decode(frame)
+                if message == Pong(ALIVE.id):
+                    continue
                 received.append(message)
                 if isinstance(message, Hello):
                     self.hellos += 1
@@ -162,6 +167,8 @@ class FakeGameServer:
                     )
         except ConnectionClosed:
             pass
+        finally:
+            alive.cancel()
 
     async def _send(self, outgoing: Any) -> None:
         assert self._connection is not None
@@ -190,6 +197,13 @@ class FakeGameServer:
         return environment.get_template("participant/game.html").render(
             t=words, game={"socket": "/socket", **self.page}
         )
+
+
+async def _stay_alive(connection: ServerConnection) -> None:
+    with contextlib.suppress(ConnectionClosed):
+        while True:
+            await asyncio.sleep(1)
+            await connection.send(encode(ALIVE).decode())
 
 
 def _port(server: Server) -> int:

@@ -8,7 +8,7 @@ from typing import Any
 from fake_game_server import FakeGameServer, kitchen, tick
 from playwright.sync_api import Browser, BrowserContext, Page
 
-from server.play.messages import Countdown, Kitchen, Ready
+from server.play.messages import Countdown, Kitchen, Ready, Trouble
 
 SCREENSHOTS = Path(__file__).resolve().parents[2] / "screenshots"
 DESKTOP = {"width": 1366, "height": 768}
@@ -51,6 +51,33 @@ def start(page: Page, server: FakeGameServer, state: Kitchen | None = None, **mo
     server.wait_for(lambda server: bool(server.of(Ready)))
     server.send(Countdown(0), tick(state or kitchen(t=1), **more))
     page.wait_for_selector("[data-phase=playing]")
+
+
+def settled(page: Page, server: FakeGameServer) -> None:
+    """Return when the server has received everything that the page has sent so far: what it sends last comes last."""
+    words = f"settled {len(server.of(Trouble))}"
+    page.evaluate("(message) => dispatchEvent(new ErrorEvent('error', { message }))", words)
+    server.wait_for(lambda server: any(each.text.startswith(words) for each in server.of(Trouble)))
+
+
+def drawn(page: Page, after_ms: float) -> None:
+    """Return when the page has drawn a picture that is `after_ms` younger than now, however slowly it draws."""
+    page.evaluate(
+        """(afterMs) => new Promise((done) => {
+          const from = performance.now();
+          const look = (now) => requestAnimationFrame(now - from > afterMs ? () => done() : look);
+          requestAnimationFrame(look);
+        })""",
+        after_ms,
+    )
+
+
+def at_rest(page: Page) -> None:
+    """Return when no animation with an end is running."""
+    page.wait_for_function(
+        """() => document.getAnimations().every(
+          (each) => each.playState !== 'running' || each.effect.getComputedTiming().iterations === Infinity)"""
+    )
 
 
 def screenshot(page: Page, name: str) -> None:

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 from fake_game_server import FakeGameServer, kitchen, tick, welcome
-from game_page import DESKTOP, PHONE, opened, start
-from playwright.sync_api import Browser, Page
+from game_page import DESKTOP, PHONE, opened, screenshot, settled, start
+from playwright.sync_api import Browser, Page, expect
 
 from server.play.messages import Away, Countdown, Ended, Input, Paused, Ready
 
@@ -46,7 +46,7 @@ def test_more_keys_than_a_timestep_can_use_wait_for_the_next_one_and_only_the_la
         page.keyboard.press("ArrowUp")
         page.keyboard.press("Space")
     page.keyboard.down("ArrowLeft")
-    page.wait_for_timeout(50)
+    settled(page, server)
     sent = len(server.inputs())
     assert 20 <= sent < 40
     server.send(tick(kitchen(t=2)))
@@ -62,7 +62,7 @@ def test_a_release_that_waits_is_told_when_the_keys_go_elsewhere(page: Page, ser
     for _ in range(30):
         page.keyboard.press("ArrowUp")
     page.keyboard.down("ArrowUp")
-    page.wait_for_timeout(50)
+    settled(page, server)
     server.send(tick(kitchen(t=2)))
     page.wait_for_selector("[data-timestep='2']")
     for _ in range(30):
@@ -76,7 +76,7 @@ def test_a_release_that_waits_is_told_when_the_keys_go_elsewhere(page: Page, ser
 def test_keys_that_wait_are_forgotten_when_the_game_stands_still(page: Page, server: FakeGameServer) -> None:
     for _ in range(30):
         page.keyboard.press("ArrowUp")
-    page.wait_for_timeout(50)
+    settled(page, server)
     sent = len(server.inputs())
     server.send(Paused("researcher", 30.0))
     page.wait_for_selector("[data-view=pause]")
@@ -154,7 +154,7 @@ def test_no_key_counts_before_the_start_or_after_the_end(chromium: Browser, serv
         server.send(Ended(0, 0, 0.0, True, "/blank"))
         page.wait_for_selector("[data-phase=ended]")
         page.keyboard.press("ArrowUp")
-        page.wait_for_timeout(50)
+        settled(page, server)
         assert [each.tap for each in server.inputs()] == [0, None]
 
 
@@ -225,3 +225,174 @@ def test_keys_pressed_during_the_countdown_reach_the_server(chromium: Browser, s
         page.keyboard.down("ArrowUp")
         server.wait_for(lambda server: bool(server.of(Input)))
         assert moves(server) == [(0, 0)], "a key held into the start counts from the first timestep on"
+
+
+def press_raw(page: Page, kind: str, **about: object) -> None:
+    """A key event as a browser would make it that Playwright cannot play: from a keyboard of another kind."""
+    script = """([kind, about]) => (document.querySelector('dialog[open]') ?? document.activeElement).dispatchEvent(
+      new KeyboardEvent(kind, { bubbles: true, cancelable: true, ...about }))"""
+    page.evaluate(script, [kind, about])
+
+
+def taps(server: FakeGameServer) -> list[int]:
+    return [each.tap for each in server.inputs() if each.tap is not None]
+
+
+@pytest.mark.parametrize("modifier", ["Meta", "Control", "Alt"])
+def test_a_key_up_that_a_modifier_swallows_does_not_leave_the_chef_walking(
+    page: Page, server: FakeGameServer, modifier: str
+) -> None:
+    page.keyboard.down("ArrowLeft")
+    page.keyboard.down(modifier)  # on macOS, no key-up of another key is sent while Cmd is down
+    server.wait_for(lambda server: moves(server) == [(3, 3), (None, None)])
+    page.keyboard.up(modifier)
+    press_raw(page, "keydown", code="ArrowLeft", key="ArrowLeft", repeat=True)  # but it is still held down
+    server.wait_for(lambda server: moves(server)[2:] == [(3, None)])
+    page.keyboard.up("ArrowLeft")
+    server.wait_for(lambda server: moves(server)[3:] == [(None, None)])
+
+
+def test_a_key_whose_repeats_stop_is_let_go(page: Page, server: FakeGameServer) -> None:
+    page.keyboard.down("ArrowRight")
+    for _ in range(4):
+        page.keyboard.down("ArrowRight")
+    server.wait_for(lambda server: moves(server) == [(2, 2), (None, None)])
+    page.keyboard.down("ArrowRight")  # it was late only
+    server.wait_for(lambda server: moves(server)[2:] == [(2, None)])
+
+
+def test_a_key_that_goes_down_twice_counts_twice(page: Page, server: FakeGameServer) -> None:
+    for _ in range(2):  # the key-up between them got lost
+        press_raw(page, "keydown", code="Space", key=" ")
+    server.wait_for(lambda server: taps(server) == [5, 5])
+
+
+def test_a_menu_over_the_game_lets_the_keys_go(page: Page, server: FakeGameServer) -> None:
+    page.keyboard.down("ArrowUp")
+    page.evaluate("document.querySelector('.stage').dispatchEvent(new MouseEvent('contextmenu', {bubbles: true}))")
+    server.wait_for(lambda server: moves(server) == [(0, 0), (None, None)])
+
+
+def test_a_mouse_button_whose_release_was_swallowed_holds_nothing(page: Page, server: FakeGameServer) -> None:
+    page.set_viewport_size(PHONE)
+    page.evaluate("document.querySelector('.touch').style.display = 'flex'")
+    right = page.locator(".touch [data-action='2']").bounding_box()
+    assert right is not None
+    pressed = "{ bubbles: true, pointerId: 1, pointerType: 'mouse', isPrimary: true, buttons: 1 }"
+    page.evaluate(
+        f"document.querySelector('.touch [data-action]').dispatchEvent(new PointerEvent('pointerdown', {pressed}))"
+    )
+    server.wait_for(lambda server: moves(server) == [(0, 0)])
+    page.mouse.move(right["x"] + 20, right["y"] + 20)  # with no button down
+    server.wait_for(lambda server: moves(server)[1:] == [(None, None)])
+
+
+def test_the_number_pad_walks_and_uses(page: Page, server: FakeGameServer) -> None:
+    for key in ("Numpad8", "Numpad2", "Numpad6", "Numpad4", "NumpadEnter"):
+        page.keyboard.press(key)
+    server.wait_for(lambda server: taps(server) == [0, 1, 2, 3, 5])
+
+
+def test_a_keyboard_that_sends_no_codes_plays_by_its_characters(page: Page, server: FakeGameServer) -> None:
+    for key in ("ArrowUp", "s", "D", "Left", " ", "Enter", "Unidentified", "q"):
+        press_raw(page, "keydown", code="", key=key)
+        press_raw(page, "keyup", code="", key="Unidentified")
+    server.wait_for(lambda server: taps(server) == [0, 1, 2, 3, 5, 5])
+    assert moves(server)[-1] == (None, 5), "nothing is held any more"
+
+
+UNUSABLE = (
+    *(("ControlLeft", "Control"), ("AltRight", "AltGraph"), ("MetaLeft", "Meta"), ("ShiftLeft", "Shift")),
+    *(("CapsLock", "CapsLock"), ("F5", "F5"), ("ContextMenu", "ContextMenu"), ("Lang1", "HangulMode")),
+    *(("", "Unidentified"), ("", ""), ("Unidentified", "Process"), ("MediaPlayPause", "MediaPlayPause")),
+)
+
+
+def test_a_key_that_the_game_could_not_use_is_not_taken(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server, viewport=DESKTOP) as page:
+        start(page, server)
+        page.click("#change-keys")
+        page.click("[data-rebind='0']")
+        for code, key in UNUSABLE:
+            press_raw(page, "keydown", code=code, key=key, ctrlKey=key == "Control", altKey=key == "AltGraph")
+            assert page.inner_text("#keys-note").startswith("This key cannot be used."), (code, key)
+            assert page.inner_text("[data-rebind='0']") == "Press a key …", "it still waits for one"
+        assert page.evaluate("localStorage.getItem('kitchenmind.keys')") is None
+        page.keyboard.press("KeyI")
+        assert page.inner_text("[data-rebind='0']") == "I"
+        assert page.inner_text("#keys-note") == ""
+
+
+def test_every_key_that_is_taken_works(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server, viewport=DESKTOP) as page:
+        start(page, server)
+        codes = ("KeyI", "Digit7", "Numpad5", "NumpadAdd", "NumpadEnter", "Quote", "Delete", "IntlBackslash")
+        for count, code in enumerate(codes, start=1):
+            page.click("#change-keys")
+            page.click("[data-rebind='5']")
+            press_raw(page, "keydown", code=code, key="x")
+            press_raw(page, "keyup", code=code, key="x")
+            page.click("#keys-dialog .btn:not(.quiet)")
+            expect(page.locator(".stage")).to_be_focused()
+            press_raw(page, "keydown", code=code, key="x")
+            press_raw(page, "keyup", code=code, key="x")
+            server.wait_for(lambda server, count=count: taps(server) == [5] * count)  # type: ignore[misc]
+
+
+def test_stored_keys_that_do_not_work_are_replaced_by_the_usual_ones(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server, viewport=DESKTOP) as page:
+        stored = '{"0": [""], "1": ["ControlLeft"], "2": ["KeyW"], "3": "KeyA", "5": ["Space", 7]}'
+        page.evaluate("(stored) => localStorage.setItem('kitchenmind.keys', stored)", stored)
+        page.reload()
+        start(page, server)
+        for key in ("ArrowUp", "KeyW", "ArrowDown", "ArrowLeft", "Space"):
+            page.keyboard.press(key)
+        server.wait_for(lambda server: taps(server) == [0, 2, 1, 3, 5])
+
+
+AZERTY = {"KeyW": "z", "KeyA": "q", "KeyS": "s", "KeyD": "d", "KeyE": "e", "Digit1": "&", "Quote": "ù"}
+
+
+def test_labels_are_the_letters_of_the_keyboard_where_the_browser_tells(
+    chromium: Browser, server: FakeGameServer
+) -> None:
+    with opened(chromium, server, viewport=DESKTOP) as page:
+        told = f"{{ getLayoutMap: async () => new Map(Object.entries({AZERTY})) }}"
+        page.add_init_script(f"Object.defineProperty(navigator, 'keyboard', {{ value: {told} }})")
+        page.reload()
+        start(page, server)
+        page.click("#change-keys")
+        expect(page.locator("[data-rebind='0']")).to_have_text("↑ / Z")
+        expect(page.locator("[data-rebind='3']")).to_have_text("← / Q")
+        screenshot(page, "keys-dialog-azerty")
+
+
+def test_labels_are_learned_from_the_keys_where_the_browser_does_not_tell(
+    chromium: Browser, server: FakeGameServer
+) -> None:
+    with opened(chromium, server, viewport=DESKTOP) as page:
+        page.add_init_script("Object.defineProperty(navigator, 'keyboard', { value: undefined })")
+        page.reload()
+        start(page, server)
+        page.click("#change-keys")
+        expect(page.locator("[data-rebind='0']")).to_have_text("↑ / W")
+        page.click("[data-rebind='0']")
+        press_raw(page, "keydown", code="KeyQ", key="a")
+        expect(page.locator("[data-rebind='0']")).to_have_text("A")
+        page.click("#keys-dialog .btn:not(.quiet)")
+        expect(page.locator(".panel.kb kbd[data-action='0']")).to_have_text("A")
+        page.reload()
+        page.wait_for_selector("[data-phase=ready]")
+        expect(page.locator(".panel.kb kbd[data-action='0']")).to_have_text("A")
+
+
+def test_a_browser_that_keeps_nothing_still_plays(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server, viewport=DESKTOP) as page:
+        page.add_init_script(
+            "for (const name of ['localStorage', 'sessionStorage'])"
+            " Object.defineProperty(window, name, { get() { throw new DOMException('no', 'SecurityError'); } })"
+        )
+        page.reload()
+        start(page, server)
+        page.keyboard.press("ArrowUp")
+        server.wait_for(lambda server: taps(server) == [0])

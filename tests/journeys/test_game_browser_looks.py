@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from fake_game_server import NONE, PRACTICE, RINGS, FakeGameServer, kitchen, tick, welcome
-from game_page import DESKTOP, PHONE, is_blue, is_green, opened, picture, pixel, screenshot, start
+from game_page import DESKTOP, PHONE, at_rest, drawn, is_blue, is_green, opened, picture, pixel, screenshot, start
 from playwright.sync_api import Browser, Page
 
 from server.play.messages import Countdown, Ended, Lesson, Paused, Ready, Superseded, Welcome
@@ -41,7 +41,7 @@ def shown(page: Page, server: FakeGameServer, state: Any, prediction: Any, **mor
     """Sends a tick and waits until its marks are there in full."""
     server.send(tick(state, prediction, **more))
     page.wait_for_selector(f"[data-timestep='{state.t}']")
-    page.wait_for_timeout(220)
+    drawn(page, 220)
 
 
 def test_marks_are_drawn_on_the_predicted_cells_and_gone_with_the_next_tick(
@@ -77,7 +77,7 @@ def test_marks_turn_grey_when_no_news_comes(chromium: Browser, server: FakeGameS
     with opened(chromium, server) as page:
         start(page, server, kitchen(t=195, **MOMENT))
         shown(page, server, kitchen(t=196, **MOMENT), WALK_TURN_SERVE)
-        page.wait_for_timeout(300)
+        drawn(page, 300)
         red, green, blue = pixel(page, 7.5, 2.72)
         assert max(red, green, blue) - min(red, green, blue) < 40
 
@@ -120,7 +120,7 @@ def test_nothing_moves_between_ticks_when_motion_is_reduced(chromium: Browser, s
             "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))"
         )
         first = picture(page)
-        page.wait_for_timeout(120)
+        drawn(page, 120)
         assert picture(page) == first
         assert is_green(pixel(page, 7.5, 2.72)), "marks are there at once"
 
@@ -180,7 +180,7 @@ def test_everything_that_matters_is_in_sight_without_scrolling(
     ) as page:
         start(page, server, kitchen(t=195, **MOMENT))
         server.send(tick(kitchen(t=196, **MOMENT), WALK_TURN_SERVE))
-        page.wait_for_timeout(250)
+        drawn(page, 250)
         parts = ["#time", "#score", "#soups", "canvas.board"] + (
             [".touch .use", ".pad [data-action='1']"] if touch else []
         )
@@ -369,7 +369,7 @@ def check(page: Page, state: str) -> None:
     rules = {
         "runOnly": {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]}
     }
-    page.wait_for_timeout(250)  # an overlay that still comes in is half transparent
+    at_rest(page)  # an overlay that still comes in is half transparent
     found = Axe().run(page, options=rules).response["violations"]
     assert not found, f"{state}: " + "; ".join(
         f"{each['id']} {[node['html'][:120] for node in each['nodes']]}" for each in found

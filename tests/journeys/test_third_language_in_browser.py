@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import yaml
 from fake_game_server import NONE, RINGS, FakeGameServer, kitchen, tick, welcome
-from game_page import DESKTOP, PHONE
+from game_page import DESKTOP, PHONE, at_rest
 from page_site import SMALL_STUDY, Site
 from playwright.sync_api import Browser, Page
 
@@ -104,7 +104,7 @@ def test_no_page_cuts_a_word_off(site: Site, chromium: Browser, size: dict[str, 
 
     def look(place: str) -> None:
         assert page.locator("html").get_attribute("lang") == LANGUAGE, place
-        page.wait_for_timeout(50)
+        at_rest(page)
         if found := page.evaluate(CUT):
             cut[place] = found
 
@@ -153,7 +153,7 @@ def test_no_state_of_the_game_cuts_a_word_off(chromium: Browser, size: dict[str,
 
     def look(place: str, shown: str) -> None:
         page.wait_for_selector(shown)
-        page.wait_for_timeout(200)
+        at_rest(page)
         if found := page.evaluate(CUT):
             cut[place] = found
 

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import pytest
 from browser_cook import BrowserCook
-from game_page import DESKTOP, screenshot
+from game_page import DESKTOP, at_rest, screenshot
 from playwright.sync_api import Browser, Page
 from real_server import SHORT_STUDY, RealServer
 from sqlalchemy import select
@@ -54,7 +54,7 @@ def test_two_browsers_wait_meet_cook_and_each_sees_itself_in_blue(chromium: Brow
         assert not one.is_visible("#partner")
         assert one.inner_text("#pause-title") == "Waiting for the other player"
         assert "seconds" in one.inner_text("#pause-left")
-        one.wait_for_timeout(400)  # until it has faded in
+        at_rest(one)  # it has faded in
         screenshot(one, "two-waiting-room")
         to_the_game(two, server)
         for page in (one, two):

@@ -4,7 +4,7 @@ import pytest
 from study_text import SMALL_STUDY
 
 from server.study.loader import parse_study
-from server.study.questionnaire import asked, check_answers, is_attentive, is_correct
+from server.study.questionnaire import Fault, TextQuestion, asked, check_answers, is_attentive, is_correct
 
 STUDY = parse_study(SMALL_STUDY).study
 QUESTIONS = STUDY.questions("everything")
@@ -21,6 +21,35 @@ def test_good_answers_are_taken_as_what_they_mean() -> None:
         "mood": 4, "check": 2, "pick": "tea", "many": ["a", "c"], "words": "hello", "years": 30,
         "rank": ["y", "z", "x"],
     }  # fmt: skip
+
+
+WORDS = (
+    "　二つの　スペース",
+    "a\u00a0b\u202fc",
+    "\U0001fae9 \U0001f468\u200d\U0001f373 \u2764\ufe0f",
+    "line one\nline two\tend",
+    "\u200fעברית\u200e",
+    "\ue000 \u0378 \U000e0041",
+)
+
+
+@pytest.mark.parametrize("words", WORDS)
+def test_words_are_kept_as_they_were_written(words: str) -> None:
+    question = TextQuestion.model_validate({"key": "words", "type": "text", "text": "Words"})
+    assert check_answers((question,), {"words": [words]}).answers == {"words": words}
+
+
+@pytest.mark.parametrize("control", ["\x00", "\x07", "\x0b", "\x1f", "\x7f", "\x92"])
+def test_control_character_is_refused_and_not_removed(control: str) -> None:
+    question = TextQuestion.model_validate({"key": "words", "type": "text", "text": "Words", "required": False})
+    checked = check_answers((question,), {"words": [f"before{control}after"]})
+    assert checked.faults == {"words": Fault("control", {"before": "before"})}
+
+
+@pytest.mark.parametrize("blank", [" ", "\u3000", "\u00a0\n", "\ufeff"])
+def test_blank_text_is_no_answer(blank: str) -> None:
+    question = TextQuestion.model_validate({"key": "words", "type": "text", "text": "Words"})
+    assert check_answers((question,), {"words": [blank]}).faults["words"].reason == "missing_text"
 
 
 def test_optional_question_may_stay_open() -> None:

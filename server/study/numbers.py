@@ -1,0 +1,26 @@
+"""How a number that somebody wrote is read. The page has the same rule (static/js/numbers.js); a test compares them."""
+
+import re
+from typing import Final
+
+_SPACE: Final = r"[ \t\n\r\u00a0\u2000-\u200a\u202f\u3000]"
+_EDGES: Final = re.compile(rf"\A{_SPACE}+|{_SPACE}+\Z")
+# + , - . and digits as East Asian keyboards write them, and the typographic minus
+_WIDE: Final = {code: code - 0xFEE0 for code in (*range(0xFF0B, 0xFF0F), *range(0xFF10, 0xFF1A))} | {0x2212: ord("-")}
+_LONGEST: Final = 32
+_AMBIGUOUS: Final = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}", re.ASCII)
+_PLAIN: Final = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)", re.ASCII)
+_GROUPED: Final = re.compile(rf"[+-]?\d+(({_SPACE}|[.,'’_])\d+)+", re.ASCII)
+
+
+def read_number(text: str) -> float | str:
+    """Return the number, or why it is none: `missing_number`, `grouped_number` (written with thousands separators) or
+    `ambiguous_number` (1,200 may be 1200 or 1.2). A comma or a point may stand before decimals; neither is guessed."""
+    plain = _EDGES.sub("", text).translate(_WIDE)
+    if len(plain) > _LONGEST:
+        return "missing_number"
+    if _AMBIGUOUS.fullmatch(plain):
+        return "ambiguous_number"
+    if _PLAIN.fullmatch(plain):
+        return float(plain.replace(",", "."))
+    return "grouped_number" if _GROUPED.fullmatch(plain) else "missing_number"
