@@ -41,6 +41,13 @@ RULES = (
     Rule("hidden", "hidden_share", "share of the time with the page hidden", 0.1, 0.25),
     Rule("lag", "lag_ms", "extra milliseconds of the slowest keys", 300, None),
     Rule("late", "late_share", "share of timesteps in which the models were late", 0.01, 0.05),
+    Rule(
+        "display",
+        "display_share",
+        "share of timesteps in which the screen did not show what the condition promises",
+        1e-9,
+        0.05,
+    ),
     Rule("same answers", "same_answers", "every answer the same, after three episodes or more", 1, None),
 )
 

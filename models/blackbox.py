@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from models.model_paths import make_importable
 from models.protocols import HISTORY, STEPS, Mode, Observations, Policy, Predictions, Predictor, Probabilities
 from overcooked.constants import ACTIONS
 from overcooked.layout import Layout
@@ -54,10 +55,11 @@ def load_foreign_predictor(name: str, layout: Layout) -> Predictor:
 
 def _python_object(name: str, layout: Layout, method: str) -> Any:
     module_name, _, class_name = name.partition(":")
+    make_importable(())
     try:
         factory: Callable[[Layout], Any] = getattr(importlib.import_module(module_name), class_name)
     except (ImportError, AttributeError) as error:
-        remedy = "Write package.module:Class, with the package's folder in PYTHONPATH."
+        remedy = "Write package.module:Class. It is looked for in the study's and the current folder and in PYTHONPATH."
         raise BlackBoxError(f"{name} is not there ({error}). {remedy}") from error
     thing = factory(layout)
     if not callable(getattr(thing, method, None)):

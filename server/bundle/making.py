@@ -1,7 +1,7 @@
 """Makes a bundle, the archive that is registered before a study begins, and opens one to be served."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from server.bundle import texts
@@ -50,7 +50,7 @@ def open_bundle(path: Path) -> Bundle:
     try:
         wanted = State.of(manifest["state"])
         is_known = manifest["format"] == FORMAT
-        file = parse_study(content[STUDY], f"{path}: {STUDY}")
+        file = replace(parse_study(content[STUDY], f"{path}: {STUDY}"), folder=path.absolute().parent)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         reason = str(error) if isinstance(error, StudyError) else f"{path} is no bundle."
         raise BundleRefused(f"{reason} Make one with `kitchenmind bundle STUDY`.") from None

@@ -1,16 +1,15 @@
 """What a study runs on, as hashes: kitchens, models and every file of the code. The same on every machine."""
 
 import hashlib
-import importlib.util
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
-from models.blackbox import is_foreign
-from server.cast import WITHOUT_WEIGHTS, cast_of, fingerprint
+from models.model_paths import without_variant
+from server.cast import WITHOUT_WEIGHTS, Cast, cast_of
 from server.settings import ROOT
 from server.study.loader import StudyFile
+from server.study_check import missing_problems
 from server.version import code_version
 from server.web.episodes import layout_of
 
@@ -47,12 +46,14 @@ class State:
 def state_of(file: StudyFile) -> State:
     """As it is here and now. Raises StateError for models that are not here, LayoutError, StudyError."""
     cast = cast_of([file])
-    if cast.missing:
-        missing = ", ".join(f"{model} on {layout}" for layout, model in cast.missing)
-        raise StateError(f"there are no weights for {missing}. Train them or name others")
+    missing = [file.describe(problem) for problem in missing_problems(file, cast)]
+    if missing:
+        raise StateError("\n".join(missing))
     kitchens = (*file.study.layouts, file.study.tutorial.layout)
     layouts = {kitchen.name: _sha256(layout_of(kitchen).text.encode()) for kitchen in kitchens}
-    models = {f"{layout}/{model}": _model(layout, model) for layout, model in sorted({*cast.agents, *cast.predictors})}
+    models = {
+        f"{layout}/{model}": _model(cast, layout, model) for layout, model in sorted({*cast.agents, *cast.predictors})
+    }
     return State(code_version(), dict(sorted(layouts.items())), models, dict(_code()))
 
 
@@ -72,23 +73,9 @@ def _unlike(wanted: Mapping[str, str], here: Mapping[str, str]) -> list[str]:
     return sorted(name for name in wanted.keys() | here.keys() if wanted.get(name) != here.get(name))
 
 
-def _model(layout: str, model: str) -> str:
-    if not is_foreign(model):
-        base = model.partition("@")[0]
-        return fingerprint(layout, model) or (f"scripted: {base}" if base in WITHOUT_WEIGHTS else NOT_HASHED)
-    return NOT_HASHED if model.startswith(("http://", "https://")) else _foreign(model)
-
-
-def _foreign(model: str) -> str:
-    """The file of an ONNX model or of the module of somebody's class."""
-    if model.partition("@")[0].endswith(".onnx"):
-        path = Path(model.partition("@")[0])
-    else:
-        found = importlib.util.find_spec(model.partition(":")[0])
-        path = Path(found.origin) if found is not None and found.origin else Path(model)
-    if not path.is_file():
-        raise StateError(f"there is no file of the model {model}. Correct its name in the study")
-    return _sha256(path.read_bytes())
+def _model(cast: Cast, layout: str, model: str) -> str:
+    base = without_variant(model)
+    return cast.fingerprint(layout, model) or (f"scripted: {base}" if base in WITHOUT_WEIGHTS else NOT_HASHED)
 
 
 def _code() -> Iterator[tuple[str, str]]:

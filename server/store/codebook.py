@@ -130,6 +130,14 @@ EPISODES = ExportTable(
         _text("predictor_sha256", "Hash of its weights."),
         _code("watched_seat", "Seat of the chef whose next actions are predicted."),
         _text("shown", "What the participant saw: nothing, predictor or random."),
+        Column(
+            "display_violations",
+            "integer",
+            "In how many timesteps the frame did not show what `shown` says, e.g. as the predictor was late; 0: always "
+            "as it is meant to be. The last state, on which nothing is shown, does not count.",
+            "timesteps",
+            bits=32,
+        ),
         Column("seed", "integer", "All randomness of the episode comes from it."),
         Column("horizon", "integer", "Timesteps to play; 0: endless.", "timesteps", bits=32),
         Column("tick_ms", "integer", "Length of a timestep.", "ms", bits=32),

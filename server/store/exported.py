@@ -13,6 +13,7 @@ from sqlalchemy import Connection, Select, func, select
 
 from server.store import ticks as tick_rows
 from server.store.codebook import WIDE, Column
+from server.store.displays import violations
 from server.store.tables import (
     answers,
     arrivals,
@@ -117,14 +118,19 @@ def episode_rows(chosen: Selection) -> Rows:
         .join_from(episodes, studies, isouter=True)
         .order_by(*_EPISODE_ORDER)
     )
-    before_timesteps = list(query.selected_columns.keys()).index("score")
+    names = list(query.selected_columns.keys())
+    before_violations, before_timesteps = names.index("seed"), names.index("score")
     for row in chosen.rows(query, _e.study_id):
         last = select(ticks).where(ticks.c.episode_id == row.id).order_by(ticks.c.timestep.desc()).limit(1)
         stored = chosen.connection.execute(last).first()
         timesteps = stored.timestep if stored else None
         values = tuple(row[:-1])
         rest = (json_text(row.spec), last_tick_text(stored) if stored else None)
-        yield (*values[:before_timesteps], timesteps, *values[before_timesteps:], *rest)
+        broken = violations(chosen.connection, [row.id]).get(row.id, 0)
+        yield (
+            *values[:before_violations], broken, *values[before_violations:before_timesteps], timesteps,
+            *values[before_timesteps:], *rest,
+        )  # fmt: skip
 
 
 def last_tick_text(stored: Any) -> str:

@@ -117,7 +117,7 @@ def _participants(folder: Path, studies: dict[tuple[str, int], int]) -> Iterator
 def _episodes(folder: Path, studies: dict[tuple[str, int], int]) -> Iterator[Record]:
     for row in _of_study(folder, "episodes", studies):
         spec = json.loads(row["spec"])
-        for name in ("timesteps", "last_tick", "excluded"):
+        for name in ("timesteps", "last_tick", "excluded", "display_violations"):
             del row[name]
         yield row | {"id": row.pop("episode"), "step_key": row.pop("step"), "spec": spec, "grid": spec["grid"]}
 

@@ -121,7 +121,9 @@ class Alerts:
         try:
             for name in studies.names():
                 versions = studies.versions(name)
-                for card in await self._live.cards(versions):
+                cards = await self._live.cards(versions)
+                found += _displays(name, [card.game.session.display_violations for card in cards])
+                for card in cards:
                     since_s = self._live.since_s(card.flag) or 0
                     if card.flag.level == ACT and since_s >= AWAY_S:
                         text = f"{name}: {who(card.played)} is away ({card.flag.word.lower()}) for {since_s} s."
@@ -140,6 +142,15 @@ class Alerts:
             )
             for person, number in people.items()
         ]
+
+
+def _displays(name: str, broken: list[int]) -> Iterator[Alert]:
+    """Of running games whose screens did not show what their condition promises. `broken`: timesteps of each."""
+    games = sum(count > 0 for count in broken)
+    if games:
+        what = f"{sum(broken)} timestep{'s' * (sum(broken) != 1)} of {games} running game{'s' * (games != 1)}"
+        text = f"{name}: in {what} the screen did not show what the condition promises. Look at the models' log."
+        yield Alert(f"display {name}", text, f"/admin/s/{name}", name)
 
 
 def _in_trouble(connection: Connection, versions: tuple[int, ...]) -> dict[str, int]:
