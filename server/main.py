@@ -29,6 +29,7 @@ from server.store.episodes import StoreRecorder
 from server.store.migrate import migrate_shared, to_newest
 from server.study.loader import StudyError, StudyFile, load_study
 from server.study_check import missing_problems
+from server.study_versions import StudyVersions
 from server.version import code_version
 from server.web import actions, admin, downloads, health, leaving, live, pages, replay, socket, watch
 from server.web.admin_auth import Tries
@@ -107,7 +108,9 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
         member = await _member(settings, files, stack) if several else None
         app.state.games = _games(settings, database, models, member)
         stack.push_async_callback(app.state.games.stop)
-        app.state.sockets = _sockets(app, database, studies, files)
+        app.state.versions = StudyVersions(settings, files, models, studies)
+        await app.state.versions.load_earlier(database)
+        app.state.sockets = _sockets(app, database, studies)
         app.state.demonstrations = Demonstrations(
             lambda recorder, load: Games(app.state.games.clock, models, recorder, load),
             studies,
@@ -176,7 +179,7 @@ def _games(settings: Settings, database: Database, models: ModelServer, member: 
     return Games(clock, models, StoreRecorder(database), load)
 
 
-def _sockets(app: FastAPI, database: Database, studies: Studies, files: Sequence[StudyFile]) -> Sockets:
+def _sockets(app: FastAPI, database: Database, studies: Studies) -> Sockets:
     async def report(participant: str, text: str) -> None:
         event = events.Event("trouble", datetime.now(UTC), participant, detail={"text": text})
         try:
@@ -184,7 +187,7 @@ def _sockets(app: FastAPI, database: Database, studies: Studies, files: Sequence
         except DatabaseDown:
             log.warning("a problem in a browser could not be stored: %r", text)
 
-    seats = Seats(database, studies, cast_of(files).fingerprint, code_version())
+    seats = Seats(database, studies, app.state.versions.fingerprint, code_version())
     room = WaitingRoom(app.state.games.clock, seats.seat_two, seats.seat_alone)
     return Sockets(app.state.games, seats.find, app.state.guard.is_own_origin, report, room)
 
@@ -218,9 +221,9 @@ def _alarm(app: FastAPI, settings: Settings) -> Callable[[], Coroutine[Any, Any,
         if hook is not None:
             hook.send(message_of(alert, over, settings.public_url))
 
-    app.state.alerts = Alerts(app.state.live, app.state.figures.file, tell)
+    app.state.alerts = Alerts(app.state.live, app.state.figures.file, tell, app.state.versions)
     app.state.course = Course(app.state.live)
-    running = (app.state.alerts, app.state.course, hook)
+    running = (app.state.alerts, app.state.course, app.state.versions, hook)
     tasks = [asyncio.create_task(work.run()) for work in running if work is not None]
 
     async def stop() -> None:

@@ -4,7 +4,7 @@ A block marked `sh` is run line by line and must succeed; `serve` must bring up 
 A block marked `yaml FILE` gives these keys to FILE, one marked `text FILE` or `python FILE` writes it. Blocks without a
 mark need more than one machine or more than a minute: of these only the words of `kitchenmind` are checked here. They
 are run by `test_guide_server.py`, `test_guide_containers.py`, `test_guide_backup.py`, and for training by
-`training/test_guide_own_agent.py` and `training/test_guide_own_kitchen.py`.
+`training/test_guide_own_agent.py`, `training/test_guide_own_kitchen.py` and `training/test_guide_own_predictor.py`.
 """
 
 import argparse

@@ -125,6 +125,7 @@ EPISODES = ExportTable(
         _text("layout", "Name of the kitchen."),
         _text("layout_sha256", "Hash of its grid."),
         *_seats(_text("agent", "Agent on the seat; empty: a participant.")),
+        _text("agent_name", "What the study calls the agent, e.g. mine for agents/mine.onnx; empty: an older episode."),
         *(_text(f"agent_{seat}_sha256", f"Hash of the weights of the agent on seat {seat}.") for seat in (0, 1)),
         _text("predictor", "Predictor that was asked at every timestep, shown or not."),
         _text("predictor_sha256", "Hash of its weights."),

@@ -37,6 +37,7 @@ class NewEpisode:
     agent_sha256s: tuple[str | None, str | None] = (None, None)
     predictor_sha256: str | None = None
     code_version: str = "unknown"
+    agent_name: str | None = None  # what the study calls the agent
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,7 @@ def create(connection: Connection, new: NewEpisode) -> str:
         "layout_sha256": hashlib.sha256(spec.grid.encode()).hexdigest(),
         "agent_0": spec.agents[0],
         "agent_1": spec.agents[1],
+        "agent_name": new.agent_name,
         "agent_0_sha256": new.agent_sha256s[0],
         "agent_1_sha256": new.agent_sha256s[1],
         "predictor_sha256": new.predictor_sha256,

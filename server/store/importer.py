@@ -24,6 +24,7 @@ from server.store.export_files import table_path, unescaped
 Record = dict[str, Any]
 _INSERT = 2000
 IMPORTED = "imported"  # stands for the researchers, whose names are not in an export
+_LATER = {"episodes": ("agent_name", "display_violations")}  # columns that exports of earlier versions lack
 _RENAMED = {"step": "step_key", "question": "question_key", "episode": "episode_id", "participant": "participant_id"}
 
 
@@ -56,24 +57,31 @@ def rows(folder: Path, table: str) -> Iterator[Record]:
     """The rows of a table of an export as they were exported."""
     columns = next(known for known in codebook.TABLES if known.name == table).columns
     types = schema(columns)
+    later = dict.fromkeys(_LATER.get(table, ()))
     path = table_path(folder, "parquet", table)
     if path.is_file():
         with pa.parquet.ParquetFile(path) as file:
-            for batch in file.iter_batches(_INSERT, columns=types.names):
-                yield from batch.to_pylist()
+            present = file.schema_arrow.names
+            for batch in file.iter_batches(
+                _INSERT, columns=[name for name in types.names if name not in later or name in present]
+            ):
+                yield from (later | row for row in batch.to_pylist())
         return
     path = table_path(folder, "csv", table)
     if not path.is_file():
         raise ImportRefused(f"{folder} has no table of {table}. Export the study again.")
+    with path.open(encoding="utf-8-sig") as text:
+        present = text.readline().strip().replace('"', "").split(",")
+    names = [name for name in types.names if name not in later or name in present]
     convert = pa.csv.ConvertOptions(
-        column_types=types, include_columns=types.names, strings_can_be_null=True, quoted_strings_can_be_null=False
+        column_types=types, include_columns=names, strings_can_be_null=True, quoted_strings_can_be_null=False
     )
     texts = [field.name for field in types if pa.types.is_string(field.type)]
     options = pa.csv.ParseOptions(newlines_in_values=True)
     with pa.csv.open_csv(path, parse_options=options, convert_options=convert) as reader:
         for batch in reader:
             for row in batch.to_pylist():
-                yield row | {name: unescaped(row[name]) for name in texts if row[name] is not None}
+                yield later | row | {name: unescaped(row[name]) for name in texts if row.get(name) is not None}
 
 
 def _fill(connection: Connection, table: Table, records: Iterator[Record]) -> int:

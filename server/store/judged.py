@@ -25,7 +25,19 @@ def over(connection: Connection, study_ids: Sequence[int], most: int = 2000) -> 
 
 def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pa.Table]:
     """The export's tables with these episodes, and all that their participants answered."""
-    own = [_e[name] for name in ("participant_0", "participant_1", "agent_0", "agent_1", "condition", "kind", "layout")]
+    own = [
+        _e[name]
+        for name in (
+            "participant_0",
+            "participant_1",
+            "agent_0",
+            "agent_1",
+            "agent_name",
+            "condition",
+            "kind",
+            "layout",
+        )
+    ]
     own += [_e[name] for name in ("number", "status", "score", "progress", "watched_seat", "tick_ms")]
     broken = displays.violations(connection, chosen)
     found = connection.execute(select(_e.id.label("episode"), *own).where(_e.id.in_(chosen))).mappings().all()

@@ -15,6 +15,7 @@ from server.web.figures import step_name, way_of
 from server.web.flow import arms_of, flow_of, stock
 from server.web.forms import first
 from server.web.live import who
+from server.web.versions import Versions
 
 router = APIRouter(prefix="/admin")
 AUDIT_SHOWN = 500
@@ -126,7 +127,10 @@ async def dashboard(request: Request, name: str, admin: WatchDep, web: WebDep) -
     study_ids, study = study_at(web, name)
     paused = name in await web.database.read(decisions.paused_studies)
     page = AdminPage(request, admin)
-    return page.render("dashboard.html", tab="live", study=study, versions=len(study_ids), paused=paused)
+    versions: Versions | None = getattr(request.app.state, "versions", None)
+    changed = versions.changed.get(name) if versions is not None and versions.can_take else None
+    new = changed if changed is not None and not changed.problem else None
+    return page.render("dashboard.html", tab="live", study=study, versions=len(study_ids), paused=paused, new=new)
 
 
 @router.get("/s/{name}/games")

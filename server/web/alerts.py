@@ -20,6 +20,7 @@ from server.store.database import DatabaseDown
 from server.web.attention import ACT
 from server.web.elsewhere import Process
 from server.web.live import Live, who
+from server.web.versions import Versions, remedy
 
 log = logging.getLogger(__name__)
 LOOK_EVERY_S: Final = 5.0
@@ -55,10 +56,10 @@ Tell = Callable[[Alert, bool], None]  # the alert, and whether it is over
 class Alerts:
     """Keeps what is wrong now in `open`, by key; made once in server.main."""
 
-    def __init__(self, live: Live, database_file: Path | None, tell: Tell) -> None:
+    def __init__(self, live: Live, database_file: Path | None, tell: Tell, versions: Versions | None = None) -> None:
         self.open: dict[str, Alert] = {}
         self._elsewhere: list[Alert] = []  # of other processes, which tell of them themselves
-        self._live, self._file, self._tell = live, database_file, tell
+        self._live, self._file, self._tell, self._versions = live, database_file, tell, versions
 
     async def run(self) -> None:
         """Until it is cancelled."""
@@ -74,7 +75,9 @@ class Alerts:
         others = await self._live.elsewhere.processes()
         self._elsewhere = self._late(others)
         leads = all(self._live.elsewhere.name < other.name for other in others)  # one tells what all of them see
-        found = {alert.key: alert for alert in (*self._machine(leads), *await self._games(leads))}
+        found = {
+            alert.key: alert for alert in (*self._machine(leads), *self._changed(leads), *await self._games(leads))
+        }
         now = datetime.now(UTC)
         for key in self.open.keys() - found.keys():
             self._tell(self.open.pop(key), True)
@@ -113,6 +116,14 @@ class Alerts:
             free_gb = shutil.disk_usage(self._file.parent).free / 1e9
             if free_gb < DISK_GB:
                 yield Alert("disk", f"The disk is nearly full: {free_gb:.1f} GB are free.")
+
+    def _changed(self, leads: bool) -> Iterator[Alert]:
+        """Study files that are not as they are served."""
+        if self._versions is None or not leads:
+            return
+        for name, changed in list(self._versions.changed.items()):
+            text = f"{changed.text} {remedy(self._versions, name)}"
+            yield Alert(f"version {name} {changed.sha256[:12]}", text, f"/admin/s/{name}", name)
 
     async def _games(self, leads: bool) -> list[Alert]:
         """Of people who are away, and of errors in their browsers; none while the database cannot be read."""
