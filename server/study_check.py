@@ -104,8 +104,8 @@ def _unfit(place: Path, layout: Layout, model: str, cast: Cast) -> Problem | Non
     if is_class(base):
         return None
     try:
-        if place[-1] == "predictor":
-            load_predictor(base, layout)
+        if place[-1] == "predictor":  # of a network, how much worse it can be made is told by _degraded_problems
+            load_predictor(model if base in WITHOUT_WEIGHTS else base, layout)
         else:
             load_agent(base, layout)
     except (ValueError, OSError) as error:
@@ -146,7 +146,7 @@ def _degraded_problems(cast: Cast) -> Iterator[Problem]:
     """A predictor is made worse by leaving what it is right about, so it must be known how often it is right."""
     for layout, model in cast.predictors:
         name, _, wanted = model.rpartition("@")
-        if not wanted.replace(".", "").isdigit() or (layout, model) in cast.missing:
+        if not wanted.replace(".", "").isdigit():
             continue
         place: Path = ("conditions",)
         config = folder_of(layout, cast.paths.located(model)) / "config.json"

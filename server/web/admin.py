@@ -129,7 +129,7 @@ async def dashboard(request: Request, name: str, admin: WatchDep, web: WebDep) -
     page = AdminPage(request, admin)
     versions: Versions | None = getattr(request.app.state, "versions", None)
     changed = versions.changed.get(name) if versions is not None and versions.can_take else None
-    new = changed if changed is not None and not changed.problem else None
+    new = changed if changed is not None and not changed.problem and admin.may("act") else None
     return page.render("dashboard.html", tab="live", study=study, versions=len(study_ids), paused=paused, new=new)
 
 
