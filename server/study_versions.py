@@ -85,6 +85,7 @@ class StudyVersions:
         missing = [file.describe(problem) for problem in missing_problems(file, cast_of([file]))]
         if missing:
             raise StudyError(missing)
+        cast_of([*self._files, file])  # participants may still be in the others: one name, one kitchen
         return file
 
     async def take(self, database: Database, name: str) -> str:

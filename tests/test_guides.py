@@ -150,6 +150,15 @@ def test_words_of_every_command_are_understood(guide: Path) -> None:
     assert understood
 
 
+def test_no_contact_in_a_guide_repeats_the_words_in_front_of_it() -> None:
+    """The consent page writes `Questions?` before what the study gives."""
+    contacts = [
+        line for guide in GUIDES for line in guide.read_text("utf-8").splitlines() if line.startswith("contact:")
+    ]
+    assert contacts
+    assert [line for line in contacts if "Questions?" in line or "问题" in line] == []
+
+
 def parse(words: list[str]) -> None:
     """Reads the words as their verb does; SystemExit where it does not know them."""
     module = importlib.import_module(kitchenmind.VERBS[words[0]][0])

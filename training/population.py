@@ -70,7 +70,9 @@ def load_partner_folder(folder: Path, layout: Layout) -> list[Partner]:
     partners = []
     files = [config.parent for config in folder.glob("**/config.json") if _is_agent(config)]
     for place in sorted([*files, *folder.glob("**/*.onnx")]):
-        name = re.sub(r"[^A-Za-z0-9]+", "_", str(place.relative_to(folder).with_suffix(""))).strip("_") or folder.name
+        inside = place.absolute().relative_to(folder.absolute().parent)  # beginning with the folder's own name
+        parts = inside.parts[1:] or inside.parts
+        name = re.sub(r"[^A-Za-z0-9]+", "_", "_".join(parts).removesuffix(".onnx")).strip("_")
         member = _MEMBER.match(name)
         agent = f"{member['kind']}_{member['seed']}" if member else name
         partners.append(Partner(name, agent, "partner", load_agent(str(place.absolute()), layout).policy))

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -114,6 +115,10 @@ def test_the_dashboard_offers_the_new_version_and_serves_it_to_those_who_come_th
     assert {("matrix", "random"), ("matrix", "stay")} <= models.agents
     entries = site.database.read_now(audit.entries)
     assert (entries[-1].action, entries[-1].detail["reason"]) == ("serve new version", "another agent")
+
+
+def test_the_list_of_studies_shows_their_names(site: Site) -> None:
+    assert re.search(r"<code[^>]*>small</code>", signed_in(site, "watch").get("/admin").text)
 
 
 def test_a_version_whose_models_do_not_load_changes_nothing(
