@@ -65,7 +65,7 @@ def source_file(name: str, folders: Iterable[str] = ()) -> Path | None:
 
 def has_class(file: Path, name: str) -> bool:
     """Return whether the module in `file` may define the class of `module:Class`; true where that cannot be known
-    without running it."""
+    without running it. Raises SyntaxError, or ValueError or RecursionError, for a file that is not Python."""
     wanted = without_variant(name).partition(":")[2]
     tree = ast.parse(file.read_bytes())
     for node in ast.walk(tree):

@@ -41,7 +41,11 @@ class Cast:
             module, _, wanted = base.partition(":")
             if file is None:
                 return f"there is no Python module {module}"
-            return None if has_class(file, base) else f"{file} has no class {wanted}"
+            try:
+                return None if has_class(file, base) else f"{file} has no class {wanted}"
+            except (SyntaxError, ValueError, RecursionError) as error:
+                line = f":{error.lineno}" if isinstance(error, SyntaxError) and error.lineno else ""
+                return f"{file}{line} is not valid Python ({str(error).partition(' (')[0]})"
         if base.endswith(".onnx"):
             return None if Path(base).is_file() else f"there is no file {base}"
         if (folder_of(layout, base) / "config.json").is_file():

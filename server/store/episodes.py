@@ -93,7 +93,6 @@ def create(connection: Connection, new: NewEpisode) -> str:
         "layout_sha256": hashlib.sha256(spec.grid.encode()).hexdigest(),
         "agent_0": spec.agents[0],
         "agent_1": spec.agents[1],
-        "agent_name": new.agent_name,
         "agent_0_sha256": new.agent_sha256s[0],
         "agent_1_sha256": new.agent_sha256s[1],
         "predictor_sha256": new.predictor_sha256,
@@ -114,6 +113,8 @@ def create(connection: Connection, new: NewEpisode) -> str:
         "tick_ms",
     ):
         row[name] = getattr(spec, name)
+    if new.agent_name is not None:
+        row["agent_name"] = new.agent_name
     connection.execute(episodes.insert().values(row))
     return str(row["id"])
 

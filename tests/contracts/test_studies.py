@@ -120,6 +120,7 @@ def test_check_says_what_a_good_study_is(path: Path, capsys: pytest.CaptureFixtu
         ("{name: mine, model: broken.onnx, predictor: random}", "agents.0.model", "is no ONNX model"),
         ("{name: sp, predictor: ./folder}", "agents.0.predictor", "there is no checkpoint in"),
         ("{name: sp, predictor: 'own:Missing'}", "agents.0.predictor", "has no class Missing"),
+        ("{name: sp, predictor: 'unfinished:Other'}", "agents.0.predictor", "unfinished.py:2 is not valid Python"),
         (
             "{name: mine, model: 'nowhere_at_all:Agent', predictor: random}",
             "agents.0.model",
@@ -133,6 +134,7 @@ def test_check_refuses_agents_and_predictors_that_cannot_play(
 ) -> None:
     file = tmp_path / "quick_look.yaml"
     (tmp_path / "broken.onnx").write_bytes(b"not ONNX")
+    (tmp_path / "unfinished.py").write_text("class Other:\n    x = (\n", encoding="utf-8")
     (tmp_path / "own.py").write_text("class Other:\n    pass\n", encoding="utf-8")
     text = (STUDIES / "quick_look.yaml").read_text("utf-8")
     file.write_text(text.replace("- {name: sp}", f"- {agent}"), encoding="utf-8")

@@ -10,7 +10,7 @@ SOMETIMES = """
 import numpy as np
 
 class Sometimes:
-    'A predictor in the study\'s folder; well while it is tried, then it fails now and then.'
+    # well while it is tried, then it fails now and then
 
     def __init__(self, layout):
         self.calls = 0
