@@ -1,10 +1,14 @@
 """A manipulation never vanishes silently: refused at the start, and counted wherever it fails in a game."""
 
+import json
+import subprocess
 from pathlib import Path
 
 import polars as pl
 import pytest
-from test_bots import SCRIPTED, command, simulated
+from test_bots import SCRIPTED
+
+from server.own_server import kitchenmind
 
 SOMETIMES = """
 import numpy as np
@@ -26,6 +30,10 @@ class Sometimes:
 """
 
 
+def command(*words: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(kitchenmind(*words), capture_output=True, text=True, check=False, timeout=900)
+
+
 def study(folder: Path, predictor: str) -> Path:
     file = folder / "small.yaml"
     text = SCRIPTED.read_text("utf-8").replace("- {name: without, predictor: none}\n", "")
@@ -33,6 +41,7 @@ def study(folder: Path, predictor: str) -> Path:
     return file
 
 
+@pytest.mark.timeout(1200)
 @pytest.mark.parametrize("predictor", ["bc_predictor", "./missing.onnx", "'sometimes:Mistyped'"])
 def test_a_study_whose_predictor_is_missing_is_not_served_and_bots_say_why(predictor: str, tmp_path: Path) -> None:
     (tmp_path / "sometimes.py").write_text(SOMETIMES, encoding="utf-8")
@@ -45,12 +54,14 @@ def test_a_study_whose_predictor_is_missing_is_not_served_and_bots_say_why(predi
         assert "agents.0.predictor: " in said.stderr
 
 
+@pytest.mark.timeout(1200)
 def test_every_timestep_without_the_promised_display_is_counted_by_bots_export_and_report(tmp_path: Path) -> None:
     (tmp_path / "sometimes.py").write_text(SOMETIMES, encoding="utf-8")
     database = f"sqlite:///{tmp_path / 'kept.sqlite3'}"
-    words = ("2", "--study", str(study(tmp_path, "'sometimes:Sometimes'")), "--database", database, "--fast")
-    status, outcome = simulated(*words)
-    assert status == 1
+    words = ("--study", str(study(tmp_path, "'sometimes:Sometimes'")), "--database", database, "--fast", "--json")
+    walked = command("bots", "1", *words)
+    assert walked.returncode == 1, walked.stderr
+    outcome = json.loads(walked.stdout)
     assert any("is not what its condition promises" in violation for violation in outcome["violations"])
     exported = command("export", "--database", database, "--out", str(tmp_path / "data"))
     assert exported.returncode == 0, exported.stderr
