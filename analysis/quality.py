@@ -58,6 +58,8 @@ def verdicts(episodes: pl.DataFrame, answers: pl.DataFrame, rules: Sequence[Rule
     table = episodes.join(straight_lined(answers), on="episode", how="left", maintain_order="left").with_columns(
         pl.col("same_answers").fill_null(False), unfinished=pl.col("status") != "done"
     )
+    unknown = {rule.measure for rule in rules} - set(table.columns)  # not recorded by earlier versions
+    table = table.with_columns(pl.lit(None, dtype=pl.Float64).alias(name) for name in sorted(unknown))
     drop = [pl.when(rule.holds(rule.drop)).then(pl.lit(rule.name)) for rule in rules]
     look = [pl.when(rule.holds(rule.look) & ~rule.holds(rule.drop)).then(pl.lit(rule.name)) for rule in rules]
     table = table.with_columns(
