@@ -14,8 +14,9 @@ PUSHES = 8  # as often the same move in a row goes into a wall or a person: kitc
 
 def episode_measures(export: Export) -> pl.DataFrame:
     """The export's episodes with reward, and measures from their ticks: idle_share, longest_idle_s, interactions,
-    pushing_share, late_share, lag_ms, hidden_share, accuracy and accuracy_1..3 (shares, 0 to 1; null without ticks).
-    attention_failed counts the attention checks that the person failed in the whole study."""
+    pushing_share, late_share, display_share (timesteps not shown as promised), lag_ms, hidden_share, accuracy and
+    accuracy_1..3 (shares, 0 to 1; null without ticks). attention_failed counts the attention checks that the person
+    failed in the whole study."""
     ticks = export.ticks
     of_ticks = ticks.group_by("episode").agg(
         timesteps_seen=pl.len(),
@@ -34,6 +35,7 @@ def episode_measures(export: Export) -> pl.DataFrame:
     return (
         episodes.join(hidden, on="episode", how="left", maintain_order="left")
         .with_columns(
+            display_share=pl.col("display_violations") / pl.col("timesteps_seen"),
             longest_idle_s=pl.col("longest_idle") * pl.col("tick_ms") / 1000,
             hidden_share=pl.col("hidden_ms").fill_null(0) / (length_ms + pl.col("hidden_ms").fill_null(0)),
         )

@@ -41,6 +41,13 @@ RULES = (
     Rule("hidden", "hidden_share", "share of the time with the page hidden", 0.1, 0.25),
     Rule("lag", "lag_ms", "extra milliseconds of the slowest keys", 300, None),
     Rule("late", "late_share", "share of timesteps in which the models were late", 0.01, 0.05),
+    Rule(
+        "display",
+        "display_share",
+        "share of timesteps in which the screen did not show what the condition promises",
+        1e-9,
+        0.05,
+    ),
     Rule("same answers", "same_answers", "every answer the same, after three episodes or more", 1, None),
     Rule("inattentive", "attention_failed", "attention checks that the person failed in the whole study", 1, 2),
 )
@@ -52,8 +59,8 @@ def verdicts(episodes: pl.DataFrame, answers: pl.DataFrame, rules: Sequence[Rule
     table = episodes.join(straight_lined(answers), on="episode", how="left", maintain_order="left").with_columns(
         pl.col("same_answers").fill_null(False), unfinished=pl.col("status") != "done"
     )
-    if "attention_failed" not in table.columns:  # measured by an older version
-        table = table.with_columns(attention_failed=pl.lit(None, pl.Int64))
+    unknown = {rule.measure for rule in rules} - set(table.columns)  # not recorded by earlier versions
+    table = table.with_columns(pl.lit(None, dtype=pl.Float64).alias(name) for name in sorted(unknown))
     drop = [pl.when(rule.holds(rule.drop)).then(pl.lit(rule.name)) for rule in rules]
     look = [pl.when(rule.holds(rule.look) & ~rule.holds(rule.drop)).then(pl.lit(rule.name)) for rule in rules]
     table = table.with_columns(

@@ -114,6 +114,7 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
         own_grids=[name for name in analysis.layouts if name in LAYOUTS[1:]],
         provenance=_provenance(analysis, options),
         simulated=_simulated(analysis.export),
+        displays=_displays(analysis.export),
     )
 
 
@@ -121,6 +122,15 @@ def _flagged(analysis: Analysis) -> pl.DataFrame:
     """Episodes that a rule or the researcher found wanting, the worst first."""
     wanting = (pl.col("proposal") != "keep") | (pl.col("excluded") != "")
     return analysis.quality.filter(wanting).sort("proposal", maintain_order=True)
+
+
+def _displays(export: Export) -> list[tuple[str, int, int, int]]:
+    """By condition: timesteps that did not show what the condition promises, episodes that have any, all episodes."""
+    found = []
+    for condition in export.conditions:
+        counts = export.episodes.filter(pl.col("condition") == condition)["display_violations"].drop_nulls()
+        found.append((condition, int(counts.sum()), int((counts > 0).sum()), counts.len()))
+    return found if any(row[1] for row in found) else []
 
 
 def _simulated(export: Export) -> bool:

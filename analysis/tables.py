@@ -190,8 +190,14 @@ def _episodes(table: pl.DataFrame) -> pl.DataFrame:
     partner = pl.col("watched_seat") == 0
     return (
         _with_default(table.filter(pl.col("kind") == "episode"), "excluded", "")
+        .pipe(_with_default, "display_violations", None)
+        .pipe(_with_default, "agent_name", None)
         .with_columns(
-            agent=pl.when(partner).then(pl.col("agent_0")).otherwise(pl.col("agent_1")).cast(pl.String),
+            display_violations=pl.col("display_violations").cast(pl.Int64),
+            agent=pl.coalesce(
+                pl.col("agent_name").cast(pl.String),
+                pl.when(partner).then(pl.col("agent_0")).otherwise(pl.col("agent_1")).cast(pl.String),
+            ),
             participant=pl.when(partner).then(pl.col("participant_1")).otherwise(pl.col("participant_0")),
             excluded=pl.col("excluded").fill_null(""),
             score=pl.col("score").cast(pl.Float64),

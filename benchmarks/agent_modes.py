@@ -1,6 +1,6 @@
 """How decided an agent should be: points with itself and with strangers, certainty and jams for several modes.
 
-    python benchmarks/agent_modes.py [--layout coordination_ring] [--agent sp]
+    python benchmarks/agent_modes.py [--layout coordination_ring] [--agent sp] [--quick]
 
 The partner is in the same mode as the agent. The figures behind `training.agents.PEOPLE`.
 """
@@ -33,18 +33,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--layout", default="coordination_ring")
     parser.add_argument("--agent", default="sp")
+    parser.add_argument("--quick", action="store_true", help="two modes, few games: a rough look")
     arguments = parser.parse_args()
+    own_games, games = (2, 4) if arguments.quick else (20, 8)
     torch.set_num_threads(1)
     layout = load_layout(arguments.layout)
     policy = load_agent(arguments.agent, layout).policy
     folders = sorted((WEIGHTS / layout.name / "population").glob("*_100"))
     strangers = [NetworkPolicy(load_network(folder)) for folder in folders]
     print("mode (temperature, after, mix)     self  strangers  certainty   stuck  longest jam")
-    for mode in MODES:
+    for mode in MODES[:2] if arguments.quick else MODES:
         me = Player(policy, mode)
-        own = with_itself(layout, me, 20)
-        others = [play(layout, (me, Player(stranger, mode)), 8, 0) for stranger in strangers]
-        others += [play(layout, (Player(stranger, mode), me), 8, 1) for stranger in strangers]
+        own = with_itself(layout, me, own_games)
+        others = [play(layout, (me, Player(stranger, mode)), games, 0) for stranger in strangers]
+        others += [play(layout, (Player(stranger, mode), me), games, 1) for stranger in strangers]
         name = f"{mode.temperature:g}, {mode.stuck_after}, {mode.stuck_mix:g}"
         print(f"{name:32}{own.scores.mean():7.1f}{_points(others):11.1f}{_certainty(others):11.3f}", end="")
         print(f"{np.mean([games.stuck for games in others]):8.1%}{max(games.longest_jam for games in others):13d}")

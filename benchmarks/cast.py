@@ -43,8 +43,11 @@ stopped on."""
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="keep the figures and put the tables in README.md")
+    parser.add_argument("--quick", action="store_true", help="one short game of each: a rough look, not to be kept")
     arguments = parser.parse_args()
-    figures = measured()
+    if arguments.quick and arguments.write:
+        parser.error("--quick measures too little to be kept: leave out --write.")
+    figures = measured(arguments.quick)
     tables = rendered(shipped_entries(), figures)
     print(tables)
     if arguments.write:
@@ -53,7 +56,7 @@ def main() -> None:
         README.write_text(f"{text.partition(BEGIN)[0]}{tables}{text.partition(END)[2]}", encoding="utf-8")
 
 
-def measured() -> dict[str, Any]:
+def measured(quick: bool = False) -> dict[str, Any]:
     """What stands on no card: points of agents with the same strangers, predictors with a cloned human, and which
     agents that was."""
     import torch
@@ -71,9 +74,12 @@ def measured() -> dict[str, Any]:
 
     torch.set_num_threads(1)
     layouts = [load_layout(name) for name in LAYOUTS]
-    planners = [measured_agent(layout, PLANNER, Player(*load_agent(PLANNER, layout)), ()) for layout in layouts]
+    size = {"episodes": 1, "timesteps": 20} if quick else {}
+    planners = [measured_agent(layout, PLANNER, Player(*load_agent(PLANNER, layout)), (), **size) for layout in layouts]
     ring, with_human = load_layout("coordination_ring"), []
-    plan = Plan(trajectories=20)  # one partner only: with five, another seed moves the figure by two points
+    plan = (
+        Plan(1, 40) if quick else Plan(trajectories=20)
+    )  # one partner only: with five, another seed moves the figure by two points
     for folder in sorted((WEIGHTS / ring.name).glob("*_predictor_*")):
         agent, _, form = folder.name.partition("_predictor_")
         network, _ = predictor_network(load_checkpoint(folder))
@@ -81,7 +87,7 @@ def measured() -> dict[str, Any]:
         with_human.append(evaluate(network, games).entry(ring.name, agent, form))
     return {
         "sha256": shipped_agents(),
-        "agents": [*(entry for layout in layouts for entry in evaluate_shipped(layout, AGENTS)), *planners],
+        "agents": [*(entry for layout in layouts for entry in evaluate_shipped(layout, AGENTS, **size)), *planners],
         "with_human_bc": with_human,
     }
 

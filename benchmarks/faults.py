@@ -13,9 +13,11 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Awaitable, Callable, Iterator
+import traceback
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import TextIO
 
 ROOT = Path(__file__).resolve().parent.parent
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -81,7 +83,12 @@ def measure(quick: bool, rows: set[int], kills: int, kill_s: float, first: int) 
         if rows and number not in rows:
             continue
         with tempfile.TemporaryDirectory(prefix="kitchenmind-faults-") as folder:
-            yield asyncio.run(_done(scenario, Path(folder)))
+            try:
+                row = asyncio.run(_done(scenario, Path(folder)))
+            except Exception as error:  # noqa: BLE001 - a row that breaks is a row that failed; the others go on
+                traceback.print_exc()
+                row = Row(number, "the row itself broke", 0, False, {"error": f"{type(error).__name__}: {error}"})
+        yield row
 
 
 async def _done(scenario: Scenario, folder: Path) -> Row:
@@ -102,20 +109,26 @@ def main() -> int:
     arguments = parser.parse_args()
     rows = {int(number) for number in arguments.rows.split(",") if number}
     kills = arguments.kills or (3 if arguments.quick else 1000)
-    found = []
     sys.stdout, said = sys.stderr, sys.stdout  # servers in this process say where they are
-    for row in measure(arguments.quick, rows, kills, arguments.kill_seconds, arguments.seed):
-        found.append(row)
-        if not arguments.json:
+    found = measure(arguments.quick, rows, kills, arguments.kill_seconds, arguments.seed)
+    return 0 if printed(found, said, arguments.json) else 1
+
+
+def printed(found: Iterable[Row], to: TextIO, as_json: bool) -> bool:
+    """Prints every row as soon as it is made, with `as_json` as the items of one JSON list; whether all passed."""
+    passed, first = True, True
+    for row in found:
+        passed &= row.passed
+        if as_json:
+            line = ("[" if first else ",\n ") + json.dumps(row.as_json())
+        else:
             figures = "  ".join(f"{name} {value}" for name, value in row.figure.items())
-            print(
-                f"{row.row:2}  {'ok  ' if row.passed else 'FAIL'}  {row.fault} x {row.tries}:  {figures}",
-                file=said,
-                flush=True,
-            )
-    if arguments.json:
-        print(json.dumps([row.as_json() for row in found]), file=said)
-    return 0 if all(row.passed for row in found) else 1
+            line = f"{row.row:2}  {'ok  ' if row.passed else 'FAIL'}  {row.fault} x {row.tries}:  {figures}\n"
+        print(line, end="", file=to, flush=True)
+        first = False
+    if as_json:
+        print("[]" if first else "]", file=to, flush=True)
+    return passed
 
 
 if __name__ == "__main__":

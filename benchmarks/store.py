@@ -1,6 +1,6 @@
 """How many ticks a second the database commits, how long a commit takes, and how long an export takes.
 
-    python benchmarks/store.py [--database URL] [--json]
+    python benchmarks/store.py [--database URL] [--quick] [--json]
 
 Without --database: SQLite in a temporary folder, and a PostgreSQL server of its own (both wait for the disk at every
 commit). "alone": one slot after the other, as many ticks in a commit as the slot has games. "slots": 20 slots of 30
@@ -145,7 +145,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--database", metavar="URL", help="an empty database to fill")
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--quick", action="store_true", help="few commits: a rough look")
     arguments = parser.parse_args()
+    if arguments.quick:
+        globals()["COMMITS"] = 12
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="kitchenmind-store-")))
         urls = [arguments.database] if arguments.database else [f"sqlite:///{folder}/study.db"]

@@ -59,7 +59,10 @@ def run(arguments: argparse.Namespace) -> int:
             policy, mode = load_agent(arguments.name, layout)
             finding = check_policy(policy, mode, layout)
             _say("acts", f"temperature {mode.temperature:g}, {mode.stuck_mix:.0%} moves after {mode.stuck_after} stuck")
-            _say("with itself", f"{points_with_itself(policy, mode, layout)} points in {HORIZON} timesteps")
+            points = points_with_itself(policy, mode, layout)
+            _say("with itself", f"{points} points in {HORIZON} timesteps")
+            if points == 0:
+                _warn(f"it delivers no soup with itself in {HORIZON} timesteps. Was it trained for {layout.name}?")
     except NotFit as wrong:
         print(f"kitchenmind agent check: {arguments.name} does not fit {arguments.layout}: {wrong}", file=sys.stderr)
         return 1
@@ -162,6 +165,10 @@ def _checked(answer: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.
     if not np.isfinite(given).all() or (given < 0).any() or (np.abs(given.sum(-1) - 1) > ROWS_SUM_TO_ONE).any():
         raise NotFit("its answers are no probabilities: each row must sum to 1, without NaN or negative numbers.")
     return given
+
+
+def _warn(words: str) -> None:
+    print(f"warning: {words}", file=sys.stderr)
 
 
 def _say(what: str, value: str) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any, cast
 
 from models.http_agent import HttpAgent
+from models.model_paths import make_importable
 from models.onnx_models import OnnxAgent, OnnxPredictor
 from models.protocols import BlackBoxError as BlackBoxError
 from models.protocols import Mode, Policy, Predictor
@@ -43,10 +44,11 @@ def load_foreign_predictor(name: str, layout: Layout) -> Predictor:
 
 def _python_object(name: str, layout: Layout, method: str) -> Any:
     module_name, _, class_name = name.partition(":")
+    make_importable(())
     try:
         factory: Callable[[Layout], Any] = getattr(importlib.import_module(module_name), class_name)
     except (ImportError, AttributeError) as error:
-        remedy = "Write package.module:Class, with the package's folder in PYTHONPATH."
+        remedy = "Write package.module:Class. It is looked for in the study's and the current folder and in PYTHONPATH."
         raise BlackBoxError(f"{name} is not there ({error}). {remedy}") from error
     thing = factory(layout)
     if not callable(getattr(thing, method, None)):

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from models import planner, scripted
 from models.blackbox import is_foreign, load_foreign_agent
 from models.checkpoint import SUMS, CheckpointError, load_checkpoint
+from models.model_paths import is_class, source_file
 from models.onnx_weights import onnx_sha256
 from models.policy_at_work import policy_at_work
 from models.protocols import Mode, Policy
@@ -77,7 +78,8 @@ def _load(name: str, layout: Layout) -> Agent:
 
 def agent_folder(name: str, layout: Layout) -> Path:
     """Where an agent's checkpoint lies: a path as it is, a name among the shipped ones. Raises UnknownAgent."""
-    folder = Path(name) if "/" in name or Path(name).is_dir() else WEIGHTS / layout.name / name
+    bundled = WEIGHTS / layout.name / name
+    folder = Path(name) if "/" in name or (not bundled.is_dir() and Path(name).is_dir()) else bundled
     if not folder.is_dir():
         known = ", ".join(agent_names(layout.name))
         raise UnknownAgent(f"no agent {name!r} for {layout.name}. Known: {known}; or give a checkpoint folder.")
@@ -86,12 +88,13 @@ def agent_folder(name: str, layout: Layout) -> Path:
 
 def agent_sha256(name: str, layout: Layout) -> str:
     """What names exactly this agent in data: its checkpoint's sha256, for a scripted one the hash of name and mode,
-    for a foreign one that of its file or name."""
+    for a foreign one that of its file, of its module's source file, or of its address."""
     base, _ = _parts(name)
     if base.endswith(".onnx") and Path(base).is_file():
         return onnx_sha256(Path(base))
     if is_foreign(base):
-        return sha256(Path(base).read_bytes() if Path(base).is_file() else base.encode()).hexdigest()
+        file = Path(base) if not is_class(base) else source_file(base)
+        return sha256(file.read_bytes() if file is not None and file.is_file() else base.encode()).hexdigest()
     if base in SCRIPTED:
         return sha256(f"{base} {asdict(SCRIPTED[base][1])}".encode()).hexdigest()
     return sha256((agent_folder(base, layout) / SUMS).read_bytes()).hexdigest()

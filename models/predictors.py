@@ -14,7 +14,7 @@ from overcooked.constants import ACTIONS
 from overcooked.layout import Layout
 
 WEIGHTS = Path(__file__).parent / "weights"
-RANDOM, GUIDE = "random", "guide"
+RANDOM = "random"
 GUIDE = "guide"  # of the tutorial's agent of the same name
 
 
@@ -24,11 +24,14 @@ class UnknownPredictor(ValueError):
 
 def load_predictor(name: str, layout: Layout) -> Predictor:
     """The predictor called `name`: `random`, `guide` (of the scripted guide), a shipped one such as
-    `sp_predictor_stream`, a foreign one (`module:Class`, an ONNX file); `sp_predictor_stream@60` is made worse until
-    60 % of its steps are right. Raises ValueError (its kinds) or OSError."""
+    `sp_predictor_stream`, a folder that `kitchenmind train predictor` wrote, a foreign one (`module:Class`, an ONNX
+    file); `sp_predictor_stream@60` is made worse until 60 % of its steps are right. Raises ValueError (its kinds) or
+    OSError."""
     if is_foreign(name):
         return load_foreign_predictor(name, layout)
-    base, _, wanted = name.partition("@")
+    base, _, wanted = name.rpartition("@")
+    if not base or "/" in wanted:  # an @ in the path of a folder
+        base, wanted = name, ""
     predictor, accuracy = _load(base, layout)
     return DegradedPredictor(predictor, accuracy, _share(name, wanted)) if wanted else predictor
 
@@ -39,11 +42,18 @@ def _load(name: str, layout: Layout) -> tuple[Predictor, float]:
         return UniformPredictor(), 1 / ACTIONS
     if name == GUIDE:
         return GuidePredictor(), 1.0
-    folder = WEIGHTS / layout.name / name
+    folder = predictor_folder(name, layout)
     if not (folder / "config.json").is_file():
         known = ", ".join([*predictor_names(layout), RANDOM, GUIDE])
-        raise UnknownPredictor(f"{layout.name} has no predictor {name!r}. Known there: {known}.")
+        remedy = f"Known there: {known}; or give the folder that `kitchenmind train predictor` wrote."
+        raise UnknownPredictor(f"{layout.name} has no predictor {name!r}. {remedy}")
     return load_trained_predictor(folder, layout)
+
+
+def predictor_folder(name: str, layout: Layout) -> Path:
+    """Return where a predictor's checkpoint is: a path as it is, a bundled one among the weights, else a folder."""
+    bundled = WEIGHTS / layout.name / name
+    return Path(name) if "/" in name or (not bundled.is_dir() and Path(name).is_dir()) else bundled
 
 
 def predictor_names(layout: Layout) -> list[str]:

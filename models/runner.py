@@ -16,6 +16,7 @@ import numpy as np
 from models.blackbox import is_foreign
 from models.lane import Lane, ModelsDown
 from models.launch import Launched
+from models.model_paths import ModelPaths
 from models.protocols import STEPS, Decision, Question
 from models.wire import Answer, Load, Name, Row
 from overcooked.constants import ACTIONS, STAY
@@ -42,6 +43,7 @@ class ModelServer:
     `agents` and `predictors` are (layout, name) pairs, each name as the catalogue or a foreign model is called; a
     question about any other is not answered. `grids`: layouts that are not shipped, name -> grid. `ahead`: a worker's
     process that has been launched already; used if there are models of our own, and then ended with the others.
+    `paths`, to be set before `start`: where models with relative paths are.
     """
 
     def __init__(
@@ -53,25 +55,13 @@ class ModelServer:
         grids: Mapping[str, str] | None = None,
         ahead: Launched | None = None,
     ) -> None:
-        drawn = dict(grids or {})
-        own = Load(
-            tuple(name for name in agents if not is_foreign(name[1])),
-            tuple(name for name in predictors if not is_foreign(name[1])),
-            drawn,
-        )
-        self._own = [
-            Lane(own, int(number == 0), hang_s, ahead if number == 0 else None)
-            for number in range(workers if any((own.agents, own.predictors)) else 0)
-        ]
-        self._foreign: dict[str, Lane] = {}
-        for foreign in dict.fromkeys(name for _, name in (*agents, *predictors) if is_foreign(name)):
-            load = Load(
-                tuple(pair for pair in agents if pair[1] == foreign),
-                tuple(pair for pair in predictors if pair[1] == foreign),
-                drawn,
-            )
-            self._foreign[foreign] = Lane(load, 1, hang_s)
-        self._agents, self._predictors = frozenset(agents), frozenset(predictors)
+        self.paths = ModelPaths()
+        self._first = (agents, predictors, dict(grids or {}))
+        self._workers, self._hang_s, self._ahead = workers, hang_s, ahead
+        self._lanes: list[Lane] = []
+        self._lanes_of: dict[Name, list[Lane]] = {}  # any of them answers
+        self._agents: frozenset[Name] = frozenset()
+        self._predictors: frozenset[Name] = frozenset()
         self._seats: dict[str, set[int]] = {}
         self._late = 0
         self._faults: Counter[str] = Counter()
@@ -79,11 +69,43 @@ class ModelServer:
 
     async def start(self) -> None:
         """Loads and warms every model. Raises ModelsDown with the name and the reason; nothing is left running then."""
+        for load in _loads(*self._first, self.paths):
+            self._take_in(load, self._lanes_for(load, self._ahead))
         started = await asyncio.gather(*(lane.start() for lane in self._lanes), return_exceptions=True)
         errors = [outcome for outcome in started if isinstance(outcome, BaseException)]
         if errors:
             await self.close()
             raise errors[0]
+
+    async def add(
+        self, agents: Sequence[Name], predictors: Sequence[Name], grids: Mapping[str, str], paths: ModelPaths
+    ) -> None:
+        """Load what is not loaded yet, in workers of its own, while the others go on answering. Raises ModelsDown; then
+        nothing has changed."""
+        new = [name for name in agents if name not in self._agents]
+        watching = [name for name in predictors if name not in self._predictors]
+        made = [(load, self._lanes_for(load)) for load in _loads(new, watching, grids, paths)]
+        lanes = [lane for _, some in made for lane in some]
+        started = await asyncio.gather(*(lane.start() for lane in lanes), return_exceptions=True)
+        errors = [outcome for outcome in started if isinstance(outcome, BaseException)]
+        if errors:
+            await asyncio.gather(*(lane.close() for lane in lanes))
+            raise errors[0]
+        for load, some in made:
+            self._take_in(load, some)
+
+    def _lanes_for(self, load: Load, ahead: Launched | None = None) -> list[Lane]:
+        if any(is_foreign(name) for _, name in (*load.agents, *load.predictors)):
+            return [Lane(load, 1, self._hang_s)]
+        numbers = range(self._workers)
+        return [Lane(load, int(number == 0), self._hang_s, ahead if number == 0 else None) for number in numbers]
+
+    def _take_in(self, load: Load, lanes: list[Lane]) -> None:
+        """From now on these lanes answer about these models."""
+        self._lanes += lanes
+        self._lanes_of |= dict.fromkeys((*load.agents, *load.predictors), lanes)
+        self._agents |= set(load.agents)
+        self._predictors |= set(load.predictors)
 
     async def close(self) -> None:
         """Ends every worker."""
@@ -125,14 +147,9 @@ class ModelServer:
         """Of the workers that answer now (spares are not among them)."""
         return [lane.pid for lane in self._lanes if lane.pid]
 
-    @property
-    def _lanes(self) -> list[Lane]:
-        return [*self._own, *self._foreign.values()]
-
-    def _lane(self, game: str, name: str) -> Lane:
-        if name in self._foreign:
-            return self._foreign[name]
-        return self._own[zlib.crc32(game.encode()) % len(self._own)]
+    def _lane(self, game: str, name: Name) -> Lane:
+        lanes = self._lanes_of[name]
+        return lanes[zlib.crc32(game.encode()) % len(lanes)]
 
     def _send(
         self, questions: Sequence[Question], patience_s: float
@@ -159,7 +176,7 @@ class ModelServer:
         lanes: dict[Lane, list[str | None]] = {}
         for position, name in enumerate((agent, predictor)):
             if name is not None:
-                lanes.setdefault(self._lane(question.game, name), [None, None])[position] = name
+                lanes.setdefault(self._lane(question.game, (layout, name)), [None, None])[position] = name
         return [(lane, names[0], names[1]) for lane, names in lanes.items()]
 
     def _send_group(
@@ -225,6 +242,27 @@ class _Found:
                 return None
             return Decision(self.action, self.probabilities, self.prediction)
         return Decision(STAY, (), self.prediction) if self.prediction else None
+
+
+def _loads(
+    agents: Sequence[Name], predictors: Sequence[Name], grids: Mapping[str, str], paths: ModelPaths
+) -> list[Load]:
+    """What workers load: all models of our own together, every foreign one alone."""
+    models = (*agents, *predictors)
+    groups = [[name for name in models if not is_foreign(name[1])]]
+    foreign = dict.fromkeys(name for _, name in models if is_foreign(name))
+    groups += [[pair for pair in models if pair[1] == name] for name in foreign]
+    return [
+        Load(
+            tuple(name for name in agents if name in group),
+            tuple(name for name in predictors if name in group),
+            dict(grids),
+            dict(paths.files),
+            paths.folders,
+        )
+        for group in groups
+        if group
+    ]
 
 
 def _key(game: str, seat: int) -> str:

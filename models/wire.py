@@ -19,6 +19,8 @@ class Load(Struct, tag=True, frozen=True):
     agents: tuple[Name, ...]
     predictors: tuple[Name, ...]
     grids: dict[str, str] = {}  # layouts that are not shipped: name -> grid
+    files: dict[str, str] = {}  # names with a relative path -> the same with an absolute one
+    folders: tuple[str, ...] = ()  # where Python modules are looked for
 
 
 class Loaded(Struct, tag=True, frozen=True):

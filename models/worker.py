@@ -19,6 +19,7 @@ from models.acting import distribution, draw
 from models.batches import joined, parted, together
 from models.breaker import Breaker
 from models.catalogue import load_agent
+from models.model_paths import make_importable
 from models.predictors import load_predictor
 from models.protocols import HISTORY, STEPS, Mode, Observations, Policy, Predictions, Predictor, Probabilities
 from models.wire import Answer, Ask, Failed, Fault, Forget, Inbox, Load, Loaded, Name, Row, frame, from_server
@@ -66,7 +67,8 @@ class Worker:
         self._agents: dict[Name, tuple[Policy, Mode]] = {}
         self._predictors: dict[Name, tuple[Predictor, Slots]] = {}
         self._breakers: dict[Name, Breaker] = {}
-        self._grids = load.grids
+        self._grids, self._files = load.grids, load.files
+        make_importable(load.folders)
         for name in load.agents:
             self._agents[name] = _refusing(self._load_agent, name)
         for name in load.predictors:
@@ -78,7 +80,7 @@ class Worker:
 
     def _load_agent(self, name: Name) -> tuple[Policy, Mode]:
         layout = self._layout(name[0])
-        policy, mode = load_agent(name[1], layout)
+        policy, mode = load_agent(self._files.get(name[1], name[1]), layout)
         for observations in _start_states(layout):
             _checked_probabilities(policy.probabilities(observations), len(observations))
         self._breakers[name] = Breaker()
@@ -86,7 +88,7 @@ class Worker:
 
     def _load_predictor(self, name: Name) -> Predictor:
         layout = self._layout(name[0])
-        predictor = load_predictor(name[1], layout)
+        predictor = load_predictor(self._files.get(name[1], name[1]), layout)
         for observations in _start_states(layout):
             slots = np.arange(len(observations), dtype=np.intp)
             predictor.begin(slots)

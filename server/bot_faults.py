@@ -23,6 +23,7 @@ GUARANTEES: Final = {
     "nothing that was shown is changed or doubled": ("in two ways", "as another one", "played twice"),
     "every episode re-simulates to its hashes": ("does not re-simulate",),
     "everybody keeps their condition": ("condition changed", "but played episode"),
+    "everybody is shown what their condition promises": ("condition promises",),
     "nobody sees a page twice or loses their place": ("came twice", "a reload led", "a tab that was left"),
     "a code means that everything is stored": ("code",),
     "everybody gets to the end": ("no way on", "ended at timestep", "refused"),

@@ -18,7 +18,7 @@ from overcooked.layout import Layout, parse_layout
 from overcooked.state import Kitchens
 from server.bot_cook import Cook, Impression, Traits
 from server.play import messages
-from server.play.overlay import NOTHING_SHOWN
+from server.play.overlay import NOTHING_SHOWN, is_as_promised
 from server.study.order import derived_seed
 from server.web.waiting import COME_AGAIN
 
@@ -43,6 +43,7 @@ class Journal:
     answers: list[tuple[str, dict[str, Any]]] = field(default_factory=list)  # step key, what was sent
     games: dict[str, messages.Welcome] = field(default_factory=dict)  # episode -> how it was introduced
     impressions: list[Impression] = field(default_factory=list)  # of the episodes played to their end
+    broken_displays: dict[str, set[int]] = field(default_factory=dict)  # episode -> timesteps not shown as promised
     violations: list[str] = field(default_factory=list)
     reconnects: int = 0
     troubles: dict[str, int] = field(default_factory=dict)  # what happened on purpose: reload, second_tab, half_open
@@ -166,6 +167,7 @@ class BotGame:
                 self._settling = True
             case messages.Tick():
                 self._saw(message.state)
+                self._saw_marks(message)
                 await self._leave(socket, message.state.t)
                 await self._act(socket, message)
             case messages.Paused(reason=reason) if reason not in ("database", "researcher", "partner"):
@@ -194,6 +196,14 @@ class BotGame:
         place = (self._welcome.episode, state.t)
         if self._journal.states.setdefault(place, seen) != seen:
             self._journal.violations.append(f"episode {place[0]} timestep {state.t} was shown in two ways")
+
+    def _saw_marks(self, tick: messages.Tick) -> None:
+        """Note a timestep whose display is not what the welcome promised."""
+        if self._welcome is None:
+            return
+        shown = "predictor" if self._welcome.shows_predictions else "nothing"
+        if not is_as_promised(shown, tick.prediction):
+            self._journal.broken_displays.setdefault(self._welcome.episode, set()).add(tick.state.t)
 
     async def _leave(self, socket: ClientConnection, timestep: int) -> None:
         """Closes the browser, or runs into trouble. Raises GameDropped, OSError: connect again."""

@@ -31,6 +31,15 @@ def broken_in_journal(journal: Journal) -> Iterator[str]:
     shown = {(welcome.partner, welcome.shows_predictions) for welcome in journal.games.values()}
     if len(shown) > len({partner for partner, _ in shown}):
         yield "predictions were shown in some games and not in others: the condition changed"
+    for episode, timesteps in journal.broken_displays.items():
+        last = max(timestep for one, timestep in journal.states if one == episode)
+        broken = sorted(timesteps - {last})  # nothing is shown any more on the last state
+        if broken:
+            what = "nothing" if journal.games[episode].shows_predictions else "a prediction"
+            yield (
+                f"episode {episode} showed {what} in {len(broken)} of {last} timesteps, first in {broken[0]}: "
+                "that is not what its condition promises"
+            )
     for episode, ended in journal.ended.items():
         welcome = journal.games[episode]
         last = max(timestep for one, timestep in journal.states if one == episode)

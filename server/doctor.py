@@ -124,7 +124,7 @@ def _studies(settings: Settings) -> Iterator[Finding]:
     sound: list[StudyFile] = []
     for path in settings.studies:
         try:
-            file = load_study(path)
+            file = load_study(path, settings.models_folder)
             problems = [(problem.warning, file.describe(problem)) for problem in stage_problems(file)]
         except StudyError as error:
             yield from (Finding("study", "bad", line) for line in error.lines)
@@ -143,7 +143,8 @@ def _studies(settings: Settings) -> Iterator[Finding]:
 
 def _weights(files: list[StudyFile]) -> Iterator[Finding]:
     cast = cast_of(files)
-    folders = {folder_of(layout, model) for layout, model in (*cast.agents, *cast.predictors)}
+    models = (*cast.agents, *cast.predictors)
+    folders = {folder_of(layout, cast.paths.located(model)) for layout, model in models}
     whole = 0
     for folder in sorted(folder for folder in folders if (folder / "config.json").is_file()):
         try:

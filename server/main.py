@@ -16,7 +16,7 @@ from models.launch import Launched
 from models.runner import ModelServer
 from overcooked.compiled import only_our_kernels
 from overcooked.constants import STAY
-from server.cast import cast_of, fingerprint
+from server.cast import cast_of
 from server.play.clock import Clock
 from server.play.games import Games
 from server.play.recorder import EpisodeRecord, RecorderDown
@@ -28,6 +28,8 @@ from server.store.engines import normal_url
 from server.store.episodes import StoreRecorder
 from server.store.migrate import migrate_shared, to_newest
 from server.study.loader import StudyError, StudyFile, load_study
+from server.study_check import missing_problems
+from server.study_versions import StudyVersions
 from server.version import code_version
 from server.web import actions, admin, downloads, health, leaving, live, pages, replay, socket, watch
 from server.web.alerts import Alert, Alerts, message_of
@@ -109,6 +111,8 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
         member = await _member(settings, files, stack) if several else None
         app.state.games = _games(settings, database, models, member)
         stack.push_async_callback(app.state.games.stop)
+        app.state.versions = StudyVersions(settings, files, models, studies)
+        await app.state.versions.load_earlier(database)
         app.state.sockets = _sockets(app, database, studies)
         app.state.demonstrations = Demonstrations(
             lambda recorder, load: Games(app.state.games.clock, models, recorder, load),
@@ -126,27 +130,25 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
 
 def _models(settings: Settings, files: Sequence[StudyFile], ahead: Launched | None) -> ModelServer:
     cast = cast_of(files)
-    predictors = [name for name in cast.predictors if name not in cast.missing]
-    return ModelServer(cast.agents, predictors, settings.model_workers, grids=cast.grids, ahead=ahead)
+    models = ModelServer(cast.agents, cast.predictors, settings.model_workers, grids=cast.grids, ahead=ahead)
+    models.paths = cast.paths
+    return models
 
 
 def _served(settings: Settings) -> list[StudyFile]:
-    """The studies that can be played. Raises StudyError for a broken file; in production for any missing model too."""
+    """The studies that can be played. Raises StudyError for a broken file, and where an agent or predictor is missing;
+    of several studies in local mode only those without their models are left out."""
     served, reasons = [], []
     for path in settings.studies:
-        file = load_study(path)
-        cast = cast_of([file])
-        missing = [f"{model} on {layout}" for layout, model in cast.missing]
-        if missing:
-            remedy = "Train them or name others: `kitchenmind study check` says which there are."
-            reasons.append(f"{path.name}: there are no weights for {', '.join(missing)}. {remedy}")
-        if set(cast.agents) & set(cast.missing):
-            continue
-        served.append(file)
+        file = load_study(path, settings.models_folder)
+        missing = [file.describe(problem) for problem in missing_problems(file, cast_of([file]))]
+        reasons += missing
+        if not missing:
+            served.append(file)
     if not served or (reasons and settings.mode == "production"):
         raise StudyError(reasons)
     for reason in reasons:
-        log.warning(reason)
+        log.warning("a study is not served: %s", reason)
     return served
 
 
@@ -188,7 +190,7 @@ def _sockets(app: FastAPI, database: Database, studies: Studies) -> Sockets:
         except DatabaseDown:
             log.warning("a problem in a browser could not be stored: %r", text)
 
-    seats = Seats(database, studies, fingerprint, code_version())
+    seats = Seats(database, studies, app.state.versions.fingerprint, code_version())
     room = WaitingRoom(app.state.games.clock, seats.seat_two, seats.seat_alone)
     return Sockets(app.state.games, seats.find, app.state.guard.is_own_origin, report, room)
 
@@ -222,9 +224,9 @@ def _alarm(app: FastAPI, settings: Settings) -> Callable[[], Coroutine[Any, Any,
         if hook is not None:
             hook.send(message_of(alert, over, settings.public_url))
 
-    app.state.alerts = Alerts(app.state.live, app.state.figures.file, tell)
+    app.state.alerts = Alerts(app.state.live, app.state.figures.file, tell, app.state.versions)
     app.state.course = Course(app.state.live)
-    running = (app.state.alerts, app.state.course, hook)
+    running = (app.state.alerts, app.state.course, app.state.versions, hook)
     tasks = [asyncio.create_task(work.run()) for work in running if work is not None]
 
     async def stop() -> None:

@@ -42,6 +42,8 @@ class Settings(BaseSettings):
     """Where the data are: sqlite:///path/to/file or postgresql://user@host/name."""
     studies: tuple[Path, ...] = (ROOT / "studies" / "quick_look.yaml", ROOT / "studies" / "external_predictor.yaml")
     """The study files that are served."""
+    models_folder: Path | None = None
+    """Where relative paths of models in study files start. Empty: in the folder of each study file."""
     secret: SecretStr | None = None
     """Signs forms: at least 32 random characters. Local use makes one and keeps it in `var/`."""
     public_url: str = ""

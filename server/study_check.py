@@ -1,26 +1,29 @@
-"""Whether a study can be played on this machine: its kitchens, and the weights of its agents and predictors."""
+"""Whether a study can be played on this machine: its kitchens, its agents and its predictors."""
 
+import difflib
 import json
 from collections.abc import Iterator
+from pathlib import Path as FilePath
 
 from models.blackbox import is_foreign
-from overcooked.layout import LayoutError
-from server.cast import WEIGHTS, Cast, cast_of, folder_of
+from models.model_paths import is_class, without_variant
+from overcooked.layout import Layout, LayoutError
+from server.cast import WEIGHTS, WITHOUT_WEIGHTS, Cast, cast_of, fingerprint, folder_of
 from server.study.checks import Path, Problem
 from server.study.loader import StudyFile
-from server.study.plan import Kitchen
-from server.web.episodes import layout_of
+from server.study.plan import Agent, Kitchen, Study
+from server.web.episodes import layout_of, models_of, predictor_of
 
 
 def stage_problems(file: StudyFile) -> Iterator[Problem]:
-    """Kitchens that are none (errors), weights that are not there or belong to another grid (warnings, errors)."""
+    """Kitchens that are none, and agents and predictors that are not there, cannot be loaded or do not fit."""
     study = file.study
     places: list[tuple[Path, Kitchen]] = [(("layouts", index), one) for index, one in enumerate(study.layouts)]
     places.append((("tutorial", "layout"), study.tutorial.layout))
-    sound: dict[str, str] = {}
+    sound: dict[str, Layout] = {}
     for path, kitchen in places:
         try:
-            sound[kitchen.name] = layout_of(kitchen).text
+            sound[kitchen.name] = layout_of(kitchen)
         except LayoutError as error:
             place = ", ".join(f"{word} {at}" for word, at in (("row", error.row), ("column", error.column)) if at)
             yield Problem((*path, "grid"), f"{place + ': ' if place else ''}{error.reason}", error.remedy)
@@ -29,35 +32,124 @@ def stage_problems(file: StudyFile) -> Iterator[Problem]:
                 (*path, "name"), str(error).rstrip("."), "Correct the name, or draw the rows under `grid: |`."
             )
     if len(sound) == len({kitchen.name for _, kitchen in places}):  # a cast needs kitchens to stand in
-        yield from _weight_problems(file, sound)
+        yield from _model_problems(file, sound)
 
 
-def _weight_problems(file: StudyFile, grids: dict[str, str]) -> Iterator[Problem]:
+def missing_problems(file: StudyFile, cast: Cast) -> Iterator[Problem]:
+    """Agents and predictors that this machine does not have, each at its place in the file."""
+    told = set()
+    for place, layout, model in _models(file.study):
+        reason = cast.lacks(layout, model)
+        if reason is not None and reason not in told:
+            told.add(reason)
+            yield Problem(place, reason, _remedy(place, layout, model, cast))
+
+
+def _models(study: Study) -> Iterator[tuple[Path, str, str]]:
+    """Every model that the study's games ask: place in the file, layout, name; each name as often as it is asked."""
+    asked = set().union(*models_of(study))
+    places: list[tuple[Path, Agent]] = [(("agents", index), one) for index, one in enumerate(study.agents)]
+    places += [(("waiting_room", "agent"), study.waiting_room.agent), (("tutorial", "agent"), study.tutorial.agent)]
+    for place, agent in places:
+        predictors = {predictor_of(study, agent, arm) for arm in study.conditions} - {None}
+        names = [("model" if agent.model else "name", agent.catalogue_name)] if not agent.human else []
+        names += [("predictor", str(name)) for name in sorted(map(str, predictors))]
+        for layout, model in sorted(asked):
+            yield from (((*place, key), layout, model) for key, name in names if name == model)
+
+
+def _remedy(place: Path, layout: str, model: str, cast: Cast) -> str:
+    base = without_variant(model)
+    if is_class(base):
+        return f"Correct the name. Modules are looked for in {', '.join(cast.paths.folders)} and in PYTHONPATH."
+    if cast.paths.located(base) != base or base.endswith(".onnx"):
+        here = " (it is in the current folder)" if FilePath(base).exists() else ""
+        return f"Correct the path: it starts from the folder of the study file{here}."
+    known = _there(layout, predictors=place[-1] == "predictor")
+    near = difflib.get_close_matches(base, known, n=1, cutoff=0.5)
+    guess = f"Did you mean {near[0]!r}? " if near else ""
+    return f"{guess}Train it (`kitchenmind train --help`), or name one that is there: {', '.join(known)}."
+
+
+def _model_problems(file: StudyFile, layouts: dict[str, Layout]) -> Iterator[Problem]:
     cast = cast_of([file])
-    layouts = [kitchen.name for kitchen in file.study.layouts]
-    for layout in sorted({layout for layout, _ in cast.missing}):
-        place: Path = ("layouts", layouts.index(layout)) if layout in layouts else ("tutorial",)
-        models = ", ".join(model for at, model in cast.missing if at == layout)
-        remedy = f"Train them (`kitchenmind train --help`), or name models that are there: {_there(layout)}."
-        yield Problem(place, f"there are no weights for {layout} of: {models}", remedy, warning=True)
+    yield from missing_problems(file, cast)
     yield from _degraded_problems(cast)
-    for layout, model in sorted({*cast.agents, *cast.predictors}):
-        config = folder_of(layout, model) / "config.json"
-        if config.is_file() and layout in grids and json.loads(config.read_text("utf-8")).get("grid") != grids[layout]:
-            place = ("layouts", layouts.index(layout)) if layout in layouts else ("tutorial", "layout")
-            yield Problem(
-                place, f"{model!r} was trained on another grid named {layout}", "Give the own grid an own name."
-            )
+    told: set[str] = set()
+    for place, layout, model in _models(file.study):
+        if (layout, model) in cast.missing or layout not in layouts:
+            continue
+        problem = _grid_problem(file.study, layouts[layout], model, cast) or _unfit(place, layouts[layout], model, cast)
+        if problem is not None and problem.reason not in told:
+            told.add(problem.reason)
+            yield problem
+
+
+def _grid_problem(study: Study, layout: Layout, model: str, cast: Cast) -> Problem | None:
+    config = folder_of(layout.name, cast.paths.located(model)) / "config.json"
+    if not config.is_file() or json.loads(config.read_text("utf-8")).get("grid") == layout.text:
+        return None
+    names = [kitchen.name for kitchen in study.layouts]
+    place: Path = ("layouts", names.index(layout.name)) if layout.name in names else ("tutorial", "layout")
+    reason = f"{model!r} was trained on another grid named {layout.name}"
+    return Problem(place, reason, "Give the own grid an own name, or name a model of this kitchen.")
+
+
+def _unfit(place: Path, layout: Layout, model: str, cast: Cast) -> Problem | None:
+    """Why a model that is there cannot be used. A Python class is not run here: the server tries it when it starts."""
+    from models.catalogue import load_agent
+    from models.predictors import load_predictor
+
+    base = cast.paths.located(without_variant(model))
+    if is_class(base):
+        return None
+    try:
+        if place[-1] == "predictor":  # of a network, how much worse it can be made is told by _degraded_problems
+            load_predictor(model if base in WITHOUT_WEIGHTS else base, layout)
+        else:
+            load_agent(base, layout)
+    except (ValueError, OSError) as error:
+        return Problem(place, f"{model!r} cannot be used on {layout.name}: {error}".rstrip("."), "Name another.")
+    return None
+
+
+def doubts(file: StudyFile) -> Iterator[Problem]:
+    """What can be played and is probably not meant so (warnings): predictions are shown that say nothing about the
+    agent that people play with."""
+    study, cast = file.study, cast_of([file])
+    if not any(condition.predictor in ("tom", "degraded") for condition in study.conditions):
+        return
+    for index, agent in enumerate(study.agents):
+        place: Path = ("agents", index, "predictor")
+        if agent.predictor == "random":
+            reason = "a condition shows what the predictor says, and `random` knows nothing: its marks never change"
+            yield Problem(place, reason, "Is that intended? Name a predictor that was trained for it.", warning=True)
+        for layout in study.layouts if not agent.human else ():
+            name = predictor_of(study, agent, study.conditions[0]) or ""
+            base = cast.paths.located(without_variant(name))
+            config = folder_of(layout.name, base) / "config.json"
+            if is_foreign(base) or base in WITHOUT_WEIGHTS or not config.is_file():
+                continue
+            watched = json.loads(config.read_text("utf-8")).get("agent_sha256")
+            played = _identity(layout.name, cast.paths.located(without_variant(agent.catalogue_name)), cast)
+            if watched and played and watched != played:
+                reason = f"{name} was trained to predict another agent than {agent.name} on {layout.name}"
+                yield Problem(place, reason, "Is that intended? Train one for this agent.", warning=True)
+
+
+def _identity(layout: str, model: str, cast: Cast) -> str | None:
+    """What a predictor's config calls the agent that it was trained for."""
+    return None if model in WITHOUT_WEIGHTS else fingerprint(layout, model, cast.paths.folders)
 
 
 def _degraded_problems(cast: Cast) -> Iterator[Problem]:
     """A predictor is made worse by leaving what it is right about, so it must be known how often it is right."""
     for layout, model in cast.predictors:
         name, _, wanted = model.rpartition("@")
-        if not wanted.replace(".", "").isdigit() or (layout, model) in cast.missing:
+        if not wanted.replace(".", "").isdigit():
             continue
         place: Path = ("conditions",)
-        config = folder_of(layout, model) / "config.json"
+        config = folder_of(layout, cast.paths.located(model)) / "config.json"
         if is_foreign(name):
             reason = f"nobody knows how often {name!r} is right, so it cannot be made worse"
             yield Problem(place, reason, "Name a predictor of ours in the agent's `predictor`, or drop the condition.")
@@ -68,6 +160,7 @@ def _degraded_problems(cast: Cast) -> Iterator[Problem]:
                 yield Problem(place, reason, f"Write `accuracy: {int(100 * reached) / 100}` or less.")
 
 
-def _there(layout: str) -> str:
+def _there(layout: str, predictors: bool) -> list[str]:
     names = sorted(path.parent.name for path in (WEIGHTS / layout).glob("*/config.json"))
-    return ", ".join([*names, "planner", "random", "stay"])
+    kept = [name for name in names if ("_predictor_" in name) == predictors]
+    return [*kept, "random"] if predictors else [*kept, "planner", "random", "stay"]

@@ -1,5 +1,6 @@
 """The command line: quick, complete, and clear about wrong input."""
 
+import argparse
 import importlib
 import subprocess
 import sys
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import kitchenmind
+from server.commands import admin
 
 ROOT = Path(__file__).parent.parent
 
@@ -48,3 +50,18 @@ def test_missing_package_is_named_with_its_remedy(
     message = capsys.readouterr().err
     assert "a_package_that_nobody_installed" in message
     assert "make setup" in message
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--database", "sqlite:///one.db", "create", "anna"],
+        ["create", "anna", "--database", "sqlite:///one.db"],
+        ["list", "--database", "sqlite:///one.db"],
+    ],
+)
+def test_admin_takes_the_database_before_and_after_its_verb(words: list[str]) -> None:
+    parser = argparse.ArgumentParser()
+    admin.add_arguments(parser)
+    assert parser.parse_args(words).database == "sqlite:///one.db"
+    assert parser.parse_args(["list"]).database is None

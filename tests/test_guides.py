@@ -4,7 +4,7 @@ A block marked `sh` is run line by line and must succeed; `serve` must bring up 
 A block marked `yaml FILE` gives these keys to FILE, one marked `text FILE` or `python FILE` writes it. Blocks without a
 mark need more than one machine or more than a minute: of these only the words of `kitchenmind` are checked here. They
 are run by `test_guide_server.py`, `test_guide_containers.py`, `test_guide_backup.py`, and for training by
-`training/test_guide_own_agent.py` and `training/test_guide_own_kitchen.py`.
+`training/test_guide_own_agent.py`, `training/test_guide_own_kitchen.py` and `training/test_guide_own_predictor.py`.
 """
 
 import argparse
@@ -148,6 +148,15 @@ def test_words_of_every_command_are_understood(guide: Path) -> None:
                 parse(words[1:])
                 understood.append(line)
     assert understood
+
+
+def test_no_contact_in_a_guide_repeats_the_words_in_front_of_it() -> None:
+    """The consent page writes `Questions?` before what the study gives."""
+    contacts = [
+        line for guide in GUIDES for line in guide.read_text("utf-8").splitlines() if line.startswith("contact:")
+    ]
+    assert contacts
+    assert [line for line in contacts if "Questions?" in line or "问题" in line] == []
 
 
 def parse(words: list[str]) -> None:

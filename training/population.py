@@ -15,11 +15,12 @@ from models.checkpoint import CheckpointError, load_checkpoint
 from models.policy import NetworkPolicy, network_of
 from models.protocols import Observations, Policy, Probabilities
 from overcooked.constants import ACTIONS
-from overcooked.layout import Layout
+from overcooked.layout import Layout, layout_names
 from training.collect import TRAIN, Partner, Target, split_by_agent
 from training.compute import collecting_device
 
 _MEMBER = re.compile(r"^(?:population_)?(?P<kind>sp|fcp)_(?P<seed>\d+)_(?P<skill>\d+)$")
+FEWEST_PARTNERS = 3  # partner agents
 _NOISES = (0.15, 0.3, 0.6)  # shares of random actions among the extras
 
 
@@ -60,9 +61,49 @@ def load_population(folders: Path | Sequence[Path], layout: Layout) -> list[Part
         policy = NetworkPolicy(network, collecting_device())
         partners.append(Partner(f"{agent}_{member['skill']}", agent, member["kind"], policy))
     if not partners:
-        remedy = f"Train one: kitchenmind train study --layouts {layout.name}"
-        raise CheckpointError(f"{', '.join(map(str, folders))}: no population is there. {remedy}")
+        raise CheckpointError(f"{', '.join(map(str, folders))}: no population is there. {how_to_get_partners(layout)}")
     return sorted(partners, key=lambda partner: partner.name)
+
+
+def load_partner_folder(folder: Path, layout: Layout) -> list[Partner]:
+    """Return the agents in and below any folder, checkpoints and ONNX files, whatever they are called. Skill levels of
+    one agent (`sp_1_35`, `sp_1_100`) stay together. Raises CheckpointError where there are fewer than three, or what
+    `load_agent` raises."""
+    partners = []
+    files = [config.parent for config in folder.glob("**/config.json") if _is_agent(config)]
+    for place in sorted([*files, *folder.glob("**/*.onnx")]):
+        inside = place.absolute().relative_to(folder.absolute().parent)  # beginning with the folder's own name
+        parts = inside.parts[1:] or inside.parts
+        name = re.sub(r"[^A-Za-z0-9]+", "_", "_".join(parts).removesuffix(".onnx")).strip("_")
+        member = _MEMBER.match(name)
+        agent = f"{member['kind']}_{member['seed']}" if member else name
+        partners.append(Partner(name, agent, "partner", load_agent(str(place.absolute()), layout).policy))
+    agents = sorted({partner.agent for partner in partners})
+    if len(agents) < FEWEST_PARTNERS:
+        found = f"{len(agents)} agents ({', '.join(agents)})" if agents else "no agents"
+        raise CheckpointError(f"{folder}: {found} are there. {how_to_get_partners(layout)}")
+    return partners
+
+
+def how_to_get_partners(layout: Layout) -> str:
+    """Return what is needed and the commands that make it, for a message."""
+    place = layout.name if layout.name in layout_names() else f"{layout.name}.layout"
+    return (
+        f"A predictor learns from games with at least {FEWEST_PARTNERS} other agents of the kitchen: one is kept for "
+        "validation, one for the test. Train some: "
+        f"`kitchenmind train agent --layout {place} --seed 1 --out partners/1`, "
+        "again with --seed 2 --out partners/2 and so on, then give their folder: --partners partners. "
+        f"(The published population is made by `kitchenmind train study --layouts {layout.name}`.)"
+    )
+
+
+def partners_of(partners: Path | None, population: Path, layout: Layout) -> list[Partner]:
+    """Return the partner agents of any folder, or else of a population. Raises CheckpointError."""
+    return load_population(population, layout) if partners is None else load_partner_folder(partners, layout)
+
+
+def _is_agent(config: Path) -> bool:
+    return "kitchenmind agent" in config.read_text(encoding="utf-8", errors="replace")
 
 
 def load_extras(folders: Mapping[str, Path], layout: Layout) -> list[Partner]:

@@ -29,6 +29,15 @@ class TrainingConfig:
     seed: int = 0
 
 
+# What `train predictor --preset` may name: settings other than the defaults.
+PRESETS: Mapping[str, Mapping[str, Any]] = {
+    "full": {},
+    "tiny": {
+        "hidden": 32, "layers": 2, "heads": 2, "feed_forward": 64, "state_width": 64, "action_width": 8,
+        "updates": 600, "warm_up": 50, "stretches": 16, "stretch": 50, "windows": 256, "check_every": 100,
+        "averaging": 0.98, "minutes": 5.0,
+    },
+}  # fmt: skip
 Configs = tuple[PredictorConfig, TrainingConfig]
 
 

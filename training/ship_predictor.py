@@ -4,7 +4,7 @@ It must not know how training went on.
 """
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,14 +31,20 @@ def population_folder(layout: Layout) -> Path:
 
 
 def unseen_games(
-    layout: Layout, target: Target, network: PredictorNetwork, population: Path, plan: Plan, partner: str | None = None
+    layout: Layout,
+    target: Target,
+    network: PredictorNetwork,
+    population: Path | Sequence[Partner],
+    plan: Plan,
+    partner: str | None = None,
 ) -> Episodes:
-    """The agent's games with the test partners, or with one other agent as people meet it, played anew (the same seed
-    gives the same games)."""
+    """The agent's games with the test partners of a population (a folder, or the partners themselves), or with one
+    other agent as people meet it, played anew (the same seed gives the same games)."""
     if partner is not None:
         others = [Partner(partner, partner, "extra", *load_agent(partner, layout))]
     else:
-        others = test_partners(load_population(population, layout))
+        everybody = load_population(population, layout) if isinstance(population, Path) else list(population)
+        others = test_partners(everybody)
     return games_of(layout, target, others, network, plan)
 
 

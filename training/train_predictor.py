@@ -32,6 +32,7 @@ from training.predictor_config import TrainingConfig
 from training.runlog import RunFolder
 
 Progress = Callable[[float, Mapping[str, float]], None]
+LOOK_IS_NEAR_S = 10.0  # when time is over, a look at validation that is so near is still made
 
 
 class Trainer:
@@ -236,18 +237,28 @@ def _take_weights(learner: PredictorNetwork, folder: Path) -> None:
 def train_predictor(trainer: Trainer, folder: RunFolder, progress: Progress | None = None) -> PredictorNetwork:
     """Trains until validation gets no better (or goes on with an interrupted run); returns the calibrated best.
 
-    Raises TimeoutError when the config's `minutes` are over before that; the next call goes on.
+    Raises TimeoutError when the config's `minutes` are over before that: the next call goes on, and `usable` gives what
+    has been learned so far.
     """
     torch.set_num_threads(1)
     state = folder.load()
     if state is not None:
         trainer.restore(*state)
     folder.note_compute(str(trainer.compute), trainer.measured)
-    finish = time.monotonic() + 60 * trainer.config.minutes
+    began, first = time.monotonic(), trainer.update
+    finish = began + 60 * trainer.config.minutes
+    over = f"{folder.path}: {trainer.config.minutes:g} minutes are over; the same command goes on."
     losses: list[float] = []
     while not trainer.finished():
         losses.append(trainer.step())
+        pace_s = (time.monotonic() - began) / (trainer.update - first)
+        if progress and trainer.update - first == 5:
+            progress(trainer.update / trainer.config.updates, {"accuracy": trainer.best_accuracy, "pace_s": pace_s})
         if trainer.update % trainer.config.check_every and trainer.update < trainer.config.updates:
+            until_look_s = pace_s * (trainer.config.check_every - trainer.update % trainer.config.check_every)
+            if time.monotonic() > finish and until_look_s > LOOK_IS_NEAR_S:
+                folder.save(*trainer.state())
+                raise TimeoutError(over)
             continue
         result = trainer.look()
         line = {
@@ -260,6 +271,14 @@ def train_predictor(trainer: Trainer, folder: RunFolder, progress: Progress | No
         if progress:
             progress(trainer.update / trainer.config.updates, line)
         if time.monotonic() > finish and not trainer.finished():
-            raise TimeoutError(f"{folder.path}: {trainer.config.minutes:g} minutes are over; the same command goes on.")
+            raise TimeoutError(over)
+    trainer.use_best()
+    return trainer.network
+
+
+def usable(trainer: Trainer) -> PredictorNetwork:
+    """Return the calibrated best network so far of a training that was stopped. Not to be trained on."""
+    if not trainer.best_accuracy:  # nobody has looked yet
+        trainer.look()
     trainer.use_best()
     return trainer.network

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from server.bundle import texts
@@ -52,7 +52,7 @@ def open_bundle(path: Path, allowed: Collection[str] = ()) -> Bundle:
     try:
         wanted = State.of(manifest["state"])
         is_known = manifest["format"] == FORMAT
-        file = parse_study(content[STUDY], f"{path}: {STUDY}")
+        file = replace(parse_study(content[STUDY], f"{path}: {STUDY}"), folder=path.absolute().parent)
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         reason = str(error) if isinstance(error, StudyError) else f"{path} is no bundle."
         raise BundleRefused(f"{reason} Make one with `kitchenmind bundle STUDY`.") from None

@@ -1,23 +1,19 @@
 """What a study runs on, as hashes: kitchens, models and every file of the code. The same on every machine."""
 
 import hashlib
-import importlib.machinery
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
-from models.blackbox import is_foreign
-from models.onnx_weights import onnx_sha256
-from server.cast import WITHOUT_WEIGHTS, cast_of, fingerprint
+from models.model_paths import without_variant
+from server.cast import WITHOUT_WEIGHTS, Cast, cast_of
 from server.settings import ROOT
 from server.study.loader import StudyFile
+from server.study_check import missing_problems
 from server.version import code_version
 from server.web.episodes import layout_of
 
 NOT_HASHED: Final = "cannot be hashed"
-_HOW_IT_ACTS: Final = re.compile(r"@(greedy|sampled|[0-9.]+)$")
 _PARTS: Final = ("overcooked", "models", "server", "analysis", "migrations", "static", "templates")
 _KINDS: Final = frozenset({".py", ".html", ".j2", ".js", ".css", ".svg", ".yaml", ".layout"})
 
@@ -50,19 +46,21 @@ class State:
 def state_of(file: StudyFile) -> State:
     """As it is here and now. Raises StateError for models that are not here, LayoutError, StudyError."""
     cast = cast_of([file])
-    if cast.missing:
-        missing = ", ".join(f"{model} on {layout}" for layout, model in cast.missing)
-        raise StateError(f"there are no weights for {missing}. Train them or name others")
+    missing = [file.describe(problem) for problem in missing_problems(file, cast)]
+    if missing:
+        raise StateError("\n".join(missing))
     kitchens = (*file.study.layouts, file.study.tutorial.layout)
     layouts = {kitchen.name: _sha256(layout_of(kitchen).text.encode()) for kitchen in kitchens}
-    models = {f"{layout}/{model}": _model(layout, model) for layout, model in sorted({*cast.agents, *cast.predictors})}
+    models = {
+        f"{layout}/{model}": _model(cast, layout, model) for layout, model in sorted({*cast.agents, *cast.predictors})
+    }
     return State(code_version(), dict(sorted(layouts.items())), models, dict(_code()))
 
 
 def outside_models(file: StudyFile) -> list[str]:
     """Return the models of a study that are code outside this repository or an address: `module:Class` and URLs."""
     cast = cast_of([file])
-    models = {_HOW_IT_ACTS.sub("", model) for _, model in (*cast.agents, *cast.predictors)}
+    models = {without_variant(model) for _, model in (*cast.agents, *cast.predictors)}
     return sorted(model for model in models if ":" in model)
 
 
@@ -82,34 +80,9 @@ def _unlike(wanted: Mapping[str, str], here: Mapping[str, str]) -> list[str]:
     return sorted(name for name in wanted.keys() | here.keys() if wanted.get(name) != here.get(name))
 
 
-def _model(layout: str, model: str) -> str:
-    if not is_foreign(model):
-        base = model.partition("@")[0]
-        return fingerprint(layout, model) or (f"scripted: {base}" if base in WITHOUT_WEIGHTS else NOT_HASHED)
-    return NOT_HASHED if model.startswith(("http://", "https://")) else _foreign(model)
-
-
-def _foreign(model: str) -> str:
-    """The file of an ONNX model or of the module of somebody's class."""
-    base = model.partition("@")[0]
-    is_onnx = base.endswith(".onnx")
-    path = Path(base) if is_onnx else _module_file(base.partition(":")[0])
-    if path is None or not path.is_file():
-        raise StateError(f"there is no file of the model {model}. Correct its name in the study")
-    return onnx_sha256(path) if is_onnx else _sha256(path.read_bytes())
-
-
-def _module_file(name: str) -> Path | None:
-    """Where a module lies. Found without running any of its code: find_spec of a.b would import a."""
-    places: list[str] | None = None
-    full = ""
-    for part in name.split("."):
-        full = f"{full}.{part}" if full else part
-        spec = importlib.machinery.PathFinder.find_spec(full, places)
-        if spec is None:
-            return None
-        places = list(spec.submodule_search_locations or ())
-    return Path(spec.origin) if spec and spec.origin else None
+def _model(cast: Cast, layout: str, model: str) -> str:
+    base = without_variant(model)
+    return cast.fingerprint(layout, model) or (f"scripted: {base}" if base in WITHOUT_WEIGHTS else NOT_HASHED)
 
 
 def _code() -> Iterator[tuple[str, str]]:

@@ -21,12 +21,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     verbs = parser.add_subparsers(dest="admin_verb", required=True, metavar="create|reset|remove|list")
     create = verbs.add_parser("create", help="a new account; asks for a password, or makes one")
     create.add_argument("name")
+    _add_database(create)
     create.add_argument("--role", choices=("watch", "act", "own"), default="own", help=f"{_ROLES} (own)")
     reset = verbs.add_parser("reset", help="a new password; signs the account out everywhere")
     reset.add_argument("name")
+    _add_database(reset)
     remove = verbs.add_parser("remove", help="deletes an account; the audit log keeps what it did")
     remove.add_argument("name")
-    verbs.add_parser("list", help="all accounts")
+    _add_database(remove)
+    _add_database(verbs.add_parser("list", help="all accounts"))
+
+
+def _add_database(parser: argparse.ArgumentParser) -> None:
+    """The option also after the verb, where other commands have it; before it, it keeps what was given there."""
+    parser.add_argument("--database", metavar="URL", default=argparse.SUPPRESS, help="sqlite:///path or postgresql://")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -126,11 +126,18 @@ def _try_out(arguments: argparse.Namespace) -> int:
 def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
     """Raises StudyError, FileNotFoundError; ValueError where a server has no study."""
     from server.bot_crowd import Crowd
-    from server.study.loader import load_study
+    from server.cast import cast_of
+    from server.study.loader import StudyError, load_study
+    from server.study_check import missing_problems
 
     if arguments.url and not arguments.study:
         return Crowd(arguments.number, _offered(arguments.url), None, arguments.dropout, arguments.seed)
-    study = load_study(study_file).study
+    file = load_study(study_file)
+    if not arguments.url:
+        missing = [file.describe(problem) for problem in missing_problems(file, cast_of([file]))]
+        if missing:
+            raise StudyError(missing)
+    study = file.study
     return Crowd(arguments.number, study.name, study, arguments.dropout, arguments.seed)
 
 

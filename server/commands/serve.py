@@ -76,7 +76,7 @@ def unbundled(arguments: argparse.Namespace) -> Iterator[None]:
     with tempfile.TemporaryDirectory(prefix="kitchenmind-bundle-") as folder:
         path = Path(folder) / f"{bundle.file.study.name}.yaml"
         path.write_text(bundle.file.text, encoding="utf-8", newline="")
-        arguments.study = [path]
+        arguments.study, arguments.models_folder = [path], arguments.bundle.absolute().parent
         yield
 
 
@@ -89,6 +89,7 @@ def settings_of(arguments: argparse.Namespace) -> "Settings":
 
     given: dict[str, Any] = {
         "studies": tuple(arguments.study) if arguments.study else None,
+        "models_folder": getattr(arguments, "models_folder", None),
         "host": arguments.host,
         "port": arguments.port,
         "database": arguments.database,

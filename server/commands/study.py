@@ -52,7 +52,7 @@ def _new(name: str, path: Path) -> int:
 
 def _check(path: Path) -> int:
     from server.study.loader import StudyError, load_study
-    from server.study_check import stage_problems
+    from server.study_check import doubts, stage_problems
 
     try:
         file = load_study(path)
@@ -63,6 +63,9 @@ def _check(path: Path) -> int:
     found = list(stage_problems(file))
     for line in (*file.warnings, *(file.describe(problem) for problem in found if problem.warning)):
         print(f"warning: {line}")
+    if all(problem.warning for problem in found):
+        for problem in doubts(file):
+            print(f"warning: {file.describe(problem)}")
     errors = [file.describe(problem) for problem in found if not problem.warning]
     if errors:
         return _refuse(*errors)

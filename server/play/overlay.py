@@ -30,6 +30,12 @@ def display(spec: EpisodeSpec, timestep: int, prediction: Sequence[Sequence[floa
     return tuple(zip(actions, opacities, strict=True))
 
 
+def is_as_promised(shown: str, displayed: Displayed) -> bool:
+    """Return whether a frame carries marks where the condition promises some, and none where it does not. `shown` as
+    in `EpisodeSpec`."""
+    return any(action != NOTHING_SHOWN for action, _ in displayed) == (shown != "nothing")
+
+
 def _opacities(spec: EpisodeSpec, prediction: Sequence[Sequence[float]]) -> list[int]:
     """With confidence a step fades with its largest probability, in all conditions alike: bytes tell nothing."""
     plain = OPACITIES[: spec.steps_shown]

@@ -49,6 +49,7 @@ class Session:
         self.next_actions = record.next_actions or (None, None)
         self.displayed = record.displayed or overlay.display(spec, self.trace.timestep, ())
         self.late = False
+        self.display_violations = 0  # timesteps, since this process plays it, whose display breaks the promise
         self.resumed = self.stored and self.trace.timestep > 0
         self.phase: Phase = "paused" if self.resumed else "waiting"
         self.holds = Holds(spec.pause, record.paused_ms)
@@ -199,6 +200,7 @@ class Session:
             self.displayed = tuple((overlay.NOTHING_SHOWN, opacity) for _, opacity in self.displayed)
         else:
             self.displayed = overlay.display(self.spec, timestep, answers.prediction)
+            self.display_violations += not overlay.is_as_promised(self.spec.shown, self.displayed)
         self.record = TickRecord(
             episode=self.episode,
             timestep=timestep,

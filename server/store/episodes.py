@@ -37,6 +37,7 @@ class NewEpisode:
     agent_sha256s: tuple[str | None, str | None] = (None, None)
     predictor_sha256: str | None = None
     code_version: str = "unknown"
+    agent_name: str | None = None  # what the study calls the agent
 
 
 @dataclass(frozen=True)
@@ -112,6 +113,8 @@ def create(connection: Connection, new: NewEpisode) -> str:
         "tick_ms",
     ):
         row[name] = getattr(spec, name)
+    if new.agent_name is not None:
+        row["agent_name"] = new.agent_name
     connection.execute(episodes.insert().values(row))
     return str(row["id"])
 

@@ -13,6 +13,7 @@ from sqlalchemy import Connection, Select, func, select
 
 from server.store import ticks as tick_rows
 from server.store.codebook import WIDE, Column
+from server.store.displays import violations
 from server.store.tables import (
     answers,
     arrivals,
@@ -96,9 +97,9 @@ def wide_columns(chosen: Selection) -> tuple[Column, ...]:
 def _wide_values(chosen: Selection, participant: str) -> Iterator[tuple[str, Any]]:
     mine = (_e.participant_0 == participant) | (_e.participant_1 == participant)
     query = select(_e.number, _e.layout, _e.watched_seat, _e.agent_0, _e.agent_1, _e.score, _e.progress)
-    query = query.where(mine, _e.kind == "episode").order_by(_e.attempt)
+    query = query.add_columns(_e.agent_name).where(mine, _e.kind == "episode").order_by(_e.attempt)
     for row in chosen.connection.execute(query):
-        agent = (row.agent_0, row.agent_1)[row.watched_seat]
+        agent = row.agent_name or (row.agent_0, row.agent_1)[row.watched_seat]
         for pattern, value in zip(WIDE, (row.layout, agent, row.score, row.progress), strict=False):
             yield pattern.name.format(number=row.number), value
     said = select(answers.c.step_key, answers.c.question_key, answers.c.value)
@@ -108,7 +109,15 @@ def _wide_values(chosen: Selection, participant: str) -> Iterator[tuple[str, Any
 
 def episode_rows(chosen: Selection) -> Rows:
     first = select(_e.id, *_STUDY, _e.participant_0, _e.participant_1, _e.condition, _e.kind, _e.number, _e.step_key)
-    models = (_e.agent_0, _e.agent_1, _e.agent_0_sha256, _e.agent_1_sha256, _e.predictor, _e.predictor_sha256)
+    models = (
+        _e.agent_0,
+        _e.agent_1,
+        _e.agent_name,
+        _e.agent_0_sha256,
+        _e.agent_1_sha256,
+        _e.predictor,
+        _e.predictor_sha256,
+    )
     query = first.add_columns(_e.attempt, _e.layout, _e.layout_sha256, *models, _e.watched_seat, _e.shown, _e.seed)
     query = query.add_columns(_e.horizon, _e.tick_ms, _e.status, _e.end_reason, _e.score, _e.soups, _e.progress)
     query = query.add_columns(_e.passed, _e.final_hash, _e.created_at, _e.started_at, _e.ended_at, _e.code_version)
@@ -117,14 +126,19 @@ def episode_rows(chosen: Selection) -> Rows:
         .join_from(episodes, studies, isouter=True)
         .order_by(*_EPISODE_ORDER)
     )
-    before_timesteps = list(query.selected_columns.keys()).index("score")
+    names = list(query.selected_columns.keys())
+    before_violations, before_timesteps = names.index("seed"), names.index("score")
     for row in chosen.rows(query, _e.study_id):
         last = select(ticks).where(ticks.c.episode_id == row.id).order_by(ticks.c.timestep.desc()).limit(1)
         stored = chosen.connection.execute(last).first()
         timesteps = stored.timestep if stored else None
         values = tuple(row[:-1])
         rest = (json_text(row.spec), last_tick_text(stored) if stored else None)
-        yield (*values[:before_timesteps], timesteps, *values[before_timesteps:], *rest)
+        broken = violations(chosen.connection, [row.id]).get(row.id, 0)
+        yield (
+            *values[:before_violations], broken, *values[before_violations:before_timesteps], timesteps,
+            *values[before_timesteps:], *rest,
+        )  # fmt: skip
 
 
 def last_tick_text(stored: Any) -> str:

@@ -94,7 +94,7 @@ def rows(folder: Path, table: str) -> Iterator[Record]:
     with pa.csv.open_csv(path, parse_options=options, convert_options=convert) as reader:
         for batch in reader:
             for row in batch.to_pylist():
-                yield row | {name: unescaped(row[name]) for name in texts if row[name] is not None}
+                yield row | {name: unescaped(row[name]) for name in texts if row.get(name) is not None}
 
 
 def _fill(connection: Connection, table: Table, records: Iterator[Record]) -> int:
@@ -141,7 +141,7 @@ def _episodes(folder: Path, studies: dict[tuple[str, int], int]) -> Iterator[Rec
     for row in _of_study(folder, "episodes", studies):
         episode = plain_name(row.pop("episode"), "the episode")
         spec = episode_spec(row["spec"], episode, row["layout_sha256"])
-        for name in ("timesteps", "last_tick", "excluded"):
+        for name in ("timesteps", "last_tick", "excluded", "display_violations"):
             del row[name]
         yield row | {"id": episode, "step_key": row.pop("step"), "spec": spec, "grid": spec["grid"]}
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import pyarrow as pa
 from sqlalchemy import Connection, or_, select
 
-from server.store import codebook, exported_ticks
+from server.store import codebook, displays, exported_ticks
 from server.store.export import schema
 from server.store.exported import attention_counts, value_text
 from server.store.tables import answers, episodes, participants, pauses, studies
@@ -25,9 +25,23 @@ def over(connection: Connection, study_ids: Sequence[int], most: int = 2000) -> 
 
 def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pa.Table]:
     """The export's tables with these episodes, and all that their participants answered."""
-    own = [_e[name] for name in ("participant_0", "participant_1", "agent_0", "agent_1", "condition", "kind", "layout")]
+    own = [
+        _e[name]
+        for name in (
+            "participant_0",
+            "participant_1",
+            "agent_0",
+            "agent_1",
+            "agent_name",
+            "condition",
+            "kind",
+            "layout",
+        )
+    ]
     own += [_e[name] for name in ("number", "status", "score", "progress", "watched_seat", "tick_ms")]
-    played = connection.execute(select(_e.id.label("episode"), *own).where(_e.id.in_(chosen))).mappings().all()
+    broken = displays.violations(connection, chosen)
+    found = connection.execute(select(_e.id.label("episode"), *own).where(_e.id.in_(chosen))).mappings().all()
+    played = [dict(row) | {"display_violations": broken.get(row["episode"], 0)} for row in found]
     people = {row[f"participant_{seat}"] for row in played for seat in (0, 1)} - {None}
     of_people = select(
         _p.id.label("participant"),

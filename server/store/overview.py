@@ -153,9 +153,10 @@ def _played(
     connection: Connection, wanted: ColumnElement[bool], order: Any = _e.created_at, most: int = 1000
 ) -> list[Played]:
     agent = case((_e.watched_seat == 0, _e.agent_0), else_=_e.agent_1)
+    named = func.coalesce(_e.agent_name, agent, _e.agent_0, _e.agent_1, "")
     query = select(
         _e.id, _e.study_id, _p.id.label("participant_id"), _p.number, _p.simulated, _p.condition, _p.seed, _e.kind,
-        _e.number.label("episode"), func.coalesce(agent, _e.agent_0, _e.agent_1, "").label("agent"), _e.layout,
+        _e.number.label("episode"), named.label("agent"), _e.layout,
         _e.shown, case((_e.participant_0 == _p.id, 0), else_=1).label("seat"), _e.status, _e.end_reason, _e.score,
         _e.started_at, _e.ended_at,
     )  # fmt: skip

@@ -149,6 +149,12 @@ episodes = Table(
     column("grid", Text, meaning="The layout as drawn: the episode is re-simulated from its own record alone."),
     column("agent_0", _Key, nullable=True, meaning="Agent on seat 0; none: a human."),
     column("agent_1", _Key, nullable=True, meaning="Agent on seat 1; none: a human."),
+    column(
+        "agent_name",
+        _Key,
+        nullable=True,
+        meaning="What the study calls the agent, e.g. mine for agents/mine.onnx; none: no agent, or an older episode.",
+    ),
     column("agent_0_sha256", _Sha256, nullable=True, meaning="Hash of the agent's weights."),
     column("agent_1_sha256", _Sha256, nullable=True, meaning="Hash of the agent's weights."),
     column("predictor", _Key, nullable=True, meaning="Predictor that was asked each timestep, shown or not."),

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -40,6 +40,8 @@ class StudyFile:
     sha256: str
     places: "Places"
     warnings: tuple[str, ...] = ()
+    folder: FilePath = field(default_factory=FilePath.cwd)
+    """Where relative paths of models start."""
 
     def describe(self, problem: Problem) -> str:
         """`file:line: reason. remedy`, as all errors read."""
@@ -77,14 +79,15 @@ class Places:
         return f"{where}{place + ': ' if place else ''}{problem.reason.rstrip('.')}. {problem.remedy}".rstrip()
 
 
-def load_study(path: str | FilePath) -> StudyFile:
-    """The study in a file. Raises StudyError (all problems at once), FileNotFoundError."""
+def load_study(path: str | FilePath, models_folder: FilePath | None = None) -> StudyFile:
+    """The study in a file. `models_folder`: where relative paths of models start, if not in the file's folder. Raises
+    StudyError (all problems at once), FileNotFoundError."""
     file = FilePath(path)
     data = file.read_bytes()
     if len(data) > LARGEST_BYTES:
         raise StudyError([f"{path}:1: the file has {len(data):,} bytes. At most {LARGEST_BYTES:,} are read."])
     try:
-        return parse_study(data.decode("utf-8"), str(path))
+        return replace(parse_study(data.decode("utf-8"), str(path)), folder=(models_folder or file.parent).absolute())
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
         raise StudyError([f"{path}:{line}: this is not UTF-8. Save the file as UTF-8."]) from None

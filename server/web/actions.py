@@ -1,6 +1,7 @@
 """What a researcher may do to a study, a game or a participant: POST only, with reason, each deed in the audit log."""
 
 import asyncio
+import logging
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
@@ -8,12 +9,15 @@ from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from server.store import audit, decisions, overview, participants
 from server.store.admins import AdminSession
 from server.store.overview import Person, Played
+from server.study.loader import StudyError
 from server.web.admin_auth import ActDep, AdminFormDep
 from server.web.admin_page import back_to, own_path, study_at
 from server.web.deps import Web, WebDep
 from server.web.everywhere import Everywhere
 from server.web.forms import Form, first
+from server.web.versions import Versions
 
+log = logging.getLogger(__name__)
 router = APIRouter(prefix="/admin/s/{name}")
 LONGEST_TEXT = 500
 MOST_MINUTES = 60
@@ -67,6 +71,22 @@ async def resume_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep
     await control.resume_study(name)
     await _note(web, admin, "resume study", {"study": name, "reason": _text(form, "note")})
     return back_to(f"/admin/s/{name}", "study_resumed")
+
+
+@router.post("/version")
+async def serve_version(request: Request, name: str, admin: ActDep, web: WebDep, form: AdminFormDep) -> Response:
+    """Serves the study file as it is now to those who come from now on; the others keep their version."""
+    study_at(web, name)
+    versions: Versions | None = getattr(request.app.state, "versions", None)
+    if versions is None or name not in versions.changed or not versions.can_take:
+        return back_to(f"/admin/s/{name}", "gone")
+    try:
+        sha256 = await versions.take(web.database, name)
+    except (StudyError, OSError) as error:
+        log.warning("the new version of %s is not served: %s", name, error)
+        return back_to(f"/admin/s/{name}", "version_refused")
+    await _note(web, admin, "serve new version", {"study": name, "version": sha256, "reason": _text(form, "note")})
+    return back_to(f"/admin/s/{name}", "version_served")
 
 
 @router.post("/message")

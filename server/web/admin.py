@@ -16,6 +16,7 @@ from server.web.flow import arms_of, flow_of, stock
 from server.web.forms import Form, first
 from server.web.guessing import Busy, Hashing
 from server.web.live import who
+from server.web.versions import Versions
 
 router = APIRouter(prefix="/admin")
 AUDIT_SHOWN = 500
@@ -132,7 +133,10 @@ async def dashboard(request: Request, name: str, admin: WatchDep, web: WebDep) -
     study_ids, study = study_at(web, name)
     paused = name in await web.database.read(decisions.paused_studies)
     page = AdminPage(request, admin)
-    return page.render("dashboard.html", tab="live", study=study, versions=len(study_ids), paused=paused)
+    versions: Versions | None = getattr(request.app.state, "versions", None)
+    changed = versions.changed.get(name) if versions is not None and versions.can_take else None
+    new = changed if changed is not None and not changed.problem and admin.may("act") else None
+    return page.render("dashboard.html", tab="live", study=study, versions=len(study_ids), paused=paused, new=new)
 
 
 @router.get("/s/{name}/games")

@@ -26,6 +26,8 @@ SAID = {
     "released": "The place is free again.",
     "study_paused": "The study is paused: nobody is let in, no game runs.",
     "study_resumed": "The study goes on.",
+    "version_served": "The new version is served: those who come from now on get it.",
+    "version_refused": "The new version could not be served: the alerts and the log say why.",
     "signed_out": "The account is signed out everywhere.",
     "removed": "The account is removed.",
     "gone": "Nothing was done: that is over already.",

@@ -20,6 +20,7 @@ from server.store.database import DatabaseDown
 from server.web.attention import ACT
 from server.web.elsewhere import Process
 from server.web.live import Live, who
+from server.web.versions import Versions, remedy
 
 log = logging.getLogger(__name__)
 LOOK_EVERY_S: Final = 5.0
@@ -55,10 +56,10 @@ Tell = Callable[[Alert, bool], None]  # the alert, and whether it is over
 class Alerts:
     """Keeps what is wrong now in `open`, by key; made once in server.main."""
 
-    def __init__(self, live: Live, database_file: Path | None, tell: Tell) -> None:
+    def __init__(self, live: Live, database_file: Path | None, tell: Tell, versions: Versions | None = None) -> None:
         self.open: dict[str, Alert] = {}
         self._elsewhere: list[Alert] = []  # of other processes, which tell of them themselves
-        self._live, self._file, self._tell = live, database_file, tell
+        self._live, self._file, self._tell, self._versions = live, database_file, tell, versions
 
     async def run(self) -> None:
         """Until it is cancelled."""
@@ -74,7 +75,9 @@ class Alerts:
         others = await self._live.elsewhere.processes()
         self._elsewhere = self._late(others)
         leads = all(self._live.elsewhere.name < other.name for other in others)  # one tells what all of them see
-        found = {alert.key: alert for alert in (*self._machine(leads), *await self._games(leads))}
+        found = {
+            alert.key: alert for alert in (*self._machine(leads), *self._changed(leads), *await self._games(leads))
+        }
         now = datetime.now(UTC)
         for key in self.open.keys() - found.keys():
             self._tell(self.open.pop(key), True)
@@ -114,6 +117,14 @@ class Alerts:
             if free_gb < DISK_GB:
                 yield Alert("disk", f"The disk is nearly full: {free_gb:.1f} GB are free.")
 
+    def _changed(self, leads: bool) -> Iterator[Alert]:
+        """Study files that are not as they are served."""
+        if self._versions is None or not leads:
+            return
+        for name, changed in list(self._versions.changed.items()):
+            text = f"{changed.text} {remedy(self._versions, name)}"
+            yield Alert(f"version {name} {changed.sha256[:12]}", text, f"/admin/s/{name}", name)
+
     async def _games(self, leads: bool) -> list[Alert]:
         """Of people who are away, and of errors in their browsers; none while the database cannot be read."""
         found: list[Alert] = []
@@ -121,7 +132,9 @@ class Alerts:
         try:
             for name in studies.names():
                 versions = studies.versions(name)
-                for card in await self._live.cards(versions):
+                cards = await self._live.cards(versions)
+                found += _displays(name, [card.game.session.display_violations for card in cards])
+                for card in cards:
                     since_s = self._live.since_s(card.flag) or 0
                     if card.flag.level == ACT and since_s >= AWAY_S:
                         text = f"{name}: {who(card.played)} is away ({card.flag.word.lower()}) for {since_s} s."
@@ -140,6 +153,15 @@ class Alerts:
             )
             for person, number in people.items()
         ]
+
+
+def _displays(name: str, broken: list[int]) -> Iterator[Alert]:
+    """Of running games whose screens did not show what their condition promises. `broken`: timesteps of each."""
+    games = sum(count > 0 for count in broken)
+    if games:
+        what = f"{sum(broken)} timestep{'s' * (sum(broken) != 1)} of {games} running game{'s' * (games != 1)}"
+        text = f"{name}: in {what} the screen did not show what the condition promises. Look at the models' log."
+        yield Alert(f"display {name}", text, f"/admin/s/{name}", name)
 
 
 def _in_trouble(connection: Connection, versions: tuple[int, ...]) -> dict[str, int]:

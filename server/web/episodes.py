@@ -29,9 +29,7 @@ def episode_spec(study: Study, step: Step, condition: str, language: str, people
     tutorial = step.kind == "tutorial"
     kitchen = study.tutorial.layout if tutorial else study.layout(step.layout)
     layout = layout_of(kitchen)
-    agent = study.tutorial.agent if tutorial else study.agent(step.agent)
-    if agent.human and people == 1:
-        agent = study.waiting_room.agent
+    agent = agent_of(study, step, people)
     other = None if agent.human else agent.catalogue_name
     seat = study.game.human_seat
     return EpisodeSpec(
@@ -55,6 +53,12 @@ def episode_spec(study: Study, step: Step, condition: str, language: str, people
         progress=ProgressWeights(study.game.progress.onion_in_pot, study.game.progress.soup_on_dish),
         lessons=lessons(study, arm) if tutorial else (),
     )
+
+
+def agent_of(study: Study, step: Step, people: int = 1) -> Agent:
+    """The partner in a tutorial or episode step; where a round of two is played by one, the study's stand-in."""
+    agent = study.tutorial.agent if step.kind == "tutorial" else study.agent(step.agent)
+    return study.waiting_room.agent if agent.human and people == 1 else agent
 
 
 def lessons(study: Study, condition: Condition) -> tuple[str, ...]:

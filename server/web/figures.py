@@ -11,6 +11,7 @@ from sqlalchemy import Connection
 
 from server.store import decisions, overview
 from server.store.accuracy import Accuracy, wilson
+from server.store.displays import DisplayCount
 from server.store.overview import Person
 from server.study.plan import Study
 from server.study.steps import Step, steps
@@ -31,6 +32,7 @@ class Figures:
         self._live, self.file = live, database_file
         self._kept: dict[tuple[str, str, bool], tuple[float, dict[str, Any]]] = {}
         self._accuracy: dict[str, tuple[float, Accuracy]] = {}
+        self._displays: dict[str, tuple[float, DisplayCount]] = {}
         self._reading = asyncio.Lock()
         self.verdicts = Verdicts(live.web.database)
 
@@ -41,9 +43,11 @@ class Figures:
             kept = self._kept.get(key)
             if kept is None or time.monotonic() - kept[0] > FRESH_S:
                 accuracy = await self._count(study_ids, study.name)
+                display = await self._count_displays(study_ids, study.name)
                 await self.verdicts.look(study_ids)
                 made = await self._live.web.database.read(self._read, study_ids, study, tab, blind)
                 made |= {"accuracy": accuracy_of(accuracy), "machine": await self._machine()}
+                made["display"] = await self._display_of(study_ids, display)
                 kept = self._kept[key] = (time.monotonic(), made)
             return kept[1]
 
@@ -53,6 +57,21 @@ class Figures:
             await self._live.web.database.read(accuracy.count, study_ids)
             self._accuracy[name] = (time.monotonic(), accuracy)
         return accuracy
+
+    async def _count_displays(self, study_ids: tuple[int, ...], name: str) -> DisplayCount:
+        counted, display = self._displays.get(name, (-1e9, DisplayCount()))
+        if display.waiting or time.monotonic() - counted > ACCURACY_EVERY_S:
+            await self._live.web.database.read(display.count, study_ids)
+            self._displays[name] = (time.monotonic(), display)
+        return display
+
+    async def _display_of(self, study_ids: tuple[int, ...], display: DisplayCount) -> dict[str, int]:
+        """Timesteps not shown as the condition promises: of games that are over, and of those that run here."""
+        running = [card.game.session.display_violations for card in await self._live.cards(study_ids)]
+        return {
+            "timesteps": display.timesteps + sum(running),
+            "games": display.episodes + sum(count > 0 for count in running),
+        }
 
     def _read(
         self, connection: Connection, study_ids: tuple[int, ...], study: Study, tab: str, blind: bool

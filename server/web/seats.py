@@ -15,7 +15,7 @@ from server.store.participants import Participant
 from server.study.steps import Step
 from server.web import pairs
 from server.web.auth import token_of
-from server.web.episodes import episode_spec
+from server.web.episodes import agent_of, episode_spec
 from server.web.socket import Player
 from server.web.studies import Studies
 
@@ -107,6 +107,7 @@ class Seats:
             agent_sha256s=(self._agent(spec, 0), self._agent(spec, 1)),
             predictor_sha256=self.fingerprint(spec.layout, spec.predictor) if spec.predictor else None,
             code_version=self.code_version,
+            agent_name=agent_of(study, step, len(people)).name if any(spec.agents) else None,
         )
 
     def _agent(self, spec: EpisodeSpec, seat: int) -> str | None:

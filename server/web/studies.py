@@ -35,6 +35,12 @@ class Studies:
                 studies._keep(row)
         return studies
 
+    async def take(self, database: Database, file: StudyFile) -> None:
+        """Let those who come from now on into this version of a study. Raises DatabaseDown."""
+        row = await database.write(stored_studies.register, file.study.name, file.text)
+        self._versions[row.id] = file.study
+        self._open[file.study.name] = row.id
+
     def _keep(self, row: stored_studies.Study) -> None:
         try:
             self._versions[row.id] = parse_study(row.source, f"{row.key} version {row.version}").study

@@ -79,9 +79,10 @@ function accuracy({ rows, waiting }) {
   find('accuracy-note').textContent = !rows.length && !waiting ? 'Counted when games are over.' : `Wilson intervals over timesteps, all conditions.${waiting ? ` ${waiting} games are still to be counted.` : ''}`;
 }
 
-function machine({ machine: server, stored }) {
+function machine({ machine: server, stored, display }) {
   const times = (pair) => (pair ? `${pair[0].toFixed(1)} / ${pair[1].toFixed(1)} ms` : '–');
   const rows = [['Models p50 / p99, sampled', times(server.models_ms)], ['Tick lateness p50 / p99', times(server.late_ms)], ['Games held, moving', `${server.games}, ${server.moving}`], ['Sockets open', server.sockets],
+    ['Timesteps not shown as the condition promises', display.timesteps ? `${display.timesteps} in ${display.games} game${display.games === 1 ? '' : 's'}` : 'none'],
     ['Episodes done / aborted', `${stored.done ?? 0} / ${stored.aborted ?? 0}`], ['Database', server.database_mb === undefined ? 'PostgreSQL' : `${server.database_mb} MB`], ['Disk free', server.disk_free_gb === undefined ? '–' : `${server.disk_free_gb} GB`]];
   find('machine').replaceChildren(...rows.flatMap(([name, words]) => [make('dt', { text: name }), make('dd', { text: words })]));
 }

@@ -25,6 +25,7 @@ CLEAN: dict[str, object] = {
     "hidden_share": 0.0,
     "lag_ms": 12.0,
     "late_share": 0.0,
+    "display_share": 0.0,
 }
 NO_ANSWERS = pl.DataFrame(
     schema={"participant": pl.String, "episode": pl.String, "question": pl.String, "value": pl.Float64}
@@ -56,6 +57,8 @@ def test_an_ordinary_episode_is_kept() -> None:
         ({"late_share": 0.02}, "look", "late"),
         ({"attention_failed": 1}, "look", "inattentive"),
         ({"attention_failed": 2}, "drop", "inattentive"),
+        ({"display_share": 0.0025}, "look", "display"),
+        ({"display_share": 0.1}, "drop", "display"),
     ],
 )
 def test_each_rule_proposes_by_its_bounds_and_is_named(measured: dict[str, object], proposal: str, rule: str) -> None:

@@ -1,12 +1,15 @@
 """Every shipped study, and the command that makes and checks study files."""
 
 import json
+import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import kitchenmind
+from models.model_paths import WEIGHTS
 from server.study.loader import load_study
 from server.study.plan import Study
 from server.study.steps import steps
@@ -103,15 +106,78 @@ def test_check_says_what_a_good_study_is(path: Path, capsys: pytest.CaptureFixtu
     assert f"{path} is a study: {path.stem}" in out
 
 
-def test_check_names_missing_weights_and_the_study_still_passes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("agent", "place", "reason"),
+    [
+        ("{name: nobody, predictor: random}", "agents.0.name", "no weights for coordination_ring of: nobody"),
+        ("{name: nobody}", "agents.0", "no weights for coordination_ring of: nobody_predictor_stream"),
+        ("{name: sp, predictor: bc_predictor}", "agents.0.predictor", "of: bc_predictor. Did you mean"),
+        ("{name: sp, predictor: sp}", "agents.0.predictor", "'sp' cannot be used on coordination_ring"),
+        ("{name: sp, predictor: planner}", "agents.0.predictor", "'planner' cannot be used on coordination_ring"),
+        ("{name: sp_predictor_stream, predictor: random}", "agents.0.name", "cannot be used on coordination_ring"),
+        ("{name: mine, model: mine.onnx, predictor: random}", "agents.0.model", "there is no file"),
+        ("{name: sp, predictor: ./mine.onnx}", "agents.0.predictor", "there is no file"),
+        ("{name: mine, model: broken.onnx, predictor: random}", "agents.0.model", "is no ONNX model"),
+        ("{name: sp, predictor: ./folder}", "agents.0.predictor", "there is no checkpoint in"),
+        ("{name: sp, predictor: 'own:Missing'}", "agents.0.predictor", "has no class Missing"),
+        ("{name: sp, predictor: 'unfinished:Other'}", "agents.0.predictor", "unfinished.py:2 is not valid Python"),
+        (
+            "{name: mine, model: 'nowhere_at_all:Agent', predictor: random}",
+            "agents.0.model",
+            "there is no Python module",
+        ),
+        ("{name: sp, predictor: 'http://127.0.0.1:9/x'}", "agents.0.predictor", "cannot be asked over HTTP"),
+    ],
+)
+def test_check_refuses_agents_and_predictors_that_cannot_play(
+    agent: str, place: str, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "quick_look.yaml"
-    text = (STUDIES / "quick_look.yaml").read_text("utf-8").replace("- {name: sp}", "- {name: nobody}")
-    file.write_text(text, encoding="utf-8")
+    (tmp_path / "broken.onnx").write_bytes(b"not ONNX")
+    (tmp_path / "unfinished.py").write_text("class Other:\n    x = (\n", encoding="utf-8")
+    (tmp_path / "own.py").write_text("class Other:\n    pass\n", encoding="utf-8")
+    text = (STUDIES / "quick_look.yaml").read_text("utf-8")
+    file.write_text(text.replace("- {name: sp}", f"- {agent}"), encoding="utf-8")
+    code, _, err = run("check", str(file), capsys=capsys)
+    line = text[: text.index("- {name: sp}")].count("\n") + 1
+    assert code == 2
+    assert any(f"{file}:{line}: {place}: " in said and reason in said for said in err.splitlines())
+
+
+def test_models_are_found_from_the_folder_of_the_study_whatever_the_current_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "lab"
+    shutil.copytree(WEIGHTS / "coordination_ring" / "sp", folder / "agents" / "mine")
+    shutil.copytree(WEIGHTS / "coordination_ring" / "sp_predictor_stream", folder / "p")
+    shutil.copy(STUDIES.parent / "docs" / "examples" / "own_predictor.py", folder / "lab_predictor.py")
+    text = (STUDIES / "quick_look.yaml").read_text("utf-8")
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    for predictor in ("./p", "p", "'lab_predictor:LastAction'"):
+        agent = f"- {{name: mine, model: agents/mine, predictor: {predictor}}}"
+        (folder / "lab.yaml").write_text(text.replace("- {name: sp}", agent), encoding="utf-8")
+        code, out, err = run("check", str(folder / "lab.yaml"), capsys=capsys)
+        assert (code, err) == (0, ""), predictor
+        assert "warning" not in out
+
+
+@pytest.mark.parametrize(
+    ("agent", "question"),
+    [
+        ("{name: sp, predictor: random}", "`random` knows nothing"),
+        ("{name: sp, predictor: fcp_predictor_stream}", "trained to predict another agent than sp"),
+    ],
+)
+def test_check_asks_whether_predictions_about_nothing_are_intended(
+    agent: str, question: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "quick_look.yaml"
+    text = (STUDIES / "quick_look.yaml").read_text("utf-8")
+    file.write_text(text.replace("- {name: sp}", f"- {agent}"), encoding="utf-8")
     code, out, _ = run("check", str(file), capsys=capsys)
     assert code == 0
-    assert "no weights for coordination_ring of: nobody, nobody_predictor_stream" in out
+    assert re.search(rf"^warning: .*{re.escape(question)}.*Is that intended\?", out, re.MULTILINE)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from models.launch import launch
+from models.model_paths import ModelPaths
 from models.protocols import History, Question
 from models.runner import ModelsDown, ModelServer
 from overcooked.constants import EAST, NORTH, STAY
@@ -178,6 +179,19 @@ async def test_a_model_that_does_not_fit_is_refused_before_anything_is_served(se
         await serving(["foreign_models:WrongShape"])
     with pytest.raises(ModelsDown, match="no_such_module:Agent is not there"):
         await serving(["no_such_module:Agent"])
+
+
+async def test_models_that_are_added_answer_beside_those_that_were_there(serving):
+    server = await serving([NORTHWARD])
+    with pytest.raises(ModelsDown, match="no_such_module:Agent is not there"):
+        await server.add([(LAYOUT, "planner"), (LAYOUT, "no_such_module:Agent")], [], {}, ModelPaths())
+    assert await server.ask([Game("a").question("planner")], PATIENT_MS) == [None]
+    await server.add([(LAYOUT, NORTHWARD), (LAYOUT, "planner")], [(LAYOUT, "random")], {}, ModelPaths())
+    asked = [Game("a").question(NORTHWARD), Game("b").question("planner", "random")]
+    northward, planner = await server.ask(asked, PATIENT_MS)
+    assert northward.action == NORTH
+    assert len(planner.prediction) == 3
+    assert len(server.worker_pids()) == 2
 
 
 async def test_an_unknown_model_is_not_answered(serving):

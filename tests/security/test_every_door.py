@@ -56,6 +56,7 @@ DOORS = {
     "POST /admin/s/{name}/pause": "act",
     "POST /admin/s/{name}/resume": "act",
     "POST /admin/s/{name}/message": "act",
+    "POST /admin/s/{name}/version": "act",
     "POST /admin/s/{name}/game/{episode}/{deed}": "act",
     "POST /admin/s/{name}/person/{person}/{deed}": "act",
     "POST /admin/s/{name}/export": "act",

@@ -14,6 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--agent", required=True, help="catalogue name, checkpoint folder, ONNX file, module:Class or URL"
     )
     parser.add_argument("--population", type=Path, help="folder of partner agents (default: the shipped ones)")
+    parser.add_argument("--partners", type=Path, metavar="DIR", help="any folder of at least three agents, instead")
     parser.add_argument("--out", type=Path, help="where shards go (default: runs/games/LAYOUT_AGENT)")
     parser.add_argument("--runs", type=Path, default=Path("runs"), help=argparse.SUPPRESS)
     parser.add_argument("--trajectories", type=int, default=5, help="for each partner and setting (default: 5)")
@@ -44,7 +45,7 @@ def _collect(arguments: argparse.Namespace) -> int:
     from overcooked.layout import load_layout
     from training.collect import Plan, collect
     from training.compute import request
-    from training.population import load_extras, load_population, load_target, with_itself_and_extras
+    from training.population import load_extras, load_target, partners_of, with_itself_and_extras
     from training.ship_predictor import population_folder
 
     if arguments.trajectories < 1 or arguments.timesteps < 10:
@@ -53,7 +54,7 @@ def _collect(arguments: argparse.Namespace) -> int:
     request(arguments.device)
     layout = load_layout(arguments.layout)
     target = load_target(arguments.agent, layout)
-    population = load_population(arguments.population or population_folder(layout), layout)
+    population = partners_of(arguments.partners, arguments.population or population_folder(layout), layout)
     partners = with_itself_and_extras(target, population, layout, extras=not arguments.no_extras)
     partners += load_extras({folder.name: folder for folder in arguments.extra}, layout)
     plan = Plan(arguments.trajectories, arguments.timesteps, arguments.seed)

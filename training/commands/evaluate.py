@@ -23,6 +23,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     predictor.add_argument("--agent", help="its agent, e.g. sp or mine.onnx (default: all of the layout)")
     predictor.add_argument("--form", choices=("stream", "window"), help="default: both")
     predictor.add_argument("--population", type=Path, help="folder of partner agents (default: the shipped ones)")
+    predictor.add_argument("--partners", type=Path, metavar="DIR", help="any folder of at least three agents, instead")
+    predictor.add_argument(
+        "--predictor", type=Path, metavar="FOLDER", help="one that `kitchenmind train predictor` wrote"
+    )
     predictor.add_argument("--partner", metavar="AGENT", help="instead of the test partners, e.g. human_bc")
     predictor.add_argument("--trajectories", type=int, default=5, help="for each partner and setting (default: 5)")
     predictor.add_argument("--timesteps", type=int, default=800, help="of a trajectory (default: 800)")
@@ -69,32 +73,45 @@ def _predictors(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 def _of_layout(layout: "Layout", arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """What the predictors of one kitchen do."""
-    from models.catalogue import WEIGHTS, agent_names
+    from models.catalogue import agent_names
     from models.checkpoint import load_checkpoint
     from models.predictor import predictor_network
     from training.collect import Plan
     from training.evaluate_predictor import evaluate
-    from training.population import load_target
+    from training.population import load_target, partners_of
     from training.ship_predictor import population_folder, unseen_games
 
-    population, plan = (
-        arguments.population or population_folder(layout),
-        Plan(arguments.trajectories, arguments.timesteps),
-    )
+    plan = Plan(arguments.trajectories, arguments.timesteps)
+    folder = arguments.population or population_folder(layout)
+    population = folder if arguments.partners is None else partners_of(arguments.partners, folder, layout)
     asked = None if arguments.agent is None else load_target(arguments.agent, layout)
     entries = []
-    for config in sorted((WEIGHTS / layout.name).glob("*_predictor_*/config.json")):
-        agent, _, form = config.parent.name.partition("_predictor_")
-        if (asked and agent != asked.name) or arguments.form not in (None, form):
+    for folder, agent, form in _predictor_folders(layout, arguments.predictor):
+        if (asked and agent != asked.name and not arguments.predictor) or arguments.form not in (None, form):
             continue
         if asked is None and agent not in agent_names(layout.name):
-            print(f"{config.parent.name}: --agent must say whose it is, e.g. --agent {agent}.onnx", file=sys.stderr)
+            print(f"{folder.name}: --agent must say whose it is, e.g. --agent {agent}.onnx", file=sys.stderr)
             continue
-        network, _ = predictor_network(load_checkpoint(config.parent))
+        network, trained_on = predictor_network(load_checkpoint(folder))
+        if trained_on.text != layout.text:
+            raise ValueError(f"{folder}: is for {trained_on.name}, not {layout.name}. Give its own --layout.")
         target = asked or load_target(agent, layout)
         games = unseen_games(layout, target, network, population, plan, arguments.partner)
         entries.append(evaluate(network, games).entry(layout.name, agent, form))
     return entries
+
+
+def _predictor_folders(layout: "Layout", chosen: Path | None) -> list[tuple[Path, str, str]]:
+    """Folder, agent and form of one predictor, or of all that are bundled for a kitchen."""
+    from models.catalogue import WEIGHTS
+
+    if chosen is None:
+        found = [config.parent for config in sorted((WEIGHTS / layout.name).glob("*_predictor_*/config.json"))]
+        return [(folder, *folder.name.split("_predictor_", 1)) for folder in found]  # type: ignore[misc]
+    from models.checkpoint import load_checkpoint
+
+    config = load_checkpoint(chosen).config
+    return [(chosen, str(config.get("agent", "")), str(config.get("network", {}).get("form", "")))]
 
 
 def _predictor_table(entries: list[dict[str, Any]]) -> None:

@@ -2,10 +2,19 @@
 training.train_predictor."""
 
 import argparse
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+if TYPE_CHECKING:
+    from models.predictor import PredictorNetwork
+    from training.runlog import RunFolder
+    from training.train_predictor import Trainer
+
+OUT_OF_TIME, INTERRUPTED = "stopped as its time was over", "interrupted"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -16,27 +25,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--games", type=Path, help="folder of kitchenmind collect (default: runs/games/LAYOUT_AGENT)")
     parser.add_argument("--lender", type=Path, help="agent that lends its convolutions, with --set eyes=cnn")
     parser.add_argument("--begin-with", type=Path, metavar="FOLDER", help="a predictor whose weights are the first")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change one setting")
+    parser.add_argument("--preset", choices=("full", "tiny"), default="full", help="tiny: a small one in minutes")
+    parser.add_argument(
+        "--set", action="extend", nargs="+", default=[], metavar="KEY=VALUE", help="change settings, one or several"
+    )
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="where runs are kept (default: runs)")
-    parser.add_argument("--out", type=Path, help="write the finished predictor here (default: in the run's folder)")
+    parser.add_argument("--out", type=Path, help="write the predictor here (default: in the run's folder)")
     parser.add_argument("--ship", action="store_true", help="write it to models/weights, where studies find it")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0 done, 1 time is over (the same command goes on). Raises ValueError or OSError for wrong input."""
+    """0 a predictor was written (also where time is over before it is finished: the same command goes on), 1 it was
+    interrupted. Raises ValueError or OSError for wrong input."""
     from models.checkpoint import load_checkpoint
     from models.network_config import PredictorConfig
     from overcooked.layout import load_layout
     from training.collect import TEST, read_manifest
     from training.dataset import load_episodes
     from training.population import load_target
-    from training.predictor_config import TrainingConfig, changed, parsed_changes
+    from training.predictor_config import PRESETS, TrainingConfig, changed, parsed_changes
     from training.runlog import RunFolder
     from training.ship_predictor import partners_met, predictor_folder, write_predictor
-    from training.train_predictor import prepared, train_predictor
+    from training.train_predictor import prepared
 
     defaults = (PredictorConfig(form=arguments.form), TrainingConfig())
-    network, training = changed(defaults, parsed_changes(arguments.set), "--set")
+    preset = changed(defaults, PRESETS[arguments.preset], "--preset")
+    network, training = changed(preset, parsed_changes(arguments.set), "--set")
     layout = load_layout(arguments.layout)
     target = load_target(arguments.agent, layout)
     games = arguments.games or arguments.runs / "games" / f"{layout.name}_{target.name}"
@@ -56,22 +70,14 @@ def run(arguments: argparse.Namespace) -> int:
     }
     folder = RunFolder(arguments.runs / layout.name / name, known)
     trainer = prepared(layout, network, training, games, arguments.lender, arguments.begin_with)
-    with Progress(TextColumn(name), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[accuracy]:.1%}")) as bar:
-        task = bar.add_task(name, total=1.0, accuracy=trainer.best_accuracy)
-        try:
-            trained = train_predictor(
-                trainer, folder, lambda share, line: bar.update(task, completed=share, accuracy=line["accuracy"])
-            )
-        except TimeoutError as over:
-            print(over)
-            return 1
+    trained, stopped = _trained(name, trainer, folder)
     out = (
         predictor_folder(layout, target.name, arguments.form)
         if arguments.ship
         else arguments.out or folder.path / "predictor"
     )
     how = {
-        "updates": trainer.update,
+        "updates": f"{trainer.update} of {training.updates}, {stopped}" if stopped else trainer.update,
         "training games": len(trainer.train),
         "seed": training.seed,
         "begun with": begun or "nothing",
@@ -80,4 +86,39 @@ def run(arguments: argparse.Namespace) -> int:
     }
     result = write_predictor(out, trained, layout, target, load_episodes(games, TEST, layout, trained.eyes), how)
     print(f"{out}: {result.accuracy.mean:.1%} on partners never seen (ceiling of step 1: {result.ceiling:.1%})")
-    return 0
+    print(f"Use it in a study: `predictor: {out if arguments.ship is False else out.name}`.")
+    if stopped:
+        print(f"Training was {stopped} after {trainer.update} of {training.updates} updates; the same command goes on.")
+    return 1 if stopped == INTERRUPTED else 0
+
+
+def _trained(name: str, trainer: "Trainer", folder: "RunFolder") -> "tuple[PredictorNetwork, str]":
+    """The network, and what stopped its training before it was finished ("": nothing)."""
+    from training.train_predictor import train_predictor, usable
+
+    columns = (TextColumn(name), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[accuracy]:.1%}"))
+    with Progress(*columns) as bar:
+        task = bar.add_task(name, total=1.0, accuracy=trainer.best_accuracy)
+
+        def progress(share: float, line: Mapping[str, float]) -> None:
+            bar.update(task, completed=share, accuracy=line["accuracy"])
+            if "pace_s" in line:
+                bar.console.print(_estimate(trainer, line["pace_s"]))
+
+        try:
+            return train_predictor(trainer, folder, progress), ""
+        except TimeoutError as over:
+            bar.console.print(str(over))
+            return usable(trainer), OUT_OF_TIME
+        except KeyboardInterrupt:
+            if not trainer.update:
+                raise
+            bar.console.print("Interrupted. What was learned so far is measured and written; Ctrl+C again to leave it.")
+            return usable(trainer), INTERRUPTED
+
+
+def _estimate(trainer: "Trainer", pace_s: float) -> str:
+    config = trainer.config
+    minutes = pace_s * (config.updates - trainer.update) / 60
+    limit = f"; it stops after {config.minutes:g} (--set minutes=...)" if minutes > config.minutes else ""
+    return f"about {max(1, round(minutes))} minutes for {config.updates} updates, fewer if it stops improving{limit}"

@@ -22,7 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     agent.add_argument("--layout", required=True, help="a shipped layout or a .layout file")
     agent.add_argument("--seed", type=int, default=1)
     agent.add_argument("--config", help="a TOML file, or the name of one in training/configs")
-    agent.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change one setting")
+    agent.add_argument(
+        "--set", action="extend", nargs="+", default=[], metavar="KEY=VALUE", help="change settings, one or several"
+    )
     agent.add_argument("--partners", nargs="*", type=Path, default=[], help="checkpoint folders to be best with")
     agent.add_argument("--out", type=Path, help="also write the finished agent's checkpoint here")
     _add_runs(agent)

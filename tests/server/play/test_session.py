@@ -94,6 +94,21 @@ def test_late_partner_waits_and_the_tick_says_so() -> None:
     assert following.actions[1] == STAY
 
 
+@pytest.mark.parametrize(("shown", "broken"), [("predictor", 2), ("random", 0), ("nothing", 0)])
+def test_timesteps_whose_display_is_not_what_the_condition_promises_are_counted(shown: str, broken: int) -> None:
+    session, _ = start(make_spec(shown=shown))
+    for late in (False, True, True, False):
+        tick(session, models_ms=1000.0 if late else 1.0)
+    assert session.display_violations == broken
+
+
+def test_the_last_state_shows_nothing_and_breaks_no_promise() -> None:
+    session, _ = start(make_spec(horizon=3))
+    while not session.over:
+        tick(session)
+    assert session.display_violations == 0
+
+
 def test_nonsense_action_of_a_model_counts_as_no_answer() -> None:
     session, _ = start()
     questions = session.begin_tick(session.next_deadline)

@@ -1,0 +1,14 @@
+"""What the study calls the agent of an episode"""
+
+import sqlalchemy as sa
+from alembic import op
+
+
+revision = '0012'
+down_revision = '0004'
+branch_labels = None
+depends_on = None
+
+
+def upgrade() -> None:
+    op.add_column('episodes', sa.Column('agent_name', sa.String(length=128), nullable=True))

@@ -1,0 +1,53 @@
+"""Timesteps whose display is not what the condition promises: no marks where some are due, or marks where none are.
+
+Of each episode all stored timesteps count but the last one, in which nothing is done any more and nothing is shown.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from sqlalchemy import Connection, LargeBinary, and_, func, not_, or_, select
+
+from server.play.overlay import NOTHING_SHOWN
+from server.store.tables import episodes, ticks
+
+EPISODES_A_CALL = 40
+_BYTES_A_STEP, _STEPS = 2, 3
+_e = episodes.c
+
+
+def violations(connection: Connection, chosen: Sequence[str]) -> dict[str, int]:
+    """Return how many timesteps of these episodes broke the promise, for each in which any did."""
+    last = select(func.max(ticks.c.timestep)).where(ticks.c.episode_id == _e.id).correlate(episodes).scalar_subquery()
+    drawn = [func.substr(ticks.c.displayed, 1 + _BYTES_A_STEP * step, 1, type_=LargeBinary) for step in range(_STEPS)]
+    empty = and_(*(step.in_([bytes([NOTHING_SHOWN]), b""]) for step in drawn))
+    broken = or_(and_(_e.shown != "nothing", empty), and_(_e.shown == "nothing", not_(empty)))
+    query = select(_e.id, func.count()).join_from(episodes, ticks, ticks.c.episode_id == _e.id)
+    query = query.where(_e.id.in_(chosen), broken, ticks.c.timestep < last).group_by(_e.id)
+    return {row[0]: int(row[1]) for row in connection.execute(query)}
+
+
+@dataclass
+class DisplayCount:
+    """The running count of one study over its episodes that have ended, a few episodes at a time."""
+
+    by_episode: dict[str, int] = field(default_factory=dict)
+    waiting: int = 0
+
+    @property
+    def timesteps(self) -> int:
+        return sum(self.by_episode.values())
+
+    @property
+    def episodes(self) -> int:
+        """How many episodes have any."""
+        return sum(count > 0 for count in self.by_episode.values())
+
+    def count(self, connection: Connection, study_ids: Sequence[int]) -> None:
+        """Count the next episodes that have ended. For one thread at a time."""
+        query = select(_e.id).where(_e.study_id.in_(study_ids), _e.status.in_(("done", "aborted")))
+        new = [row.id for row in connection.execute(query) if row.id not in self.by_episode]
+        some = new[:EPISODES_A_CALL]
+        found = violations(connection, some)
+        self.by_episode |= {episode: found.get(episode, 0) for episode in some}
+        self.waiting = len(new) - len(some)

@@ -1,0 +1,34 @@
+"""An agent that somebody brought appears under the name that the study gives it, not under its path."""
+
+from dataclasses import replace
+
+import pytest
+from study_data import SPEC, new_participant, played, result_of
+
+from server.store import codebook, episodes, overview, studies, ticks
+from server.store.accuracy import Accuracy
+from server.store.database import Database
+from server.store.exported import Selection, episode_rows
+
+
+@pytest.mark.parametrize(("stored", "shown"), [("mine", "mine"), (None, "./agents/bc.onnx")])
+def test_an_agent_is_called_what_the_study_calls_it(database: Database, stored: str | None, shown: str) -> None:
+    def fill(connection):
+        study = studies.register(connection, "one", "name: one")
+        person = new_participant(connection, study.id)
+        spec = replace(SPEC, agents=(None, "./agents/bc.onnx"))
+        new = episodes.NewEpisode(spec, "episode-01", (person, None), study.id, "tom", agent_name=stored)
+        episode = episodes.create(connection, new)
+        records = played(episode)
+        ticks.insert(connection, records)
+        episodes.end(connection, result_of(records, spec))
+        return study.id, episode
+
+    study, episode = database.write_now(fill)
+    assert database.read_now(overview.played, episode)[episode].agent == shown
+    accuracy = Accuracy()
+    database.read_now(accuracy.count, (study,))
+    assert {agent for agent, _ in accuracy.hits} == {shown}
+    (row,) = database.read_now(lambda connection: list(episode_rows(Selection(connection))))
+    named = dict(zip([column.name for column in codebook.EPISODES.columns], row, strict=True))
+    assert (named["agent_name"], named["agent_1"]) == (stored, "./agents/bc.onnx")

@@ -1,0 +1,52 @@
+"""Timesteps that did not show what their condition promises are counted from what is stored."""
+
+from dataclasses import replace
+
+import pytest
+from study_data import SPEC, played, result_of
+
+from server.play.overlay import NOTHING_SHOWN
+from server.store import episodes, studies, ticks
+from server.store.database import Database
+from server.store.displays import DisplayCount, violations
+
+NOTHING = ((NOTHING_SHOWN, 95), (NOTHING_SHOWN, 80), (NOTHING_SHOWN, 60))
+MARKS = ((2, 95), (4, 80), (0, 60))
+
+
+def stored(database: Database, shown: str, displays: list[tuple[tuple[int, int], ...]]) -> tuple[int, str]:
+    """An episode that is over, with these displays on its states; the last one is not counted."""
+
+    def fill(connection):
+        study = studies.register(connection, "one", "name: one")
+        spec = replace(SPEC, shown=shown, horizon=len(displays) - 1)
+        new = episodes.NewEpisode(spec, "episode-01", (None, None), study.id, "tom")
+        episode = episodes.create(connection, new)
+        records = played(episode, len(displays) - 1)
+        records = [replace(one, displayed=display) for one, display in zip(records, displays, strict=True)]
+        ticks.insert(connection, records)
+        episodes.end(connection, result_of(records, spec))
+        return study.id, episode
+
+    return database.write_now(fill)
+
+
+@pytest.mark.parametrize(
+    ("shown", "displays", "broken"),
+    [
+        ("predictor", [MARKS, NOTHING, MARKS, NOTHING, NOTHING], 2),
+        ("random", [MARKS, MARKS, NOTHING], 0),
+        ("nothing", [NOTHING, MARKS, NOTHING, NOTHING], 1),
+        ("nothing", [NOTHING, NOTHING], 0),
+        ("predictor", [NOTHING[:1], MARKS[:1], NOTHING[:1]], 1),
+    ],
+)
+def test_what_was_not_shown_as_promised_is_counted(
+    database: Database, shown: str, displays: list[tuple[tuple[int, int], ...]], broken: int
+) -> None:
+    study, episode = stored(database, shown, displays)
+    assert database.read_now(violations, [episode]) == ({episode: broken} if broken else {})
+    count = DisplayCount()
+    database.read_now(count.count, (study,))
+    database.read_now(count.count, (study,))
+    assert (count.timesteps, count.episodes, count.waiting) == (broken, int(broken > 0), 0)

@@ -1,0 +1,81 @@
+"""A manipulation never vanishes silently: refused at the start, and counted wherever it fails in a game."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import polars as pl
+import pytest
+from test_bots import SCRIPTED
+
+from server.own_server import kitchenmind
+
+SOMETIMES = """
+import numpy as np
+
+class Sometimes:
+    # well while it is tried, then it fails now and then
+
+    def __init__(self, layout):
+        self.calls = 0
+
+    def begin(self, slots):
+        pass
+
+    def predict(self, slots, observations, last_actions):
+        self.calls += 1
+        if self.calls > 10 and self.calls % 4 == 0:
+            raise RuntimeError("pretends to be broken")
+        return np.full((len(slots), 3, 6), 1 / 6, np.float32)
+"""
+
+
+def command(*words: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(kitchenmind(*words), capture_output=True, text=True, check=False, timeout=900)
+
+
+def study(folder: Path, predictor: str) -> Path:
+    file = folder / "small.yaml"
+    text = SCRIPTED.read_text("utf-8").replace("- {name: without, predictor: none}\n", "")
+    file.write_text(text.replace("planner, predictor: random", f"planner, predictor: {predictor}"), encoding="utf-8")
+    return file
+
+
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize("predictor", ["bc_predictor", "./missing.onnx", "'sometimes:Mistyped'"])
+def test_a_study_whose_predictor_is_missing_is_not_served_and_bots_say_why(predictor: str, tmp_path: Path) -> None:
+    (tmp_path / "sometimes.py").write_text(SOMETIMES, encoding="utf-8")
+    file = study(tmp_path, predictor)
+    served = command("serve", "--port", "0", "--study", str(file), "--database", f"sqlite:///{tmp_path}/no.sqlite3")
+    walked = command("bots", "1", "--study", str(file), "--fast")
+    for said in (served, walked):
+        assert said.returncode == 2
+        assert f"{file}:" in said.stderr
+        assert "agents.0.predictor: " in said.stderr
+
+
+@pytest.mark.timeout(1200)
+def test_every_timestep_without_the_promised_display_is_counted_by_bots_export_and_report(tmp_path: Path) -> None:
+    (tmp_path / "sometimes.py").write_text(SOMETIMES, encoding="utf-8")
+    database = f"sqlite:///{tmp_path / 'kept.sqlite3'}"
+    words = ("--study", str(study(tmp_path, "'sometimes:Sometimes'")), "--database", database, "--fast", "--json")
+    walked = command("bots", "1", *words)
+    assert walked.returncode == 1, walked.stderr
+    outcome = json.loads(walked.stdout)
+    assert any("is not what its condition promises" in violation for violation in outcome["violations"])
+    exported = command("export", "--database", database, "--out", str(tmp_path / "data"))
+    assert exported.returncode == 0, exported.stderr
+    episodes = pl.read_parquet(tmp_path / "data" / "parquet" / "episodes.parquet")
+    ticks = pl.read_parquet(tmp_path / "data" / "parquet" / "ticks.parquet").filter(pl.col("displayed_1") == 6)
+    empty = {row["episode"]: row["len"] for row in ticks.group_by("episode").len().to_dicts()}
+    assert empty
+    kept = {row["episode"]: row["display_violations"] for row in episodes.to_dicts() if row["display_violations"]}
+    assert kept == empty
+    assert episodes.filter(pl.col("episode").is_in(list(empty)))["predictor_sha256"].null_count() == 0
+    reported = command("report", str(tmp_path / "data"), "--out", str(tmp_path / "report"))
+    assert reported.returncode == 0, reported.stderr
+    page = (tmp_path / "report" / "report.html").read_text("utf-8")
+    assert "The screen did not always show what the condition promises" in page
+    quality = pl.read_csv(tmp_path / "report" / "quality.csv")
+    flagged = quality.filter(pl.col("rules").fill_null("").str.contains("display"))
+    assert set(flagged["episode"]) == {episode for episode in empty if episode in set(quality["episode"])}

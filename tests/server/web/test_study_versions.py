@@ -1,0 +1,148 @@
+"""A study file that changes while it is served is told, and its new version can be served without a restart."""
+
+import asyncio
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from page_site import SMALL_STUDY, Site, Visitor
+from test_admin import signed_in
+from test_admin import site as admin_site
+
+from models.lane import ModelsDown
+from server.settings import Settings
+from server.store import audit
+from server.study.loader import StudyError, load_study
+from server.study_versions import StudyVersions
+from server.web.alerts import Alerts
+
+site = admin_site
+OTHER_AGENT = ("name: stay, predictor: random", "name: random, predictor: random")
+
+
+class AddedModels:
+    """Remembers what was to be loaded."""
+
+    def __init__(self) -> None:
+        self.agents: set[Any] = set()
+        self.broken = False
+
+    async def add(self, agents: Any, predictors: Any, grids: Any, paths: Any) -> None:
+        if self.broken:
+            raise ModelsDown("stay cannot be used on matrix: pretends to be broken")
+        self.agents |= set(agents)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "small.yaml"
+    path.write_text(SMALL_STUDY, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def models() -> AddedModels:
+    return AddedModels()
+
+
+@pytest.fixture
+def versions(site: Site, file: Path, models: AddedModels) -> StudyVersions:
+    settings = Settings(database=f"sqlite:///{file.parent}/site.db")
+    made = StudyVersions(settings, [load_study(file)], models, site.studies)  # type: ignore[arg-type]
+    site.app.state.versions = made
+    return made
+
+
+def change(file: Path, old: str, new: str) -> None:
+    text = file.read_text("utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new), encoding="utf-8")
+    later = file.stat().st_mtime_ns + 10**9  # as an editor would: later than the version before
+    os.utime(file, ns=(later, later))
+
+
+def test_a_changed_file_is_told_with_what_is_wrong_in_it_until_it_is_as_served(
+    versions: StudyVersions, file: Path, site: Site, tmp_path: Path
+) -> None:
+    told: list[str] = []
+    alerts = Alerts(
+        site.app.state.live, tmp_path / "site.db", lambda alert, over: told.append(f"{over} {alert.text}"), versions
+    )
+    versions.look()
+    assert versions.changed == {}
+    change(file, "seed: 11", "seed: 12")
+    versions.look()
+    asyncio.run(alerts.look())
+    assert told[-1].startswith("False small: the study file has changed (now ")
+    assert "The dashboard of the study offers the new version." in told[-1]
+    change(file, "seed: 12", "sed: 12")
+    versions.look()
+    assert "unknown key 'sed'" in versions.changed["small"].problem
+    change(file, "sed: 12", "seed: 12")
+    change(file, "planner, predictor: random", "planner, predictor: mistyped")
+    versions.look()
+    assert "no weights for coordination_ring of: mistyped" in versions.changed["small"].problem
+    file.write_text(SMALL_STUDY, encoding="utf-8")
+    os.utime(file, ns=(10**18, 10**18))
+    versions.look()
+    assert versions.changed == {}
+    asyncio.run(alerts.look())
+    assert told[-1].startswith("True ")
+
+
+def test_the_dashboard_offers_the_new_version_and_serves_it_to_those_who_come_then(
+    site: Site, versions: StudyVersions, file: Path, models: AddedModels
+) -> None:
+    Visitor(site).consent("small")
+    (early,) = site.everybody("small")
+    watcher, researcher = signed_in(site, "watch"), signed_in(site, "act")
+    offer = "Serve the new version"
+    assert offer not in researcher.get("/admin/s/small").text
+    change(file, *OTHER_AGENT)
+    versions.look()
+    assert offer not in watcher.get("/admin/s/small").text
+    assert offer in researcher.get("/admin/s/small").text
+    answer = researcher.post("/admin/s/small/version", note="another agent")
+    assert "The new version is served" in answer.text
+    assert offer not in answer.text
+    Visitor(site).consent("small")
+    (late,) = site.everybody("small")
+    assert late.study_id != early.study_id
+    assert [agent.name for agent in site.studies.of(late).agents] == ["planner", "random"]
+    assert [agent.name for agent in site.studies.of(early).agents] == ["planner", "stay"]
+    assert {("matrix", "random"), ("matrix", "stay")} <= models.agents
+    entries = site.database.read_now(audit.entries)
+    assert (entries[-1].action, entries[-1].detail["reason"]) == ("serve new version", "another agent")
+
+
+def test_the_list_of_studies_shows_their_names(site: Site) -> None:
+    assert re.search(r"<code[^>]*>small</code>", signed_in(site, "watch").get("/admin").text)
+
+
+def test_a_version_whose_models_do_not_load_changes_nothing(
+    site: Site, versions: StudyVersions, file: Path, models: AddedModels
+) -> None:
+    before = site.studies.open("small")
+    change(file, *OTHER_AGENT)
+    versions.look()
+    models.broken = True
+    researcher = signed_in(site, "act")
+    researcher.get("/admin/s/small")
+    assert "could not be served" in researcher.post("/admin/s/small/version").text
+    assert site.studies.open("small") == before
+    with pytest.raises(StudyError, match="pretends to be broken"):
+        asyncio.run(versions.take(site.database, "small"))
+
+
+def test_models_of_an_earlier_version_are_loaded_for_those_who_are_still_in_it(
+    site: Site, file: Path, models: AddedModels
+) -> None:
+    Visitor(site).consent("small")
+    change(file, *OTHER_AGENT)
+    newest = load_study(file)
+    settings = Settings(database=f"sqlite:///{file.parent}/site.db")
+    versions = StudyVersions(settings, [newest], models, site.studies)  # type: ignore[arg-type]
+    asyncio.run(versions.load_earlier(site.database))
+    assert ("matrix", "stay") in models.agents
