@@ -33,8 +33,9 @@ def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pa.Table]
     of_people = of_people.join_from(participants, studies).where(_p.id.in_(people))
     said = select(_a.participant_id, _a.episode_id, _a.question_key, _a.value).where(_a.participant_id.in_(people))
     held = select(pauses.c.episode_id.label("episode"), pauses.c.reason, pauses.c.duration_ms)
+    named = ("participant", "episode", "question", "value", "value_type")
     told = [
-        {"participant": row[0], "episode": row[1], "question": row[2], "value": value_text(row[3])[0]}
+        dict(zip(named, (*row[:3], *value_text(row[3])), strict=True))
         for row in connection.execute(said.order_by(_a.id))
     ]
     types = schema(codebook.TICKS.columns)
