@@ -204,36 +204,39 @@ def _epsilon(counts: NDArray[np.float64]) -> Values:
         return np.asarray(h / (1 - (total**3 - total).sum(axis=1) / (n**3 - n)) / (n - 1))
 
 
-def depends_on(
-    episodes: pl.DataFrame, measure: str, contrast: tuple[str, str], column: str, draws: int, seed: int
-) -> Result:
-    """Whether the difference between two conditions depends on the layout or agent (`column`): a permutation over
-    people of what is left of their rewards without the means of places and of themselves."""
+def dependence(
+    episodes: pl.DataFrame, measure: str, contrast: tuple[str, str], columns: Sequence[str], draws: int, seed: int
+) -> list[Result]:
+    """Whether the difference between two conditions depends on the layout or the agent (`columns`): conditions are
+    permuted over people, of whose rewards the means of places and of themselves were taken away. Corrected over the
+    columns. Where it cannot be tested a row says why."""
     chosen = episodes.filter(pl.col(measure).is_not_null() & pl.col("condition").is_in(list(contrast)))
     people = people_of(chosen, measure)
-    base = Result(
-        "reward",
-        f"contrast_by_{column}",
-        ALL,
-        ALL,
-        contrast=" - ".join(contrast),
-        n=people.condition.size,
-        unit="people",
-    )
-    _, level = np.unique(chosen[column].to_numpy(), return_inverse=True)
-    size = int(level.max()) + 1 if level.size else 0
-    if size < 2 or people.arms < 2 or np.bincount(people.condition).min() < 2:
-        return replace(base, note=f"needs two people in both conditions and more than one {column}")
-    _, place = np.unique((chosen["layout"] + "\0" + chosen["agent"]).to_numpy(), return_inverse=True)
+    base = Result("reward", "", ALL, ALL, contrast=" - ".join(contrast), n=people.condition.size, unit="people")
+    rows = [replace(base, test=f"contrast_by_{column}") for column in columns]
+    if people.arms < 2 or np.bincount(people.condition).min() < 2:
+        return [replace(row, note="fewer than two people in a condition") for row in rows]
+    place = np.unique((chosen["layout"] + "\0" + chosen["agent"]).to_numpy(), return_inverse=True)[1]
     rest = doubly_centred(people.values, people.person, place)
     if np.abs(rest).max() <= TOLERANCE * max(1.0, float(np.abs(people.values).max())):
-        return replace(base, note="rewards do not vary")
-    shape = (people.condition.size, size)
-    sums, counts = np.zeros(shape), np.zeros(shape)
+        return [replace(row, note="rewards do not vary beside layout, agent and person") for row in rows]
+    member = dealt(people.condition, draws, seed)
+    p = np.stack([shares(spread(member, *_profiles(people, rest, chosen[column]))) for column in columns])
+    note = f"conditions permuted over people, {draws} draws"
+    note += f"; p_adjusted: corrected over {' and '.join(columns)} (step-down minimum p)" if len(columns) > 1 else ""
+    return [
+        replace(row, p=float(one), p_adjusted=float(corrected), note=note)
+        for row, one, corrected in zip(rows, p[:, 0], step_down(p), strict=True)
+    ]
+
+
+def _profiles(people: People, rest: Values, column: pl.Series) -> tuple[Values, Values]:
+    """Sums and counts of every person's values at each level of the column: (people, levels) both."""
+    names, level = np.unique(column.to_numpy(), return_inverse=True)
+    sums, counts = np.zeros((people.condition.size, names.size)), np.zeros((people.condition.size, names.size))
     np.add.at(sums, (people.person, level), rest)
     np.add.at(counts, (people.person, level), 1.0)
-    p = shares(spread(dealt(people.condition, draws, seed), sums, counts))[0]
-    return replace(base, p=float(p), note=f"conditions permuted over people, {draws} draws")
+    return sums, counts
 
 
 def doubly_centred(values: Values, rows: NDArray[np.int64], columns: NDArray[np.int64], rounds: int = 20) -> Values:

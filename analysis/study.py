@@ -119,10 +119,9 @@ def reward_tests(episodes: pl.DataFrame, design: Design, draws: int, seed: int) 
         *ranking.kruskal_wallis(episodes, MEASURE, design.conditions, design.agents, draws, seed),
         *compare.pairwise(episodes, MEASURE, design.conditions, cells(design.layouts, design.agents)),
     ]
-    if design.contrast is not None:
-        for column, names in (("layout", design.layouts), ("agent", design.agents)):
-            if len(names) > 1:
-                rows.append(ranking.depends_on(episodes, MEASURE, design.contrast, column, draws, seed))
+    columns = [name for name, levels in (("layout", design.layouts), ("agent", design.agents)) if len(levels) > 1]
+    if design.contrast is not None and columns:
+        rows += ranking.dependence(episodes, MEASURE, design.contrast, columns, draws, seed)
     return rows
 
 

@@ -81,7 +81,7 @@ def _layouts_finding(analysis: Analysis) -> str:
         ways = (("more", more), ("less", less))
         parts = [f"{way} in {_counted(analysis, tests, found)}" for way, found in ways if found]
         text = f"With {first} teams earn {listed(parts)} than with {second} {how}."
-    depends = [name for name in ("layout", "agent") if significant_dependence(analysis, name)]
+    depends = [name for name in ("layout", "agent") if _dependent(analysis, name)]
     return text + (f" The difference depends on the {listed(depends)}." if depends else "")
 
 
@@ -95,7 +95,7 @@ def _counted(analysis: Analysis, tests: Sequence[Result], found: Sequence[Result
     return listed(parts)
 
 
-def significant_dependence(analysis: Analysis, column: str) -> bool:
+def _dependent(analysis: Analysis, column: str) -> bool:
     """True if the difference of the main comparison depends on the layout or agent."""
     return any(significant(row) for row in with_p(select(analysis.rows, test=f"contrast_by_{column}")))
 
@@ -228,8 +228,9 @@ def _depends(analysis: Analysis) -> str:
     for column in ("layout", "agent"):
         for row in with_p(select(analysis.rows, section="reward", test=f"contrast_by_{column}")):
             verb = "depended" if significant(row) else "did not depend significantly"
-            made.append(f"{verb} on the {column} (<i>p</i> {p_equals(row.p)})")
-    return f" The difference {listed(made)}; conditions permuted over people." if made else ""
+            made.append(f"{verb} on the {column} (<i>p</i> {p_equals(row.p_adjusted)})")
+    how = "conditions permuted over people" + (", corrected over both" if len(made) > 1 else "")
+    return f" The difference {listed(made)}; {how}." if made else ""
 
 
 def _questionnaire(analysis: Analysis) -> list[str]:

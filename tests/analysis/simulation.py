@@ -1,7 +1,6 @@
 """Simulated studies without files, and what the report says of them: for many studies at a time."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -74,13 +73,13 @@ class Said:
     rows: tuple[Result, ...]
 
 
-def said_about(world: World, seed: int, draws: int = 199) -> Said:
+def said_about(world: World, seed: int, draws: int = 200) -> Said:
     """What the report says of one simulated study, by the report's own code."""
     episodes, answers = episodes_of(world, seed)
     return said_of(episodes, answers, seed, draws)
 
 
-def said_of(episodes: pl.DataFrame, answers: pl.DataFrame, seed: int = 1, draws: int = 199) -> Said:
+def said_of(episodes: pl.DataFrame, answers: pl.DataFrame, seed: int = 1, draws: int = 200) -> Said:
     """What the report says of these episodes and answers, without flow, accuracy and figures."""
     design = Design(CONDITIONS, LAYOUTS, AGENTS, main_contrast(CONDITIONS))
     model = mixed.fit(episodes, MEASURE, CONDITIONS)
@@ -88,6 +87,7 @@ def said_of(episodes: pl.DataFrame, answers: pl.DataFrame, seed: int = 1, draws:
         Result("exclusions", "analysed", condition="all", unit="people", n=episodes["participant"].n_unique()),
         *reward_tests_of(episodes, design, draws, seed),
         *model.rows,
+        *questionnaires.means(answers, CONDITIONS, AGENTS),
         *questionnaires.tests(answers, CONDITIONS, AGENTS),
     )
     analysis = SimpleNamespace(
@@ -98,6 +98,5 @@ def said_of(episodes: pl.DataFrame, answers: pl.DataFrame, seed: int = 1, draws:
         agents=AGENTS,
         contrast=design.contrast,
         questionnaire_layouts=LAYOUTS[:4],
-        folder=Path(),
     )
     return Said(wording.findings(analysis), wording.sentences(analysis), rows)  # type: ignore[arg-type]
