@@ -91,8 +91,26 @@ class Profile:
         self.data, self.restricted = data, restricted
         self._sizes, self._sums = data.sizes, data.sums(data.x)
         self._total = data.sums(data.y[:, None])[:, 0]
-        self._xx, self._xy, self._yy = data.x.T @ data.x, data.x.T @ data.y, float(data.y @ data.y)
+        self._xx, self._xy = data.x.T @ data.x, data.x.T @ data.y
+        self._rest = data.y - data.x @ np.linalg.lstsq(data.x, data.y)[0]  # the same likelihood, without cancellation
         self.count = len(data.y) - (data.x.shape[1] if restricted else 0)
+
+    def along(self, ratios: Array) -> Array:
+        """The log-likelihood at many ratios at a time."""
+        weights = ratios[:, None] / (1 + ratios[:, None] * self._sizes)  # (ratios, people)
+        squares = np.einsum("pi,pj->pij", self._sums, self._sums).reshape(len(self._sums), -1)
+        inner = self._xx - (weights @ squares).reshape(-1, *self._xx.shape)
+        total, cross = self.data.sums(self._rest[:, None])[:, 0], self.data.x.T @ self._rest
+        right = cross - (weights * total) @ self._sums
+        beta = np.linalg.solve(inner, right[:, :, None])[:, :, 0]
+        rest = total - beta @ self._sums.T  # (ratios, people)
+        plain = self._rest @ self._rest - 2 * beta @ cross + np.einsum("ri,ij,rj->r", beta, self._xx, beta)
+        scale = (plain - (weights * rest**2).sum(axis=1)) / self.count
+        value = self.count * (np.log(2 * math.pi * scale) + 1)
+        value += np.log1p(ratios[:, None] * self._sizes).sum(axis=1)
+        if self.restricted:
+            value += np.linalg.slogdet(inner)[1]
+        return np.asarray(-0.5 * value)
 
     def solve(self, ratio: float) -> tuple[Array, Array, float]:
         """beta, inverse of X'H^-1 X and the weighted residual sum of squares, H = I + ratio ZZ'."""
@@ -137,10 +155,11 @@ def fit(data: Data, restricted: bool = True) -> Fit:
 
 def best_ratio(profile: Profile) -> float:
     """The ratio at which the likelihood is largest, 0 included. Raises FitError if the search does not settle."""
-    found = [profile(0.0), *(profile(math.exp(place)) for place in GRID)]
+    with np.errstate(all="ignore"):
+        found = profile.along(np.exp(GRID))
     if not np.all(np.isfinite(found)):
         raise FitError("its likelihood cannot be computed")
-    best = int(np.argmax(found[1:]))
+    best = int(np.argmax(found))
     if best == len(GRID) - 1:
         raise FitError("nothing varies between the episodes of a person")
     bounds = (GRID[max(best - 1, 0)], GRID[best + 1])
@@ -149,4 +168,4 @@ def best_ratio(profile: Profile) -> float:
     )
     if not refined.success or not math.isfinite(refined.fun):
         raise FitError("the search for its variances did not converge")
-    return 0.0 if found[0] >= -refined.fun else math.exp(refined.x)
+    return 0.0 if profile(0.0) >= -refined.fun else math.exp(refined.x)
