@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 from scipy import stats
 
-from analysis.compare import Values, samples
+from analysis.groups import Groups, Values, computed
 from analysis.results import Result
 
 FEWEST = 3  # values below which neither test says anything
@@ -17,12 +17,12 @@ def check(
     episodes: pl.DataFrame, measure: str, conditions: Sequence[str], places: Sequence[tuple[str, str]]
 ) -> Iterator[Result]:
     """A Shapiro-Wilk and a Levene row for every (layout, agent)."""
+    found = Groups(episodes, measure)
     for layout, agent in places:
-        found = samples(episodes, measure, conditions, layout=layout, agent=agent).values()
-        groups = [group for group in found if group.size >= FEWEST]
+        groups = [group for group in found.at(layout, agent, conditions).values() if group.size >= FEWEST]
         base = Result("assumptions", "", layout, agent, n=sum(group.size for group in groups))
-        yield _normality(replace(base, test="shapiro_wilk"), groups)
-        yield _equal_variance(replace(base, test="levene"), groups)
+        yield computed(_normality, replace(base, test="shapiro_wilk"), groups)
+        yield computed(_equal_variance, replace(base, test="levene"), groups)
 
 
 def residuals(groups: Sequence[Values]) -> Values:

@@ -4,210 +4,108 @@ Expects the columns participant, condition, layout, agent and a measure; leaves 
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations, product
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
-from scipy import stats
-from statsmodels.stats.multitest import multipletests
-from statsmodels.stats.oneway import anova_oneway
+from scipy import special, stats
 
 from analysis import effects
+from analysis.groups import ALL, Groups, PeopleGroups, Values, computed, pairs
 from analysis.results import Result
-
-Values = NDArray[np.float64]
-DRAWS = 2000
-SEED = 20240101
-
-
-def samples(episodes: pl.DataFrame, measure: str, conditions: Sequence[str], **where: str) -> dict[str, Values]:
-    """The measure's values by condition, where the named columns equal the given values ("all": any)."""
-    chosen = episodes.filter(pl.col(measure).is_not_null())
-    for column, value in where.items():
-        if value != "all":
-            chosen = chosen.filter(pl.col(column) == value)
-    parts = chosen.partition_by("condition", as_dict=True)
-    return {
-        name: parts[(name,)][measure].to_numpy().astype(np.float64) if (name,) in parts else np.empty(0)
-        for name in conditions
-    }
-
-
-def cells(layouts: Sequence[str], agents: Sequence[str]) -> list[tuple[str, str]]:
-    """(layout, agent) pairs in reporting order, agents outermost."""
-    return [(layout, agent) for agent, layout in product(agents, layouts)]
-
-
-def pairs(conditions: Sequence[str]) -> list[tuple[str, str]]:
-    """Comparisons of conditions, later minus earlier: tom - none, tom - random, random - none."""
-    return sorted(((second, first) for first, second in combinations(conditions, 2)), key=lambda pair: pair[0] != "tom")
 
 
 def means(
     episodes: pl.DataFrame, measure: str, conditions: Sequence[str], places: Sequence[tuple[str, str]], section: str
 ) -> list[Result]:
-    """Mean, standard error and 95 % interval in every condition at every (layout, agent); over the mean of every person
-    where the layout is "all", since one person's episodes are not independent."""
-    rows = []
-    of_people = episodes.group_by("participant", "condition", "agent", maintain_order=True).agg(pl.col(measure).mean())
-    for layout, agent in places:
-        table, unit = (of_people, "people") if layout == "all" else (episodes, "episodes")
-        for condition, values in samples(table, measure, conditions, layout=layout, agent=agent).items():
-            if values.size:
-                mean = effects.mean_interval(values)
-                rows.append(
-                    Result(
-                        section,
-                        "mean",
-                        layout,
-                        agent,
-                        condition=condition,
-                        estimate=mean.value,
-                        estimate_low=mean.low,
-                        estimate_high=mean.high,
-                        se=effects.standard_error(values),
-                        n=values.size,
-                        unit=unit,
-                        ci_level=mean.level,
-                    )
-                )
-    return rows
-
-
-def kruskal_wallis(
-    episodes: pl.DataFrame, measure: str, conditions: Sequence[str], agents: Sequence[str], draws: int = DRAWS
-) -> list[Result]:
-    """One rank test per agent over the conditions, as published, with epsilon squared; and its p value when the
-    conditions are permuted over whole people (`kruskal_wallis_people`), as a person's episodes are not independent."""
-    rows = []
-    for agent in agents:
-        chosen = episodes if agent == "all" else episodes.filter(pl.col("agent") == agent)
-        groups = [values for values in samples(chosen, measure, conditions).values() if values.size]
-        base = Result("reward", "kruskal_wallis", "all", agent, n=sum(group.size for group in groups))
-        if trouble := effects.can_compare(groups):
-            rows.append(replace(base, note=trouble))
-            continue
-        h, p = stats.kruskal(*groups)
-        low, high = _epsilon_interval(chosen, measure, draws // 2)
-        base = replace(base, statistic_name="H", statistic=float(h), df=float(len(groups) - 1))
-        rows.append(
-            replace(
-                base,
-                p=float(p),
-                effect_name="epsilon squared",
-                effect=effects.epsilon_squared(float(h), base.n),
-                ci_low=low,
-                ci_high=high,
-                ci_level=0.95,
-                note="interval: people drawn again",
-            )
+    """Mean, standard error and 95 % interval in every condition at every (layout, agent), over the mean of every person
+    where somebody has several episodes there, since one person's episodes are not independent."""
+    people = PeopleGroups(episodes, measure)
+    apart = not repeats(episodes)
+    return [
+        mean_row(
+            Result(section, "mean", layout, agent, condition, unit="episodes" if apart and layout != ALL else "people"),
+            values,
         )
-        permuted = _permuted_people(chosen, measure, draws)
-        note = f"conditions permuted over people, {draws} draws"
-        rows.append(replace(base, test="kruskal_wallis_people", p=permuted, note=note))
-    return rows
+        for layout, agent in places
+        for condition, values in people.at(layout, agent, conditions).items()
+        if values.size
+    ]
 
 
-def _by_person(episodes: pl.DataFrame, measure: str) -> tuple[Values, NDArray[np.int64], NDArray[np.int64]]:
-    """Values, the person of each value, and the condition of each person, both as integers."""
-    chosen = episodes.filter(pl.col(measure).is_not_null())
-    people, person = np.unique(chosen["participant"].to_numpy(), return_inverse=True)
-    _, condition = np.unique(chosen["condition"].to_numpy(), return_inverse=True)
-    of_person = np.zeros(people.size, dtype=np.int64)
-    of_person[person] = condition
-    return chosen[measure].to_numpy().astype(np.float64), person, of_person
+def mean_row(base: Result, values: Values) -> Result:
+    """The mean of the values with its standard error and interval put into `base`."""
+    mean = effects.mean_interval(values)
+    return replace(
+        base,
+        estimate=mean.value,
+        estimate_low=mean.low,
+        estimate_high=mean.high,
+        se=effects.standard_error(values),
+        n=values.size,
+        ci_level=mean.level,
+    )
 
 
-def _rank_spread(rank_sums: Values, counts: Values) -> Values:
-    """The part of H that differs between permutations: sum of squared rank sums over group sizes."""
-    return np.asarray((rank_sums**2 / counts).sum(axis=-1))
-
-
-def _permuted_people(episodes: pl.DataFrame, measure: str, draws: int) -> float:
-    """p of H when conditions are dealt anew over people, who keep their episodes together."""
-    values, person, condition = _by_person(episodes, measure)
-    generator = np.random.default_rng(SEED)
-    sums = np.bincount(person, stats.rankdata(values))  # (people,)
-    counts = np.bincount(person).astype(np.float64)
-    dealt = np.array([condition] + [generator.permutation(condition) for _ in range(draws)])  # (draws + 1, people)
-    member = dealt[:, :, None] == np.arange(condition.max() + 1)  # (draws + 1, people, conditions)
-    spread = _rank_spread(np.einsum("dpc,p->dc", member, sums), np.einsum("dpc,p->dc", member, counts))
-    return float((spread[1:] >= spread[0] - 1e-9).sum() + 1) / (draws + 1)
-
-
-def _epsilon_interval(episodes: pl.DataFrame, measure: str, draws: int) -> tuple[float, float]:
-    """95 % percentile interval of epsilon squared, people drawn with replacement within their condition."""
-    values, person, condition = _by_person(episodes, measure)
-    of_person = [values[person == index] for index in range(condition.size)]
-    generator = np.random.default_rng(SEED)
-    drawn = []
-    for _ in range(draws):
-        groups = []
-        for arm in range(condition.max() + 1):
-            members = np.flatnonzero(condition == arm)
-            groups.append(np.concatenate([of_person[index] for index in generator.choice(members, members.size)]))
-        if np.ptp(np.concatenate(groups)) > 0:
-            drawn.append(effects.epsilon_squared(kruskal_h(groups), sum(group.size for group in groups)))
-    low, high = np.quantile(drawn, (0.025, 0.975)) if drawn else (math.nan, math.nan)
-    return float(low), float(high)
-
-
-def kruskal_h(groups: Sequence[Values]) -> float:
-    """H with correction for ties, as scipy computes it but without its checks: for many draws."""
-    sizes = np.array([group.size for group in groups], dtype=np.float64)
-    values = np.concatenate(groups)
-    ranks = stats.rankdata(values)
-    sums = np.add.reduceat(ranks, np.concatenate([[0], np.cumsum(sizes[:-1])]).astype(int))
-    n = values.size
-    ties = np.unique(values, return_counts=True)[1].astype(np.float64)
-    h = 12 / (n * (n + 1)) * float(_rank_spread(sums, sizes)) - 3 * (n + 1)
-    return h / (1 - float((ties**3 - ties).sum()) / (n**3 - n))
+def repeats(episodes: pl.DataFrame) -> bool:
+    """Return True if somebody played a layout with an agent more than once."""
+    return bool(episodes.select("participant", "layout", "agent").is_duplicated().any())
 
 
 def anova(
     episodes: pl.DataFrame, measure: str, conditions: Sequence[str], places: Sequence[tuple[str, str]]
 ) -> Iterator[Result]:
-    """One-way analysis of variance at every (layout, agent) with eta squared, and Welch's test beside it."""
+    """One-way analysis of variance at every (layout, agent) with eta squared, as published: `anova` and `welch_anova`
+    take episodes for independent, `anova_people` is over the mean of every person."""
+    groups, people = Groups(episodes, measure), PeopleGroups(episodes, measure)
     for layout, agent in places:
-        groups = [
-            values
-            for values in samples(episodes, measure, conditions, layout=layout, agent=agent).values()
-            if values.size
-        ]
-        base = Result("reward", "anova", layout, agent, n=sum(group.size for group in groups))
-        if trouble := effects.can_compare(groups):
+        found = [values for values in groups.at(layout, agent, conditions).values() if values.size]
+        base = Result("reward", "anova", layout, agent, n=sum(group.size for group in found))
+        if trouble := effects.can_compare(found):
             yield replace(base, note=trouble)
             continue
-        f, p = stats.f_oneway(*groups)
-        df = (float(len(groups) - 1), float(base.n - len(groups)))
-        eta = effects.eta_squared(float(f), *df)
-        yield replace(
-            base,
-            statistic_name="F",
-            statistic=float(f),
-            df=df[0],
-            df_residual=df[1],
-            p=float(p),
-            effect_name="eta squared",
-            effect=eta.value,
-            ci_low=eta.low,
-            ci_high=eta.high,
-            ci_level=eta.level,
-        )
-        yield _welch_anova(replace(base, test="welch_anova"), groups)
+        yield computed(_anova, base, found)
+        welch = replace(base, test="welch_anova")
+        flat = any(np.ptp(group) == 0 for group in found)
+        yield replace(welch, note="no variance within a condition") if flat else computed(_welch_anova, welch, found)
+        means = [values for values in people.at(layout, agent, conditions).values() if values.size]
+        base = replace(base, test="anova_people", n=sum(group.size for group in means), unit="people")
+        if trouble := effects.can_compare(means):
+            yield replace(base, note=trouble)
+        else:
+            yield computed(_anova, base, means)
+
+
+def _anova(base: Result, groups: Sequence[Values]) -> Result:
+    f, p = stats.f_oneway(*groups)
+    df = (float(len(groups) - 1), float(base.n - len(groups)))
+    eta = effects.eta_squared(float(f), *df)
+    return replace(
+        base,
+        statistic_name="F",
+        statistic=float(f),
+        df=df[0],
+        df_residual=df[1],
+        p=float(p),
+        effect_name="eta squared",
+        effect=eta.value,
+        ci_low=eta.low,
+        ci_high=eta.high,
+        ci_level=eta.level,
+    )
 
 
 def _welch_anova(base: Result, groups: Sequence[Values]) -> Result:
-    if any(np.ptp(group) == 0 for group in groups):
-        return replace(base, note="no variance within a condition")
-    welch = anova_oneway(groups, use_var="unequal", welch_correction=True)
-    df = float(welch.df_num), float(welch.df_denom)
-    return replace(
-        base, statistic_name="F", statistic=float(welch.statistic), df=df[0], df_residual=df[1], p=float(welch.pvalue)
-    )
+    """Welch 1951, with his correction of the denominator."""
+    sizes, means = (np.array([value(group) for group in groups]) for value in (np.size, np.mean))
+    weights = sizes / np.array([group.var(ddof=1) for group in groups])
+    share = weights / weights.sum()
+    df = float(len(groups) - 1)
+    lack = float(((1 - share) ** 2 / (sizes - 1)).sum()) / (df * (df + 2))
+    f = float((weights * (means - (share * means).sum()) ** 2).sum()) / df / (1 + 2 * (df - 1) * lack)
+    rest = 1 / (3 * lack)
+    return replace(base, statistic_name="F", statistic=f, df=df, df_residual=rest, p=float(stats.f.sf(f, df, rest)))
 
 
 def t_test(base: Result, first: Values, second: Values) -> Result:
@@ -215,19 +113,24 @@ def t_test(base: Result, first: Values, second: Values) -> Result:
     base = replace(base, n=first.size + second.size)
     if trouble := effects.can_compare([first, second]):
         return replace(base, note=trouble)
-    t, p = stats.ttest_ind_from_stats(*_moments(first), *_moments(second))
+    return computed(_t_test, base, first, second)
+
+
+def _t_test(base: Result, first: Values, second: Values) -> Result:
     difference = effects.difference_interval(first, second)
+    se = effects.pooled_sd(first, second) * math.sqrt(1 / first.size + 1 / second.size)
+    t = difference.value / se
     g = effects.hedges_g(first, second)
     return replace(
         base,
         estimate=difference.value,
         estimate_low=difference.low,
         estimate_high=difference.high,
-        se=effects.pooled_sd(first, second) * math.sqrt(1 / first.size + 1 / second.size),
+        se=se,
         statistic_name="t",
-        statistic=float(t),
+        statistic=t,
         df=float(base.n - 2),
-        p=float(p),
+        p=float(2 * special.stdtr(base.n - 2, -abs(t))),
         effect_name="Hedges g",
         effect=g.value,
         ci_low=g.low,
@@ -241,6 +144,10 @@ def welch_t_test(base: Result, first: Values, second: Values) -> Result:
     base = replace(base, n=first.size + second.size)
     if trouble := effects.can_compare([first, second]):
         return replace(base, note=trouble)
+    return computed(_welch_t_test, base, first, second)
+
+
+def _welch_t_test(base: Result, first: Values, second: Values) -> Result:
     t, p = stats.ttest_ind_from_stats(*_moments(first), *_moments(second), equal_var=False)
     delta = effects.cliffs_delta(first, second)
     return replace(
@@ -272,14 +179,21 @@ def _welch_df(first: Values, second: Values) -> float:
 def pairwise(
     episodes: pl.DataFrame, measure: str, conditions: Sequence[str], places: Sequence[tuple[str, str]]
 ) -> list[Result]:
-    """t-tests of every two conditions at every (layout, agent); Benjamini-Hochberg within each comparison."""
+    """Tests of every two conditions at every (layout, agent); Benjamini-Hochberg within each comparison. `t_test`: over
+    episodes, as published; `t_test_people` and `welch_t_test`: over the mean of every person at the place."""
+    groups, people = Groups(episodes, measure), PeopleGroups(episodes, measure)
+    kinds: tuple[tuple[str, Groups | PeopleGroups, str, Callable[..., Result]], ...] = (
+        ("t_test", groups, "episodes", t_test),
+        ("t_test_people", people, "people", t_test),
+        ("welch_t_test", people, "people", welch_t_test),
+    )
     rows: list[Result] = []
     for first, second in pairs(conditions):
-        for test in (t_test, welch_t_test):
+        for name, found, unit, test in kinds:
             family = []
             for layout, agent in places:
-                values = samples(episodes, measure, (first, second), layout=layout, agent=agent)
-                base = Result("reward", test.__name__, layout, agent, contrast=f"{first} - {second}")
+                values = found.at(layout, agent, (first, second))
+                base = Result("reward", name, layout, agent, contrast=f"{first} - {second}", unit=unit)
                 family.append(test(base, values[first], values[second]))
             rows += adjust(family)
     return rows
@@ -290,6 +204,10 @@ def adjust(family: Sequence[Result]) -> list[Result]:
     tested = [row for row in family if not math.isnan(row.p)]
     if not tested:
         return list(family)
-    adjusted = iter(multipletests([row.p for row in tested], method="fdr_bh")[1])
+    p = np.array([row.p for row in tested])
+    order = np.argsort(p)[::-1]  # from the largest down: each is at most the one before it
+    adjusted_p = np.empty(p.size)
+    adjusted_p[order] = np.minimum(1, np.minimum.accumulate(p[order] * p.size / np.arange(p.size, 0, -1)))
+    adjusted = iter(adjusted_p)
     note = f"Benjamini-Hochberg over {len(tested)} tests"
     return [row if math.isnan(row.p) else replace(row, p_adjusted=float(next(adjusted)), note=note) for row in family]

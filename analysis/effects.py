@@ -102,7 +102,7 @@ def mean_interval(values: Values, level: float = 0.95) -> Interval:
     mean = float(values.mean()) if values.size else math.nan
     if values.size < 2:
         return Interval(mean, level=level)
-    half = float(stats.t.ppf((1 + level) / 2, values.size - 1)) * standard_error(values)
+    half = float(special.stdtrit(values.size - 1, (1 + level) / 2)) * standard_error(values)
     return Interval(mean, mean - half, mean + half, level)
 
 
@@ -114,7 +114,7 @@ def standard_error(values: Values) -> float:
 def difference_interval(first: Values, second: Values, level: float = 0.95) -> Interval:
     """first - second with Student's interval for equal variances."""
     df = first.size + second.size - 2
-    half = float(stats.t.ppf((1 + level) / 2, df)) * pooled_sd(first, second)
+    half = float(special.stdtrit(df, (1 + level) / 2)) * pooled_sd(first, second)
     half *= math.sqrt(1 / first.size + 1 / second.size)
     difference = float(first.mean() - second.mean())
     return Interval(difference, difference - half, difference + half, level)

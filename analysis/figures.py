@@ -51,6 +51,7 @@ STYLE = {
     "grid.linewidth": 0.8,
     "hatch.linewidth": 0.9,
     "svg.fonttype": "none",
+    "text.parse_math": False,  # a dollar sign in a name is a dollar sign
     "legend.frameon": False,
 }
 
@@ -139,7 +140,7 @@ def rewards(rows: Sequence[Result], conditions: Sequence[str], contrast: tuple[s
     agents = list(dict.fromkeys(row.agent for row in means))
     layouts = list(dict.fromkeys(row.layout for row in means))
     figure, panels = _figure(0.35 + 2.35 * len(agents), len(agents))
-    top = max((row.estimate + (0 if math.isnan(row.se) else row.se) for row in means), default=1.0)
+    top = max((row.estimate + (0 if math.isnan(row.se) else row.se) for row in means), default=1.0) or 1.0
     places = _group_places(conditions)
     for panel, agent in zip(panels, agents, strict=True):
         for index, layout in enumerate(layouts):
@@ -161,7 +162,7 @@ def rewards(rows: Sequence[Result], conditions: Sequence[str], contrast: tuple[s
 
 
 def _mark(rows: Sequence[Result], layout: str, agent: str, contrast: tuple[str, str] | None) -> str:
-    tests = select(rows, section="reward", test="t_test", layout=layout, agent=agent)
+    tests = select(rows, section="reward", test="t_test_people", layout=layout, agent=agent)
     return "".join(stars(row.p_adjusted) for row in tests if row.contrast == " - ".join(contrast or ()))
 
 
@@ -177,7 +178,7 @@ def _bracket(panel: Axes, mark: str, ends: Sequence[float], height: float, top: 
 @_styled
 def effect_sizes(rows: Sequence[Result], contrast: tuple[str, str]) -> Figure:
     """Hedges g with interval for every layout and agent; filled where significant after correction."""
-    tests = select(rows, section="reward", test="t_test", contrast=" - ".join(contrast))
+    tests = select(rows, section="reward", test="t_test_people", contrast=" - ".join(contrast))
     tests = [row for row in tests if not math.isnan(row.effect) and row.agent != "all"]
     figure, (panel,) = _figure(0.9 + 0.24 * len(tests))
     labels, y = [], 0.0

@@ -5,18 +5,22 @@ Benjamini-Hochberg? Reward levels of layouts and agents fall out of both and are
 """
 
 import csv
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special, stats
 
 Values = NDArray[np.float64]
 STUDIES = 2000
 SIZES = (5, 10, 15, 20, 25, 29, 35, 40, 50, 60)
-BATCH = 500  # studies in memory at a time
+DRAWN = 300  # participants in each condition up to which a curve is drawn to reach its goal
+MOST = 100_000  # participants in each condition beyond which nobody is asked to go
+WANTED = 0.8
+IN_MEMORY = 10_000_000  # rewards at a time
 
 
 @dataclass(frozen=True)
@@ -75,10 +79,12 @@ def found_after_correction(p: Values, alpha: float) -> NDArray[np.bool_]:
 
 def power(design: Design, effect: float, participants: int, studies: int = STUDIES, seed: int = 1) -> Power:
     """How often `studies` simulated studies find the effect; the same numbers for the same seed."""
-    generator = np.random.default_rng([seed, participants, round(effect * 1000)])
+    sign = [1] if effect < 0 else []
+    generator = np.random.default_rng([seed, participants, abs(round(effect * 1000)), *sign])
     people, some, comparison = [], [], []
-    for start in range(0, studies, BATCH):
-        rewards = simulate(design, effect, participants, min(BATCH, studies - start), generator)
+    batch = max(1, min(500, IN_MEMORY // (2 * participants * design.episodes)))
+    for start in range(0, studies, batch):
+        rewards = simulate(design, effect, participants, min(batch, studies - start), generator)
         means = rewards.mean(axis=-1)
         people.append(t_test_p(means[:, 1], means[:, 0]) < design.alpha)
         found = found_after_correction(t_test_p(rewards[:, 1], rewards[:, 0]), design.alpha)
@@ -104,28 +110,42 @@ def write_points(points: Sequence[Power], path: Path) -> None:
         writer.writerows([[getattr(point, name) for name in names] for point in points])
 
 
-def participants_needed(points: Sequence[Power], effect: float, wanted: float = 0.8) -> int | None:
-    """The first number on the curve, filled in linearly, at which the test over people has the wanted power; none where
-    the curve ends before."""
-    before: Power | None = None
-    for point in sorted((point for point in points if point.effect == effect), key=lambda point: point.participants):
-        if point.people >= wanted:
-            if before is None or before.people >= point.people:
-                return point.participants
-            share = (wanted - before.people) / (point.people - before.people)
-            return int(np.ceil(before.participants + share * (point.participants - before.participants)))
-        before = point
-    return None
+def exact(design: Design, effect: float, participants: int) -> float:
+    """The power of the two-sided t-test over participants' means, from the noncentral t distribution."""
+    spread = math.sqrt(design.person_sd**2 + design.residual_sd**2 / design.episodes)
+    shift = abs(effect) / (spread * math.sqrt(2 / participants))
+    df = 2 * participants - 2
+    bound = float(stats.t.ppf(1 - design.alpha / 2, df))
+    below, missed = np.nan_to_num([special.nctdtr(df, shift, -bound), special.nctdtr(df, shift, bound)])
+    return float(below + 1 - missed)  # both are nan only where they are 0 to all digits: far from the bound
+
+
+def participants_needed(design: Design, effect: float, wanted: float = WANTED) -> int | None:
+    """The smallest number of participants in each condition at which the t-test over people has the wanted power; none
+    where that takes more than MOST."""
+    if exact(design, effect, MOST) < wanted:
+        return None
+    low, high = 1, MOST  # too few, enough
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if exact(design, effect, middle) >= wanted else (middle, high)
+    return high
+
+
+def sizes_for(design: Design, effects: Sequence[float], participants: int) -> list[int]:
+    """Sizes at which to simulate: the usual ones, the study's own, and those at which the wanted power is reached."""
+    needed = [participants_needed(design, effect) for effect in effects]
+    return sorted({*SIZES, participants, *(size for size in needed if size is not None and 2 <= size <= DRAWN)})
 
 
 def sentence(design: Design, points: Sequence[Power], effect: float, participants: int) -> str:
     """What a methods section says about it."""
     point = next(point for point in points if point.effect == effect and point.participants == participants)
-    needed = participants_needed(points, effect)
+    needed = participants_needed(design, effect)
     enough = (
-        f"80 % are reached with {needed} participants in each condition."
+        f"{100 * WANTED:.0f} % are reached with {needed} participants in each condition."
         if needed is not None
-        else f"80 % are not reached with {max(point.participants for point in points)} participants in each condition."
+        else f"{100 * WANTED:.0f} % are not reached with {MOST:,} participants in each condition."
     )
     return (
         f"Power was simulated on the nested design ({point.studies} studies; {design.episodes} episodes a participant, "

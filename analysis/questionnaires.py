@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 
-from analysis import effects
-from analysis.compare import adjust, pairs, samples, t_test
+from analysis.compare import adjust, mean_row, t_test
+from analysis.groups import Groups, pairs
 from analysis.results import Result
 
 # The published questions, in short.
@@ -41,54 +41,48 @@ def questions(answers: pl.DataFrame) -> list[str]:
     return sorted(present, key=lambda name: list(TITLES).index(name) if name in TITLES else len(TITLES))
 
 
+def of_people(answers: pl.DataFrame) -> pl.DataFrame:
+    """One row a person, question and agent with the mean of the person's answers."""
+    keys = ("participant", "condition", "question", "agent")
+    return answers.group_by(*keys, maintain_order=True).agg(pl.col("value").mean())
+
+
+def _grouped(table: pl.DataFrame) -> Groups:
+    """The answers by question (as the first key), agent and condition."""
+    return Groups(table, "value", "question")
+
+
 def means(answers: pl.DataFrame, conditions: Sequence[str], agents: Sequence[str]) -> list[Result]:
-    """Mean answer with standard error and 95 % interval for every question, agent and condition that was asked."""
+    """Mean answer with standard error and 95 % interval for every question, agent and condition that was asked; over
+    the means of people, as a person answers several times."""
+    people = _grouped(of_people(answers))
     rows = []
     for question in questions(answers):
         for agent in agents:
-            found = samples(answers, "value", conditions, question=question, agent=agent)
-            for condition, values in found.items():
-                if values.size:
-                    mean = effects.mean_interval(values)
-                    rows.append(
-                        Result(
-                            "questionnaire",
-                            "mean",
-                            "chosen",
-                            agent,
-                            condition=condition,
-                            question=question,
-                            estimate=mean.value,
-                            estimate_low=mean.low,
-                            estimate_high=mean.high,
-                            se=effects.standard_error(values),
-                            n=values.size,
-                            unit="answers",
-                            ci_level=mean.level,
-                        )
-                    )
+            found = people.at(question, agent, conditions)
+            base = Result("questionnaire", "mean", "chosen", agent, question=question, unit="people")
+            rows += [mean_row(replace(base, condition=name), values) for name, values in found.items() if values.size]
     return rows
 
 
 def tests(answers: pl.DataFrame, conditions: Sequence[str], agents: Sequence[str]) -> list[Result]:
-    """t-tests between conditions for every question and agent: over answers as published (`t_test`), and over the mean
-    of every person (`t_test_people`). Benjamini-Hochberg within the tests of one agent and kind."""
-    people = answers.group_by("participant", "condition", "question", "agent", maintain_order=True).agg(
-        pl.col("value").mean()
-    )
-    rows: list[Result] = []
+    """t-tests between conditions for every question and agent. `t_test`: over answers as published, Benjamini-Hochberg
+    within an agent. `t_test_people`: over the mean of every person, Benjamini-Hochberg over all of them."""
+    published: list[Result] = []
     for agent in agents:
-        for name, table, unit in (("t_test", answers, "answers"), ("t_test_people", people, "people")):
-            family = []
-            for question in questions(answers):
-                found = samples(table, "value", conditions, question=question, agent=agent)
-                for first, second in pairs(conditions):
-                    if not _asked(found, first, second):
-                        continue
-                    base = Result("questionnaire", name, "chosen", agent, question=question, unit=unit)
-                    base = replace(base, contrast=f"{first} - {second}")
-                    family.append(t_test(base, found[first], found[second]))
-            rows += adjust(family)
+        published += adjust(_tests(answers, conditions, agent, Result("questionnaire", "t_test", unit="answers")))
+    base, people = Result("questionnaire", "t_test_people", unit="people"), of_people(answers)
+    return published + adjust([row for agent in agents for row in _tests(people, conditions, agent, base)])
+
+
+def _tests(table: pl.DataFrame, conditions: Sequence[str], agent: str, base: Result) -> list[Result]:
+    rows, groups = [], _grouped(table)
+    for question in questions(table):
+        found = groups.at(question, agent, conditions)
+        for first, second in pairs(conditions):
+            if _asked(found, first, second):
+                row = replace(base, layout="chosen", agent=agent, question=question, contrast=f"{first} - {second}")
+                rows.append(t_test(row, found[first], found[second]))
     return rows
 
 

@@ -5,6 +5,7 @@ Puts together, computes nothing: the numbers come from study.py, the words from 
 
 import hashlib
 import math
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -17,6 +18,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from analysis import figures, names, questionnaires, wording
+from analysis.compare import repeats
 from analysis.results import Result, select, write_results
 from analysis.study import Analysis, Options, analyse, smallest_condition
 from analysis.tables import COLUMNS, LAYOUTS, Export, read_export, table_file
@@ -34,11 +36,13 @@ class Report:
     analysis: Analysis
 
 
-def write_report(folder: Path, out: Path, options: Options | None = None, study: str | None = None) -> Report:
-    """Analyses the export in `folder` and writes report.html, results.csv, quality.csv and figures/ into `out`,
-    which is made. Raises analysis.tables.ExportError."""
+def write_report(
+    folder: Path, out: Path, options: Options | None = None, study: str | None = None, version: int | None = None
+) -> Report:
+    """Analyse the export in `folder` and write report.html, results.csv, quality.csv and figures/ into `out`, which is
+    made. `study` and `version` choose from what the export holds. Raises analysis.tables.ExportError."""
     options = options or Options()
-    analysis = analyse(read_export(folder, study), options)
+    analysis = analyse(read_export(folder, study, version), options)
     out.mkdir(parents=True, exist_ok=True)
     drawn = _draw(analysis, out / "figures")
     report = Report(out / "report.html", out / "results.csv", out / "quality.csv", analysis)
@@ -71,7 +75,17 @@ def _draw(analysis: Analysis, folder: Path) -> dict[str, str]:
 
 def _main_tests(analysis: Analysis) -> list[Result]:
     contrast = " - ".join(analysis.contrast or ())
-    return select(analysis.rows, section="reward", test="t_test", contrast=contrast)
+    return select(analysis.rows, section="reward", test="t_test_people", contrast=contrast)
+
+
+def _asked(analysis: Analysis) -> list[Result]:
+    """One of the questionnaire's tests for each question and comparison, in reporting order."""
+    tests = select(analysis.rows, section="questionnaire", test="t_test_people")
+    first: dict[tuple[str, str], Result] = {}
+    for row in tests:
+        first.setdefault((row.question, row.contrast), row)
+    order = list(dict.fromkeys(row.question for row in tests))
+    return sorted(first.values(), key=lambda row: order.index(row.question))
 
 
 def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> str:
@@ -106,6 +120,10 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
         a=analysis,
         rows=rows,
         main_tests=_main_tests(analysis),
+        questionnaire_rows=_asked(analysis),
+        repeated=repeats(analysis.episodes),
+        draws=options.draws,
+        versions=versions_notice(analysis.export),
         figures={name: Markup(svg) for name, svg in drawn.items()},  # noqa: S704
         css=Markup((HERE / "report.css").read_text(encoding="utf-8")),  # noqa: S704
         findings=[Markup(text) for text in wording.findings(analysis)],  # noqa: S704
@@ -115,6 +133,17 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
         provenance=_provenance(analysis, options),
         simulated=_simulated(analysis.export),
         displays=_displays(analysis.export),
+    )
+
+
+def versions_notice(export: Export) -> str:
+    """That several versions of the study are analysed together, and how to choose one; empty if it is one."""
+    if len(export.versions) < 2:
+        return ""
+    parts = [f"version {version} ({count} participants)" for version, count in export.versions.items()]
+    return (
+        f"This data set holds several versions of the study, analysed together: {names.listed(parts)}. "
+        "To analyse one of them, add --study-version and its number."
     )
 
 
@@ -148,12 +177,28 @@ def _provenance(analysis: Analysis, options: Options) -> dict[str, str]:
         "Data set": f"sha256 {fingerprint(export.folder)[:32]}…",
         "Participants": f"{people.len()} analysed" + (f": {', '.join(arms)}" if arms else ""),
         "Study": str(export.about.get("title") or export.study),
+        "Study version": _version(export),
         "Episodes": f"{flow.get('played', 0)} played, {flow.get('analysed', 0)} analysed",
         "Software": _software(export),
         "Seed": str(options.seed),
-        "Make it again": f"kitchenmind report {export.folder.name}",
+        "Make it again": _command(export, options),
         "Made": f"{datetime.now(UTC):%d %B %Y, %H:%M} UTC",
     }
+
+
+def _version(export: Export) -> str:
+    if export.version is not None:
+        return f"{export.version} alone"
+    return ", ".join(str(version) for version in export.versions) or "not recorded"
+
+
+def _command(export: Export, options: Options) -> str:
+    """What to type for the same report."""
+    words = ["kitchenmind", "report", export.folder.name, "--study", export.study]
+    words += ["--study-version", str(export.version)] if export.version is not None else []
+    chosen = options.questionnaire_layouts
+    words += ["--questionnaire-layouts", *chosen] if chosen else []
+    return shlex.join([*words, "--seed", str(options.seed)])
 
 
 def _software(export: Export) -> str:

@@ -7,6 +7,8 @@ from pathlib import Path
 import polars as pl
 
 from analysis import accuracy, assumptions, cards, compare, exclusions, measures, mixed, power, quality, questionnaires
+from analysis import ranks as ranking
+from analysis.groups import ALL, cells
 from analysis.results import Result
 from analysis.tables import Export, ExportError
 
@@ -22,7 +24,8 @@ class Options:
     questionnaire_layouts: tuple[str, ...] = ()
     effects: tuple[float, ...] = POWER_EFFECTS  # true differences for the power curve, points
     power_studies: int = power.STUDIES  # simulated for every point of it
-    seed: int = 1
+    draws: int = ranking.DRAWS  # permutations, and bootstrap draws
+    seed: int = ranking.SEED  # all that is drawn at random comes from it
     weights: Path | None = None  # folder of checkpoints, whose cards tell the offline test
 
 
@@ -56,22 +59,17 @@ def analyse(export: Export, options: Options) -> Analysis:
     episodes = measures.analysed(every, export.participants)
     conditions = tuple(name for name in export.conditions if name in set(episodes["condition"]))
     layouts, agents = export.layouts, export.agents
-    places = compare.cells(layouts, agents)
     chosen = options.questionnaire_layouts or layouts[:QUESTIONNAIRE_LAYOUTS]
     if unknown := [name for name in chosen if name not in layouts]:
         raise ExportError(f"The export has no layout {unknown[0]}. It has: {', '.join(layouts)}.")
     answers = questionnaires.answers_on(export.answers, episodes, chosen)
     model = mixed.fit(episodes, MEASURE, conditions)
-    both = [(layout, "all") for layout in layouts] if len(agents) > 1 else []
-    with_total = compare.cells([*layouts, "all"] if len(layouts) > 1 else layouts, agents)
+    design = Design(conditions, layouts, agents, main_contrast(conditions))
     rows = [
         *exclusions.flow(export, every, episodes),
-        *compare.means(episodes, MEASURE, conditions, with_total, "reward"),
-        *compare.kruskal_wallis(episodes, MEASURE, conditions, agents),
-        *compare.anova(episodes, MEASURE, conditions, [*places, *both]),
-        *compare.pairwise(episodes, MEASURE, conditions, places),
+        *reward_rows(episodes, design, options),
         *model.rows,
-        *assumptions.check(episodes, MEASURE, conditions, places),
+        *assumptions.check(episodes, MEASURE, conditions, cells(layouts, agents)),
         *questionnaires.means(answers, conditions, agents),
         *questionnaires.tests(answers, conditions, agents),
         *accuracy.offline(_offline(export, options), layouts, agents),
@@ -83,7 +81,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         conditions,
         layouts,
         agents,
-        main_contrast(conditions),
+        design.contrast,
         tuple(chosen),
         episodes,
         quality.verdicts(every, export.answers),
@@ -91,6 +89,40 @@ def analyse(export: Export, options: Options) -> Analysis:
         tuple(powers),
         (*rows, *_power_rows(powers)),
     )
+
+
+@dataclass(frozen=True)
+class Design:
+    """What is compared, and where."""
+
+    conditions: tuple[str, ...]
+    layouts: tuple[str, ...]
+    agents: tuple[str, ...]
+    contrast: tuple[str, str] | None
+
+
+def reward_rows(episodes: pl.DataFrame, design: Design, options: Options) -> list[Result]:
+    """Means and tests of reward."""
+    conditions, layouts, agents = design.conditions, design.layouts, design.agents
+    both = [(layout, ALL) for layout in layouts] if len(agents) > 1 else []
+    with_total = cells([*layouts, ALL] if len(layouts) > 1 else layouts, agents)
+    return [
+        *compare.means(episodes, MEASURE, conditions, with_total, "reward"),
+        *compare.anova(episodes, MEASURE, conditions, [*cells(layouts, agents), *both]),
+        *reward_tests(episodes, design, options.draws, options.seed),
+    ]
+
+
+def reward_tests(episodes: pl.DataFrame, design: Design, draws: int, seed: int) -> list[Result]:
+    """The tests of reward that headlines and sentences speak of, with the published ones beside them."""
+    rows = [
+        *ranking.kruskal_wallis(episodes, MEASURE, design.conditions, design.agents, draws, seed),
+        *compare.pairwise(episodes, MEASURE, design.conditions, cells(design.layouts, design.agents)),
+    ]
+    columns = [name for name, levels in (("layout", design.layouts), ("agent", design.agents)) if len(levels) > 1]
+    if design.contrast is not None and columns:
+        rows += ranking.dependence(episodes, MEASURE, design.contrast, columns, draws, seed)
+    return rows
 
 
 def _offline(export: Export, options: Options) -> Mapping[str, object]:
@@ -116,7 +148,7 @@ def _powers(
         return []
     each = round(episodes.height / episodes["participant"].n_unique())
     design = power.Design(model.variance.person_sd, model.variance.residual_sd, each)
-    sizes = sorted({*power.SIZES, size})
+    sizes = power.sizes_for(design, options.effects, size)
     return power.curve(design, options.effects, sizes, options.power_studies, options.seed)
 
 

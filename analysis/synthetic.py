@@ -121,7 +121,8 @@ def _answers(truth: Truth, episodes: pl.DataFrame, generator: np.random.Generato
                 continue
             answer = generator.normal(leaning + truth.answer_effect.get(condition, 0.0), 1.1)
             rows.append((person, episode, question, int(np.clip(round(answer), 1, 7))))
-    return pl.DataFrame(rows, schema=["participant", "episode", "question", "value"], orient="row")
+    answers = pl.DataFrame(rows, schema=["participant", "episode", "question", "value"], orient="row")
+    return answers.with_columns(value=pl.col("value").cast(pl.String), value_type=pl.lit("number"))
 
 
 def _ticks(truth: Truth, episodes: pl.DataFrame, generator: np.random.Generator) -> pl.DataFrame:

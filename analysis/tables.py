@@ -41,7 +41,7 @@ COLUMNS = {
         "watched_seat",
         "tick_ms",
     ),
-    "answers": ("participant", "episode", "question", "value"),
+    "answers": ("participant", "episode", "question", "value", "value_type"),
     "ticks": ("episode", "timestep", "action_0", "action_1", "late", "predicted_1", "predicted_2", "predicted_3"),
     "pauses": ("episode", "reason", "duration_ms"),
     "withdrawals": ("study", "condition"),
@@ -49,6 +49,8 @@ COLUMNS = {
 TICK_COLUMNS = {*COLUMNS["ticks"], *(f"key_{time}_ms_{seat}" for time in ("client", "received") for seat in (0, 1))}
 OPTIONAL = ("pauses", "withdrawals")
 IDENTIFIERS = ("participant", "participant_0", "participant_1", "episode", "study", "condition", "layout", "status")
+# Stay text when they come from CSV, also where every one of them looks like a number ("007").
+TEXTS = (*IDENTIFIERS, "agent_0", "agent_1", "question", "value", "value_type", "kind", "reason", "excluded")
 
 
 class ExportError(ValueError):
@@ -59,9 +61,10 @@ class ExportError(ValueError):
 class Export:
     """The tables of one study, in its roles.
 
-    participants: participant, condition, status, excluded. withdrawals: condition. episodes: episode, participant,
-    condition, layout, agent, number, score, progress, status, excluded, tick_ms. answers: participant, episode,
-    question, value (numbers only). pauses: episode, reason, duration_ms. ticks: episode, timestep, person and partner
+    participants: participant, condition, status, excluded, and study_version where the export has it. withdrawals:
+    condition. episodes: episode, participant, condition, layout, agent, number, score, progress, status, excluded,
+    tick_ms. answers: participant, episode, question, value (only what was stored as a number, never text that looks
+    like one). pauses: episode, reason, duration_ms. ticks: episode, timestep, person and partner
     (actions of this timestep), predicted_1..3 (the partner's most probable actions in this timestep and the next two),
     late, and the person's key_client_ms and key_received_ms. `excluded` is the researcher's reason, empty for what is
     analysed. Tutorials and watched games are left out.
@@ -76,6 +79,15 @@ class Export:
     ticks: pl.DataFrame
     pauses: pl.DataFrame
     about: dict[str, Any] = field(default_factory=dict)  # name, title, revision, offline accuracy, ...
+    version: int | None = None  # of the study file, if one was chosen
+
+    @property
+    def versions(self) -> dict[int, int]:
+        """Number of participants by version of the study file, oldest first; empty where the export names none."""
+        if "study_version" not in self.participants.columns:
+            return {}
+        counts = self.participants["study_version"].drop_nulls().cast(pl.Int64).value_counts().sort("study_version")
+        return {int(version): int(count) for version, count in counts.iter_rows()}
 
     @property
     def conditions(self) -> tuple[str, ...]:
@@ -96,19 +108,35 @@ def in_order(values: pl.Series, known: tuple[str, ...]) -> tuple[str, ...]:
     return tuple([name for name in known if name in present] + [name for name in present if name not in known])
 
 
-def read_export(folder: Path, study: str | None = None) -> Export:
-    """The export in `folder` (tables as Parquet or CSV, also in a data/ folder below); `study` chooses where it holds
-    more than one. Raises ExportError."""
+def read_export(folder: Path, study: str | None = None, version: int | None = None) -> Export:
+    """Read the export in `folder` (tables as Parquet or CSV, also in a data/ folder below). `study` chooses one where
+    there are several, `version` one version of its file; without it all versions are read. Raises ExportError."""
     if not folder.is_dir():
         raise ExportError(f"{folder} is no folder. Give the folder that `kitchenmind export --out` wrote.")
     raw = {name: _read_table(folder, name) for name in COLUMNS}
     study = _chosen_study(raw["participants"], study)
     for name in ("participants", "withdrawals"):
         raw[name] = raw[name].filter(pl.col("study") == study)
-    return export_of(raw, folder, study)
+    if version is not None:
+        raw |= _of_version(raw, version)
+    return export_of(raw, folder, study, version)
 
 
-def export_of(raw: Mapping[str, pl.DataFrame], folder: Path, study: str) -> Export:
+def _of_version(raw: Mapping[str, pl.DataFrame], version: int) -> dict[str, pl.DataFrame]:
+    """The participants and withdrawals of one version of the study file."""
+    people = raw["participants"]
+    known = people["study_version"].drop_nulls().unique().sort().to_list() if "study_version" in people.columns else []
+    if version not in known:
+        names = ", ".join(str(name) for name in known) or "no versions at all"
+        raise ExportError(f"The export holds no version {version} of this study. It has: {names}.")
+    chosen = {"participants": people.filter(pl.col("study_version") == version)}
+    withdrawals = raw["withdrawals"]
+    if "study_version" in withdrawals.columns:
+        chosen["withdrawals"] = withdrawals.filter(pl.col("study_version").cast(pl.Int64, strict=False) == version)
+    return chosen
+
+
+def export_of(raw: Mapping[str, pl.DataFrame], folder: Path, study: str, version: int | None = None) -> Export:
     """The tables of one study, as they are exported, in its roles. `folder` tells the rest, where it has anything."""
     participants = raw["participants"]
     participants = _with_default(participants, "excluded", "").with_columns(pl.col("excluded").fill_null(""))
@@ -124,7 +152,8 @@ def export_of(raw: Mapping[str, pl.DataFrame], folder: Path, study: str) -> Expo
         _answers(raw["answers"]).join(played, on="episode", how="semi"),
         _ticks(raw["ticks"].join(played, on="episode", how="semi"), episodes),
         raw["pauses"].join(played, on="episode", how="semi"),
-        _about(folder, study) if study else {},
+        _about(folder, study, version) if study else {},
+        version,
     )
 
 
@@ -167,18 +196,27 @@ def _read_table(folder: Path, name: str) -> pl.DataFrame:
         return pl.DataFrame(schema=dict.fromkeys(COLUMNS[name], pl.String))
     if path is None:
         raise ExportError(f"{folder} has no table of {name} ({name}.csv or {name}.parquet). Export the study again.")
-    parquet = path.suffix == ".parquet"
-    lazy = pl.scan_parquet(path) if parquet else pl.scan_csv(path, infer_schema_length=None)
-    if name == "ticks":  # four million rows in a large study: only what is needed
-        present = lazy.collect_schema().names()
-        lazy = lazy.select(column for column in present if column in TICK_COLUMNS)
-    table = lazy.collect()
+    try:
+        table = _scan(path, name).collect()
+    except (pl.exceptions.PolarsError, OSError) as error:
+        why = str(error).splitlines()[0]
+        raise ExportError(f"{path} cannot be read as a table: {why}. Export the study again.") from None
     for column in COLUMNS[name]:
         if column not in table.columns:
             raise ExportError(
                 f"{path} has no column {column}. Export the study again with this version of kitchenmind."
             )
     return table.with_columns(pl.col(column).cast(pl.String) for column in IDENTIFIERS if column in table.columns)
+
+
+def _scan(path: Path, name: str) -> pl.LazyFrame:
+    """The file as a lazy table: texts stay texts, and of the ticks only what is needed (a large study has millions)."""
+    lazy = pl.scan_parquet(path) if path.suffix == ".parquet" else pl.scan_csv(path, infer_schema=False)
+    present = lazy.collect_schema().names()
+    if path.suffix != ".parquet":
+        texts = {column: pl.String for column in TEXTS if column in present}
+        lazy = pl.scan_csv(path, infer_schema_length=None, schema_overrides=texts)
+    return lazy.select(column for column in present if column in TICK_COLUMNS) if name == "ticks" else lazy
 
 
 def _with_default(table: pl.DataFrame, column: str, value: object) -> pl.DataFrame:
@@ -208,10 +246,12 @@ def _episodes(table: pl.DataFrame) -> pl.DataFrame:
 
 
 def _answers(table: pl.DataFrame) -> pl.DataFrame:
-    """Numeric answers about an episode, without attention checks: free text and instructed answers are not measures."""
+    """Answers about an episode that were stored as numbers, without attention checks. Free text is left out even where it
+    reads "10" or "nan"."""
     table = _with_default(table, "attention", None).filter(pl.col("attention").is_null())
+    numbers = table.filter(pl.col("value_type").cast(pl.String) == "number")
     value = pl.col("value").cast(pl.String).cast(pl.Float64, strict=False)
-    return table.with_columns(value).drop_nulls(["episode", "value"])
+    return numbers.with_columns(value).filter(pl.col("value").is_finite()).drop_nulls(["episode", "value"])
 
 
 def _ticks(table: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
@@ -232,13 +272,19 @@ def _ticks(table: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
     ).sort("episode", "timestep")
 
 
-def _about(folder: Path, study: str) -> dict[str, Any]:
+def _about(folder: Path, study: str, version: int | None) -> dict[str, Any]:
     """What the export says beside its tables: about.json, and `title`, `conditions` and `layouts` (names in order) of
-    the newest version of the study file, where it lies in the export."""
+    the chosen version of the study file, else of the newest one, where it lies in the export."""
     path = folder / "about.json"
-    about: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    pattern = f"studies/{study}_version-*.yaml" if re.fullmatch(r"[\w-]+", study) else ""  # never outside the folder
-    versions = sorted(folder.glob(pattern) if pattern else (), key=lambda file: (len(file.name), file.name))
+    try:
+        said = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    except ValueError as error:
+        raise ExportError(f"{path} is not valid JSON: {error}. Export the study again.") from None
+    about: dict[str, Any] = dict(said) if isinstance(said, dict) else {}
+    wanted = "*" if version is None else version
+    plain = re.fullmatch(r"[\w-]+", study)  # never outside the folder
+    files = folder.glob(f"studies/{study}_version-{wanted}.yaml") if plain else ()
+    versions = sorted(files, key=lambda file: (len(file.name), file.name))
     try:
         text = versions[-1].read_text(encoding="utf-8") if versions else "{}"
         said = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506 - texts only, as they were written

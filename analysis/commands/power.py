@@ -1,6 +1,7 @@
 """`kitchenmind power`: how many participants a study needs, by simulation on its own design."""
 
 import argparse
+import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,10 +25,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares what the verb takes."""
     parser.add_argument("source", type=Path, metavar="STUDY_OR_EXPORT", help="a study file, or the export of a pilot")
     parser.add_argument(
-        "--effect", type=float, nargs="+", required=True, metavar="POINTS", help="true differences of mean reward"
+        "--effect",
+        type=float,
+        nargs="+",
+        required=True,
+        metavar="POINTS",
+        help="true differences of mean reward; a test is two-sided, so -5 takes as many participants as 5",
     )
     parser.add_argument("--participants", type=int, help="in each condition; default: as in the export, else 29")
     parser.add_argument("--pilot", type=Path, help="export that tells how reward varies, beside a study file")
+    parser.add_argument("--study", help="which study of the export or pilot, where it holds several")
+    parser.add_argument("--study-version", type=int, metavar="N", help="which version of its study file (default: all)")
     parser.add_argument(
         "--person-sd", type=float, help="standard deviation between people, points (instead of a pilot)"
     )
@@ -47,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     except ValueError as error:
         print(f"kitchenmind power: {error}", file=sys.stderr)
         return 2
-    sizes = sorted({*power.SIZES, participants})
+    sizes = power.sizes_for(design, arguments.effect, participants)
     points = power.curve(design, arguments.effect, sizes, arguments.studies, arguments.seed)
     arguments.out.mkdir(parents=True, exist_ok=True)
     figures.save(figures.power(points, participants), arguments.out, "power")
@@ -63,11 +71,11 @@ def _design(arguments: argparse.Namespace) -> "tuple[Design, int]":
     from analysis.power import Design
 
     if arguments.source.is_dir():
-        plan = _from_export(arguments.source)
+        plan = _from_export(arguments.source, arguments)
     else:
         plan = _from_study(arguments.source)
         if arguments.pilot is not None:
-            pilot = _from_export(arguments.pilot)
+            pilot = _from_export(arguments.pilot, arguments)
             plan = Plan(plan.episodes, plan.participants, pilot.person_sd, pilot.residual_sd)
     person_sd = plan.person_sd if arguments.person_sd is None else arguments.person_sd
     residual_sd = plan.residual_sd if arguments.residual_sd is None else arguments.residual_sd
@@ -77,34 +85,40 @@ def _design(arguments: argparse.Namespace) -> "tuple[Design, int]":
             "--person-sd and --residual-sd."
         )
     participants = plan.participants if arguments.participants is None else arguments.participants
-    bounds = {
-        "--participants": participants >= 2,
-        "--studies": arguments.studies >= 1,
-        "--alpha": 0 < arguments.alpha < 1,
-        "--person-sd": person_sd >= 0,
-        "--residual-sd": residual_sd > 0,
-    }
-    for name, holds in bounds.items():
-        if not holds:
-            raise ValueError(
-                f"{name} is out of range. At least two participants, one study; alpha between 0 and 1; sd > 0."
-            )
+    _check(arguments, person_sd, residual_sd, participants)
     return Design(person_sd, residual_sd, plan.episodes, arguments.alpha), participants
 
 
-def _from_export(folder: Path) -> Plan:
+def _check(arguments: argparse.Namespace, person_sd: float, residual_sd: float, participants: int) -> None:
+    """Raise ValueError for a number that nothing can be simulated with."""
+    from analysis.power import MOST
+
+    bounds = {
+        "--effect": (all(math.isfinite(effect) for effect in arguments.effect), "Use numbers."),
+        "--participants": (2 <= participants <= MOST, f"Use 2 to {MOST:,}."),
+        "--studies": (arguments.studies >= 1, "Use at least 1."),
+        "--alpha": (0 < arguments.alpha < 1, "Use a number between 0 and 1."),
+        "--person-sd": (0 <= person_sd < math.inf, "Use 0 or more."),
+        "--residual-sd": (0 < residual_sd < math.inf, "Use a number above 0."),
+        "--seed": (arguments.seed >= 0, "Use 0 or more."),
+    }
+    for name, (holds, remedy) in bounds.items():
+        if not holds:
+            raise ValueError(f"{name} is out of range. {remedy}")
+
+
+def _from_export(folder: Path, arguments: argparse.Namespace) -> Plan:
     """How reward varied in a pilot."""
     from analysis import measures, mixed
     from analysis.study import MEASURE, smallest_condition
     from analysis.tables import read_export
 
-    export = read_export(folder)
+    export = read_export(folder, arguments.study, arguments.study_version)
     episodes = measures.analysed(measures.episode_measures(export), export.participants)
-    variance = mixed.fit(episodes, MEASURE, export.conditions).variance
+    model = mixed.fit(episodes, MEASURE, export.conditions)
+    variance = model.variance
     if variance is None:
-        raise ValueError(
-            f"{folder} holds too little: two conditions, six people and several episodes a person are needed."
-        )
+        raise ValueError(f"{folder} does not tell how reward varies: its mixed model {model.rows[0].note}.")
     each = round(episodes.height / episodes["participant"].n_unique())
     return Plan(each, smallest_condition(episodes, export.conditions), variance.person_sd, variance.residual_sd)
 

@@ -11,6 +11,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=Path("report"), help="folder to write into (default: report)")
     parser.add_argument("--study", help="which study, where the export holds several")
     parser.add_argument(
+        "--study-version", type=int, metavar="N", help="which version of the study file (default: all, and it says so)"
+    )
+    parser.add_argument(
         "--questionnaire-layouts",
         nargs="+",
         default=[],
@@ -24,21 +27,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="checkpoints whose cards tell the offline accuracy (default: the shipped ones)",
     )
-    parser.add_argument("--seed", type=int, default=1, help="of the simulated power curve (default: 1)")
+    parser.add_argument(
+        "--seed", type=int, default=1, help="of everything drawn at random: permutations, bootstrap, power (default: 1)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Writes the report; 2 with a reason for a folder that is no export."""
-    from analysis.report import write_report
+    from analysis.report import versions_notice, write_report
     from analysis.study import Options
     from analysis.tables import ExportError
 
     layouts = tuple(arguments.questionnaire_layouts)
     options = Options(questionnaire_layouts=layouts, seed=arguments.seed, weights=arguments.weights)
     try:
-        report = write_report(arguments.export, arguments.out, options, arguments.study)
+        if arguments.seed < 0:
+            raise ExportError("--seed is negative. Use 0 or more.")
+        report = write_report(arguments.export, arguments.out, options, arguments.study, arguments.study_version)
     except ExportError as error:
         print(f"kitchenmind report: {error}", file=sys.stderr)
         return 2
+    if notice := versions_notice(report.analysis.export):
+        print(f"kitchenmind report: {notice}", file=sys.stderr)
     print(f"{report.page}: {report.analysis.episodes.height} episodes analysed, {len(report.analysis.rows)} numbers")
     return 0

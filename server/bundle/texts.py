@@ -81,11 +81,13 @@ def planned_analysis(study: Study) -> dict[str, Any]:
         "agents": [agent.name for agent in study.agents],
         "questionnaire_layouts": layouts[:QUESTIONNAIRE_LAYOUTS],
         "tests": [
-            "Kruskal-Wallis over conditions, per agent",
+            "Kruskal-Wallis over conditions, per agent: conditions permuted over people, corrected over the agents "
+            "(step-down minimum p); beside it as published, over episodes",
             "analysis of variance per layout",
-            "t-tests per layout and agent, Benjamini-Hochberg",
-            "t-tests of the questionnaire on questionnaire_layouts",
-            "mixed model with participants as random effect",
+            "t-tests per layout and agent over people, Benjamini-Hochberg within each comparison of two conditions",
+            "whether main_comparison depends on layout or agent: conditions permuted over people, corrected over both",
+            "t-tests of the questionnaire on questionnaire_layouts over people, Benjamini-Hochberg over all of them",
+            "mixed model with participants as random effect: restricted maximum likelihood, Satterthwaite's degrees",
             "accuracy of the predictor with people, per layout and agent",
         ],
         "quality_rules": [

@@ -55,14 +55,9 @@ def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pa.Table]
         _a.participant_id.in_(people)
     )
     held = select(pauses.c.episode_id.label("episode"), pauses.c.reason, pauses.c.duration_ms)
+    named = ("participant", "episode", "question", "value", "value_type", "attention")
     told = [
-        {
-            "participant": row[0],
-            "episode": row[1],
-            "question": row[2],
-            "value": value_text(row[3])[0],
-            "attention": row[4],
-        }
+        dict(zip(named, (*row[:3], *value_text(row[3]), row[4]), strict=True))
         for row in connection.execute(said.order_by(_a.id))
     ]
     types = schema(codebook.TICKS.columns)

@@ -8,8 +8,9 @@ import polars as pl
 import pytest
 from scipy import optimize, stats
 
-from analysis import compare, measures, mixed, questionnaires
+from analysis import compare, measures, mixed, questionnaires, ranks
 from analysis.assumptions import check
+from analysis.groups import cells
 from analysis.results import select
 from analysis.tables import Export
 
@@ -49,10 +50,10 @@ def test_means_are_over_episodes_and_for_all_layouts_over_people() -> None:
 
 def test_kruskal_wallis_is_the_rank_formula_over_all_episodes_of_an_agent() -> None:
     episodes = study(2, effect=6)
-    row = select(compare.kruskal_wallis(episodes, "reward", CONDITIONS, AGENTS, draws=200), test="kruskal_wallis")[0]
+    row = select(ranks.kruskal_wallis(episodes, "reward", CONDITIONS, AGENTS, draws=200), test="kruskal_wallis")[0]
     groups = [values(episodes, agent="sp", condition=name) for name in CONDITIONS]
-    ranks = stats.rankdata(np.concatenate(groups)).reshape(3, 20)
-    h = 12 / (60 * 61) * sum(group.sum() ** 2 / 20 for group in ranks) - 3 * 61
+    ranked = stats.rankdata(np.concatenate(groups)).reshape(3, 20)
+    h = 12 / (60 * 61) * sum(group.sum() ** 2 / 20 for group in ranked) - 3 * 61
     assert (row.statistic, row.df, row.n) == (pytest.approx(h), 2, 60)
     assert row.p == pytest.approx(math.exp(-h / 2))  # chi-squared with two degrees of freedom
     assert row.effect == pytest.approx(h / 59)
@@ -70,7 +71,7 @@ def test_people_are_permuted_whole() -> None:
     episodes = pl.DataFrame(rows, schema=["participant", "condition", "reward"], orient="row")
     episodes = episodes.with_columns(agent=pl.lit("sp"))
     row = select(
-        compare.kruskal_wallis(episodes, "reward", CONDITIONS, ("sp",), draws=4000), test="kruskal_wallis_people"
+        ranks.kruskal_wallis(episodes, "reward", CONDITIONS, ("sp",), draws=4000), test="kruskal_wallis_people"
     )
     assert row[0].p == pytest.approx(6 / 90, abs=0.015)
 
@@ -103,9 +104,9 @@ def test_welch_anova_is_welchs_formula() -> None:
 
 def test_each_comparison_is_one_family_over_layouts_and_agents() -> None:
     episodes = study(5, effect=9)
-    rows = compare.pairwise(episodes, "reward", CONDITIONS, compare.cells(LAYOUTS, AGENTS))
+    rows = compare.pairwise(episodes, "reward", CONDITIONS, cells(LAYOUTS, AGENTS))
     family = select(rows, test="t_test", contrast="tom - none")
-    assert [row.contrast for row in rows[::4]][::2] == ["tom - none", "tom - random", "random - none"]
+    assert [row.contrast for row in rows[::4]][::3] == ["tom - none", "tom - random", "random - none"]
     by_hand = []
     for agent, layout in product(AGENTS, LAYOUTS):
         first, second = (values(episodes, layout=layout, agent=agent, condition=name) for name in ("tom", "none"))
@@ -119,9 +120,9 @@ def test_each_comparison_is_one_family_over_layouts_and_agents() -> None:
 
 def test_a_planted_effect_is_found_and_only_there(planted: Export) -> None:
     episodes = measures.analysed(measures.episode_measures(planted), planted.participants)
-    rows = compare.kruskal_wallis(episodes, "reward", CONDITIONS, AGENTS, draws=500)
+    rows = ranks.kruskal_wallis(episodes, "reward", CONDITIONS, AGENTS, draws=500)
     assert all(row.p < 0.01 for row in rows)
-    places = compare.cells(planted.layouts, planted.agents)
+    places = cells(planted.layouts, planted.agents)
     pairs = compare.pairwise(episodes, "reward", CONDITIONS, places)
     helped = select(pairs, test="t_test", contrast="tom - none")
     assert sum(row.p_adjusted < 0.05 for row in helped) >= 8
@@ -133,7 +134,7 @@ def test_without_an_effect_tests_are_significant_about_as_often_as_alpha_says() 
     p = [
         row.p
         for seed in range(60)
-        for row in compare.pairwise(study(1000 + seed), "reward", ("none", "tom"), compare.cells(LAYOUTS, AGENTS))
+        for row in compare.pairwise(study(1000 + seed), "reward", ("none", "tom"), cells(LAYOUTS, AGENTS))
         if row.test == "t_test"
     ]
     assert len(p) == 240
@@ -145,7 +146,7 @@ def test_permuting_people_keeps_alpha_where_episodes_of_a_person_are_alike() -> 
     plain, people = [], []
     for seed in range(60):
         episodes = study(2000 + seed, person_sd=25)
-        rows = compare.kruskal_wallis(episodes, "reward", CONDITIONS, ("all",), draws=99)
+        rows = ranks.kruskal_wallis(episodes, "reward", CONDITIONS, ("all",), draws=99)
         plain.append(rows[0].p < 0.05)
         people.append(rows[1].p < 0.05)
     assert np.mean(plain) > 0.2  # the published test takes 120 episodes for 120 people

@@ -10,7 +10,8 @@ from scipy import stats
 
 from analysis import effects
 from analysis.assumptions import residuals
-from analysis.compare import adjust, kruskal_h, t_test, welch_t_test
+from analysis.compare import adjust, t_test, welch_t_test
+from analysis.ranks import kruskal_h
 from analysis.results import Result
 
 # Miles per gallon of the 1974 Motor Trend cars (R: mtcars), by gearbox.

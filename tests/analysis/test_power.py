@@ -2,9 +2,11 @@
 
 import csv
 import math
+import shutil
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,18 +14,20 @@ from scipy import stats
 
 import kitchenmind
 from analysis.power import (
+    SIZES,
     Design,
-    Power,
     curve,
     found_after_correction,
     participants_needed,
     power,
     sentence,
     simulate,
+    sizes_for,
     t_test_p,
 )
 
 DESIGN = Design(person_sd=8, residual_sd=14)
+SPREAD = ("--person-sd", "8", "--residual-sd", "14")
 
 
 def exact(effect: float, size: int) -> float:
@@ -80,12 +84,33 @@ def test_the_same_seed_gives_the_same_curve_and_more_people_more_power() -> None
     assert first[0].people < first[1].people < first[2].people
 
 
-def test_participants_needed_are_read_off_the_curve() -> None:
-    points = [Power(5, 10, 0.4, 0, 0, 100), Power(5, 20, 0.7, 0, 0, 100), Power(5, 30, 0.9, 0, 0, 100)]
-    assert participants_needed(points, 5) == 25
-    assert participants_needed(points[:2], 5) is None
-    assert "25 participants in each condition" in sentence(DESIGN, points, 5, 20)
-    assert "80 % are not reached with 20" in sentence(DESIGN, points[:2], 5, 20)
+def needed_by_hand(effect: float) -> int:
+    return next(size for size in range(2, 1000) if exact(effect, size) >= 0.8)
+
+
+@pytest.mark.parametrize("effect", [3.0, 3.5, 5.0, 8.0, 40.0])
+def test_participants_needed_are_the_first_with_the_exact_power(effect: float) -> None:
+    assert participants_needed(DESIGN, effect) == participants_needed(DESIGN, -effect) == needed_by_hand(effect)
+
+
+def test_the_sentence_names_the_number_also_where_the_usual_sizes_end_before() -> None:
+    assert needed_by_hand(4.0) > max(SIZES)
+    sizes = sizes_for(DESIGN, [4.0], 20)
+    assert needed_by_hand(4.0) in sizes  # the curve reaches its goal
+    points = curve(DESIGN, [4.0], sizes, studies=20)
+    assert f"80 % are reached with {needed_by_hand(4.0)} participants" in sentence(DESIGN, points, 4.0, 20)
+    never = curve(DESIGN, [0.0], [20], studies=20)
+    assert "80 % are not reached with 100,000" in sentence(DESIGN, never, 0.0, 20)
+
+
+def test_simulated_power_at_the_needed_number_is_the_wanted_one() -> None:
+    found = power(DESIGN, 4.0, needed_by_hand(4.0), studies=4000)
+    assert found.people == pytest.approx(0.8, abs=4 * math.sqrt(0.16 / 4000) + 0.005)
+
+
+def test_a_difference_the_other_way_has_the_same_power() -> None:
+    up, down = (power(DESIGN, effect, 20, studies=1500).people for effect in (8.0, -8.0))
+    assert down == pytest.approx(up, abs=0.06)
 
 
 def test_the_verb_reads_a_study_and_a_pilot(
@@ -111,7 +136,10 @@ def test_the_verb_reads_a_study_and_a_pilot(
         ("layouts: [a]\nagents: [b]\n", [], "Give --pilot"),
         ("layouts: [a]\n", [], "needs `layouts` and `agents`"),
         ("- [", [], "is no study file"),
-        ("layouts: [a]\nagents: [b]\n", ["--person-sd", "1", "--residual-sd", "0"], "out of range"),
+        ("layouts: [a]\nagents: [b]\n", ["--person-sd", "1", "--residual-sd", "0"], "--residual-sd is out of range"),
+        ("layouts: [a]\nagents: [b]\n", [*SPREAD, "--seed", "-1"], "--seed is out of range"),
+        ("layouts: [a]\nagents: [b]\n", [*SPREAD, "--effect", "nan"], "--effect is out of range"),
+        ("layouts: [a]\nagents: [b]\n", ["--person-sd", "inf", "--residual-sd", "9"], "--person-sd is out of range"),
     ],
 )
 def test_bad_input_ends_with_status_two_and_a_remedy(
@@ -125,3 +153,30 @@ def test_bad_input_ends_with_status_two_and_a_remedy(
 def test_a_missing_study_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert kitchenmind.main(["power", str(tmp_path / "none.yaml"), "--effect", "5"]) == 2
     assert "none.yaml" in capsys.readouterr().err
+
+
+def test_a_negative_effect_is_a_difference_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "study.yaml").write_text("layouts: [a, b]\nagents: [c, d]\n")
+    words = ["power", str(tmp_path / "study.yaml"), "--effect", "-5", "5", "--studies", "50", *SPREAD]
+    assert kitchenmind.main([*words, "--out", str(tmp_path / "out")]) == 0
+    down, up = capsys.readouterr().out.splitlines()[:2]
+    assert "a true difference of -5 points" in down
+    assert down.split("80 % are reached")[1] == up.split("80 % are reached")[1]
+
+
+def test_one_of_two_studies_is_chosen_for_power(
+    planted_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "data"
+    shutil.copytree(planted_folder, folder)
+    people = pl.read_parquet(folder / "participants.parquet")
+    pilot = pl.when(pl.int_range(pl.len()) < 12).then(pl.lit("pilot")).otherwise(pl.col("study"))
+    people.with_columns(study=pilot).write_parquet(folder / "participants.parquet")
+    words = ["--effect", "10", "--studies", "50", "--out", str(tmp_path / "out")]
+    assert kitchenmind.main(["power", str(folder), *words]) == 2
+    assert "Choose one with --study: pilot, simulated" in capsys.readouterr().err
+    assert kitchenmind.main(["power", str(folder), "--study", "pilot", *words]) == 0
+    assert "with 4 participants in each condition" in capsys.readouterr().out
+    (tmp_path / "study.yaml").write_text("layouts: [a, b]\nagents: [c, d]\n")
+    words += ["--pilot", str(folder), "--study", "simulated"]
+    assert kitchenmind.main(["power", str(tmp_path / "study.yaml"), *words]) == 0
