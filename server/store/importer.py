@@ -5,7 +5,7 @@ What an export leaves out stays out: nobody can log in as an imported participan
 
 import json
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ import pyarrow.parquet
 from sqlalchemy import Connection, Table, func, select
 
 from server.play.recorder import KeyRecord, TickRecord
-from server.store import codebook, dataset, tables
+from server.store import codebook, dataset, tables, tombstones, withdrawal
 from server.store import ticks as tick_rows
 from server.store.codebook import ACTION_NAMES, STEPS
 from server.store.export import schema
@@ -31,8 +31,12 @@ class ImportRefused(ValueError):
     """The folder is no export, or the database is not empty; the text says what to do."""
 
 
-def import_export(connection: Connection, folder: Path) -> dict[str, int]:
-    """Fills an empty database from an export (Parquet where there is some, else CSV); returns rows by table.
+def import_export(
+    connection: Connection, folder: Path, withdrawn: Iterable[tombstones.Tombstone] = ()
+) -> dict[str, int]:
+    """Fills an empty database from an export (Parquet where there is some, else CSV); returns rows by table, and as
+    `left out` how many people withdrew after the export was made: by the tombstones of the database, of the export and
+    those in `withdrawn`.
 
     Raises ImportRefused, and OSError or pyarrow's errors (both ValueError or OSError) for damaged files.
     """
@@ -49,7 +53,24 @@ def import_export(connection: Connection, folder: Path) -> dict[str, int]:
     counted["ticks"] = _ticks(connection, folder)
     for name in ("pauses", "answers", "visits", "events", "exclusions"):
         counted[name] = _fill(connection, tables.metadata.tables[name], _records(folder, name))
-    return counted
+    return _without_deleted(connection, [*tombstones.read(folder), *withdrawn], counted)
+
+
+def _without_deleted(
+    connection: Connection, stones: list[tombstones.Tombstone], counted: dict[str, int]
+) -> dict[str, int]:
+    """Deletes, in the import's own transaction, who withdrew after the export was made; returns the rows that stay."""
+    stones += tombstones.every(connection)
+    people = connection.execute(select(tables.participants.c.id)).scalars().all()
+    gone = tombstones.deleted(people, stones)
+    for participant_id, at in gone.items():
+        deletion = withdrawal.Deletion("command line", "leave a withdrawn participant out of an import", at=at)
+        withdrawal.withdraw(connection, participant_id, deletion)
+    tombstones.add(connection, stones)
+    if gone:
+        stay = {name: select(func.count()).select_from(tables.metadata.tables[name]) for name in counted}
+        counted = {name: connection.execute(query).scalar_one() for name, query in stay.items()}
+    return counted | {"left out": len(gone)}
 
 
 def rows(folder: Path, table: str) -> Iterator[Record]:

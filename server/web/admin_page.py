@@ -28,6 +28,8 @@ SAID = {
     "study_resumed": "The study goes on.",
     "signed_out": "The account is signed out everywhere.",
     "removed": "The account is removed.",
+    "deleted": "The participant is deleted. The audit log says so; only the count of those who left remains.",
+    "nobody_found": "There is no participant with this id or code in this study.",
     "gone": "Nothing was done: that is over already.",
 }
 

@@ -2,9 +2,8 @@
 
 from fastapi import APIRouter, Request, Response
 
-from server.store import overview, withdrawal
-from server.study.plan import Outcome
-from server.web import walk
+from server.study.recruitment import Outcome
+from server.web import deleting, walk
 from server.web.actions import ControlDep
 from server.web.admin_auth import Tries
 from server.web.auth import forget_cookie
@@ -42,6 +41,13 @@ def _turned_away(made: Page, opened: OpenStudy, outcome: Outcome, template: str)
     return made.render(f"participant/{template}.html", code=outcome.code, back=back)
 
 
+def _codes_of_all(opened: OpenStudy) -> set[str]:
+    """The study's fixed codes, which everybody gets: they tell nobody apart."""
+    recruitment = opened.study.recruitment
+    outcomes = (recruitment.completed, recruitment.screened_out, recruitment.unpaired, recruitment.declined)
+    return {outcome.code.upper() for outcome in outcomes if outcome.code}
+
+
 @router.get("/withdraw")
 async def withdraw_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
     """Asks whether somebody really wants to leave; without the cookie, by the completion code."""
@@ -58,13 +64,13 @@ async def withdraw(
     tries, address = _tries_of(request)
     if participant is None and not tries.left(address, address):
         return made.render("participant/withdraw.html", 429, code=code, wrong="wait")
+    if participant is None and code in _codes_of_all(opened):
+        return made.render("participant/withdraw.html", 422, code=code, wrong="code_of_all")
     leaving = participant or await web.database.read(walk.by_code, web.studies, opened.study.name, code)
     if leaving is None:
         tries.fail(address, address)
         return made.render("participant/withdraw.html", 422, code=code, wrong="code_wrong")
-    played = await web.database.read(overview.played_by, leaving.id)
-    await control.end_all([one.id for one in played])  # a running game would go on writing
-    await web.database.write(withdrawal.withdraw, leaving.id)
+    await deleting.delete(web, control, leaving.id)
     gone = Page(request, web, made.language, opened.study)
     response = gone.render("participant/ended.html", kind="withdrawn", outcome=Outcome(), back=None)
     if participant is not None:
