@@ -5,8 +5,10 @@ are not counted by address, as simulated participants and the tests come from th
 """
 
 import hashlib
+import ipaddress
 import time
 from collections import OrderedDict
+from dataclasses import dataclass
 from typing import Final
 
 from fastapi import HTTPException
@@ -20,6 +22,7 @@ BURST: Final = 100.0
 ADDRESS_PER_S: Final = 100.0  # of all behind one address
 ADDRESS_BURST: Final = 2000.0
 _MOST_REMEMBERED: Final = 10_000
+_HOUR_S: Final = 3600.0
 _HERE: Final = frozenset({"127.0.0.1", "::1"})
 
 
@@ -39,12 +42,99 @@ class Rates:
         return budget.spend(now)
 
 
+@dataclass
+class TurnedAway:
+    """How many were turned away in a study, and when the last one was, in seconds of the monotonic clock."""
+
+    people: int = 0
+    last_s: float = 0.0
+
+
+@dataclass
+class _Reservation:
+    """A place that was taken from a budget; `waiting`: how many requests with the same page are on their way."""
+
+    budget: Budget
+    waiting: int = 1
+    used: bool = False
+
+
+class NewPlaces:
+    """How many new participants an address may bring. `an_hour` 0: any number.
+
+    `counts_local`: whether this machine counts as an address; it does where other people's requests come through it.
+    """
+
+    def __init__(self, an_hour: int = 0, counts_local: bool = False) -> None:
+        self.an_hour = an_hour
+        self._counts_local = counts_local
+        self._budgets: OrderedDict[str, Budget] = OrderedDict()
+        self._reserved: dict[str, _Reservation] = {}  # by page, while its participant is being stored
+        self._turned_away: dict[str, TurnedAway] = {}
+
+    def reserve(self, address: str, study: str, page: str) -> bool:
+        """Take one of the address's places before anything is awaited; False if none is left. `settle` ends it.
+
+        `page`: the consent page that was sent; sent twice at once, it takes one place.
+        """
+        if not self.an_hour or (address in _HERE and not self._counts_local):
+            return True
+        if page in self._reserved:
+            self._reserved[page].waiting += 1
+            return True
+        now = time.monotonic()
+        budget = self._budgets.setdefault(address, Budget(now, 1.0, self.an_hour / _HOUR_S, float(self.an_hour)))
+        self._budgets.move_to_end(address)
+        if len(self._budgets) > _MOST_REMEMBERED:
+            self._budgets.popitem(last=False)
+        if budget.spend(now):
+            self._reserved[page] = _Reservation(budget)
+            return True
+        turned = self._turned_away.setdefault(study, TurnedAway())
+        turned.people, turned.last_s = turned.people + 1, now
+        return False
+
+    def settle(self, page: str, used: bool) -> None:
+        """Give the reserved place back unless somebody new came of it."""
+        reservation = self._reserved.get(page)
+        if reservation is None:
+            return
+        reservation.waiting -= 1
+        reservation.used |= used
+        if reservation.waiting == 0:
+            del self._reserved[page]
+            if not reservation.used:
+                reservation.budget.refund()
+
+    def turned_away(self, study: str) -> int:
+        """Return how many were turned away lately; 0 once an hour has passed without one."""
+        turned = self._turned_away.get(study)
+        if turned is None or time.monotonic() - turned.last_s > _HOUR_S:
+            self._turned_away.pop(study, None)
+            return 0
+        return turned.people
+
+
+def address_of(connection: HTTPConnection) -> str:
+    """Return whose budget a request counts for: an IPv4 address, or the /64 that a household has of IPv6."""
+    host = connection.client.host if connection.client else "?"
+    try:
+        address = ipaddress.ip_address(host.partition("%")[0])
+    except ValueError:
+        return host
+    if isinstance(address, ipaddress.IPv4Address) or address.is_loopback:
+        return str(address)
+    if address.ipv4_mapped is not None:
+        return str(address.ipv4_mapped)
+    return str(ipaddress.ip_network((address, 64), strict=False))
+
+
 async def keep_to_the_rate(connection: HTTPConnection) -> None:
     """For every route. Answers 429 to whoever asks too often; sockets have budgets of their own."""
     if connection.scope["type"] != "http":
         return
     rates: Rates = connection.app.state.rates
-    address, token = connection.client.host if connection.client else "?", token_of(connection)
+    address, token = address_of(connection), token_of(connection)
     allowed = address in _HERE or rates.spend(f"address {address}", ADDRESS_PER_S, ADDRESS_BURST)
     if token is not None:
         who = hashlib.sha256(token.encode()).hexdigest()

@@ -56,7 +56,7 @@ function focusOn(field) {
 }
 
 function save() {
-  const draft = [...new FormData(form)].filter(([name]) => name !== 'step' && name !== 'form_token');
+  const draft = [...new FormData(form)].filter(([name]) => !['step', 'attempt', 'form_token'].includes(name));
   sessionStorage.setItem(draftKey, JSON.stringify(draft));
 }
 
