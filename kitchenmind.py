@@ -16,6 +16,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "serve": ("server.commands.serve", "serve a study"),
     "doctor": ("server.commands.doctor", "is this machine ready to serve? port, disk, TLS, secret, database, weights"),
     "admin": ("server.commands.admin", "make researchers' accounts for the dashboard"),
+    "person": ("server.commands.person", "find or delete one participant on request"),
     "study": ("server.commands.study", "make or check a study file"),
     "bundle": ("server.commands.bundle", "put all that a study is into one archive, to be registered before it begins"),
     "export": ("server.commands.export", "write a study's data as CSV and Parquet"),

@@ -246,8 +246,8 @@ def _episodes(table: pl.DataFrame) -> pl.DataFrame:
 
 
 def _answers(table: pl.DataFrame) -> pl.DataFrame:
-    """Answers about an episode that were stored as numbers, without attention checks. Free text is left out even where it
-    reads "10" or "nan"."""
+    """Answers about an episode that were stored as numbers, without attention checks. Free text is left out even where
+    it reads "10" or "nan"."""
     table = _with_default(table, "attention", None).filter(pl.col("attention").is_null())
     numbers = table.filter(pl.col("value_type").cast(pl.String) == "number")
     value = pl.col("value").cast(pl.String).cast(pl.Float64, strict=False)

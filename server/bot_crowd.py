@@ -1,6 +1,7 @@
 """N simulated participants at one server: who comes when, who gives up, and what came of it. Starts no server."""
 
 import asyncio
+import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -35,6 +36,7 @@ class Crowd:
     dropout: float = 0.0
     seed: int = 0
     troubles: tuple[Trouble, ...] = ()  # what happens to everybody in every game, on purpose
+    secret: str = ""  # of the server, to which they prove with it that they are bots
 
 
 @dataclass
@@ -147,7 +149,7 @@ def _habits(crowd: Crowd, number: int) -> Habits:
         pages = len(steps(crowd.study, crowd.study.conditions[0].name, 0)) - 1
     drop_after = chance.randrange(pages) if chance.random() < crowd.dropout else None
     known = dict(_right_answers(crowd.study)) if crowd.study is not None else {}
-    return Habits(known, drop_after, arrival=_arrival(crowd, number), troubles=crowd.troubles)
+    return Habits(known, drop_after, arrival=_arrival(crowd, number), troubles=crowd.troubles, secret=crowd.secret)
 
 
 def _right_answers(study: Study) -> Iterator[tuple[str, str]]:
@@ -164,5 +166,12 @@ def _arrival(crowd: Crowd, number: int) -> str:
     parameter = crowd.study.recruitment.person_parameter if crowd.study is not None else None
     if crowd.study is None or parameter is None:
         return ""
-    values: Mapping[str, Any] = {parameter: f"bot-{crowd.seed}-{number}"}
+    values: Mapping[str, Any] = {parameter: _person(crowd.study, f"bot-{crowd.seed}-{number}")}
     return "?" + urlencode(dict(values) | dict.fromkeys(crowd.study.recruitment.extra_parameters, "simulated"))
+
+
+def _person(study: Study, name: str) -> str:
+    """An id as the recruiter's look, the same for the same name."""
+    digest = hashlib.sha256(name.encode()).hexdigest()
+    candidates = (name, digest[:24], f"A{digest[:13].upper()}", str(int(digest[:8], 16)))
+    return next((one for one in candidates if study.recruitment.person_of(one) is not None), name)

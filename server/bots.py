@@ -13,6 +13,7 @@ import httpx
 from server.bot_answers import Field, Fields, Respondent
 from server.bot_cook import Traits
 from server.bot_game import BotGame, GameDropped, Journal, Trouble
+from server.web.auth import BOT_MARK, bot_mark
 
 MOST_PAGES: Final = 200
 _RELOADS_A_PAGE: Final = 0.05
@@ -72,6 +73,7 @@ class Habits:
     troubles: tuple[Trouble, ...] = ()  # what happens to it in every game, on purpose
     arrival: str = ""  # the recruitment parameters of the link
     simulated: bool = True
+    secret: str = ""  # of a public server, which believes nobody else that a bot comes
 
 
 class Bot:
@@ -139,9 +141,11 @@ class Bot:
         fields = page.form(f"/s/{self._study}/consent")
         if fields is None:
             raise RuntimeError("the consent page has no form")
-        extra = {"simulated": "yes"} if self._habits.simulated else {}
         filled = self._respondent.fill(fields, None, frozenset())
-        return await self._post(f"/s/{self._study}/consent", filled | extra)
+        secret, visit = self._habits.secret, str(filled.get("visit", ""))
+        if self._habits.simulated:
+            filled |= {"simulated": "yes", BOT_MARK: bot_mark(secret.encode(), visit) if secret else ""}
+        return await self._post(f"/s/{self._study}/consent", filled)
 
     async def _play(self, gives_up: bool) -> Page:
         self.journal.pages.append("game")

@@ -46,7 +46,7 @@ from server.web.guessing import Hashing
 from server.web.headers import SecurityHeaders
 from server.web.health import Commits, figures_of
 from server.web.live import Live
-from server.web.rates import Rates, keep_to_the_rate
+from server.web.rates import NewPlaces, Rates, keep_to_the_rate
 from server.web.seats import Seats
 from server.web.socket import Sockets
 from server.web.studies import Studies
@@ -107,7 +107,9 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
         studies = await Studies.opened(database, files)
         await starting
         app.state.models = models
-        app.state.web = Web(database, studies, app.state.guard, templates())
+        production = settings.mode == "production"
+        places = NewPlaces(settings.new_per_address, counts_local=production)
+        app.state.web = Web(database, studies, app.state.guard, templates(), places, production)
         member = await _member(settings, files, stack) if several else None
         app.state.games = _games(settings, database, models, member)
         stack.push_async_callback(app.state.games.stop)

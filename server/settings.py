@@ -50,6 +50,9 @@ class Settings(BaseSettings):
     """How browsers reach the server, e.g. https://lab.example.org. Empty: as they ask for it."""
     trusted_proxies: str = "127.0.0.1"
     """Addresses of the TLS proxy in front, whose X-Forwarded headers are believed."""
+    new_per_address: int = Field(default=10, ge=0, le=100_000)
+    """New participants that one address may bring in an hour; 0: any number. A lab or class behind one address needs
+    more. In local mode this machine itself is not counted."""
     workers: int = Field(default=1, ge=1, le=64)
     """Server processes. More than one needs PostgreSQL and Redis."""
     redis: SecretStr | None = None

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import sys
 import tempfile
 import time
@@ -9,6 +10,7 @@ from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
 
 if TYPE_CHECKING:
     from server.bot_crowd import Crowd, Outcome
@@ -66,12 +68,25 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ValueError(
             f"--url {arguments.url} is no address. Give it as the browser shows it: http://127.0.0.1:8000."
         )
+    if arguments.url and not _is_local(arguments.url) and not _secret():
+        raise ValueError(
+            f"{arguments.url} would take the bots for people. Give them the server's secret: set KITCHENMIND_SECRET."
+        )
     if arguments.url and arguments.faults:
         raise ValueError("--faults kills the server: it needs one of its own. Leave out --url.")
     if arguments.database:
         from server.store.engines import normal_url
 
         normal_url(arguments.database)
+
+
+def _is_local(url: str) -> bool:
+    return urlsplit(url).hostname in ("127.0.0.1", "::1", "localhost")
+
+
+def _secret() -> str:
+    """The server's secret, by which a public server believes that a bot is one."""
+    return os.environ.get("KITCHENMIND_SECRET", "")
 
 
 def _simulate(arguments: argparse.Namespace) -> "Outcome":
@@ -131,14 +146,17 @@ def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
     from server.study_check import missing_problems
 
     if arguments.url and not arguments.study:
-        return Crowd(arguments.number, _offered(arguments.url), None, arguments.dropout, arguments.seed)
+        return Crowd(
+            arguments.number, _offered(arguments.url), None, arguments.dropout, arguments.seed, secret=_secret()
+        )
     file = load_study(study_file)
     if not arguments.url:
         missing = [file.describe(problem) for problem in missing_problems(file, cast_of([file]))]
         if missing:
             raise StudyError(missing)
     study = file.study
-    return Crowd(arguments.number, study.name, study, arguments.dropout, arguments.seed)
+    secret = _secret() if arguments.url else ""
+    return Crowd(arguments.number, study.name, study, arguments.dropout, arguments.seed, secret=secret)
 
 
 def _offered(url: str) -> str:

@@ -3,12 +3,24 @@
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from server.store.tombstones import Tombstone
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, metavar="DIR", help="what `kitchenmind export --out DIR` wrote")
     parser.add_argument(
         "--database", required=True, metavar="URL", help="a new database: sqlite:///path or postgresql://..."
+    )
+    parser.add_argument(
+        "--withdrawn",
+        action="append",
+        default=[],
+        metavar="SOURCE",
+        help="also leave out who withdrew according to this database or newer export; may be given several times "
+        "(the server's own database is asked in any case)",
     )
 
 
@@ -20,14 +32,43 @@ def run(arguments: argparse.Namespace) -> int:
     from server.store.migrate import DatabaseTooNew, migrate
 
     try:
+        withdrawn = _withdrawn(arguments)
         migrate(arguments.database)
         with Database(arguments.database) as database:
-            counted = database.write_now(import_export, arguments.folder)
+            counted = database.write_now(import_export, arguments.folder, withdrawn)
     except (ValueError, KeyError, OSError, DatabaseTooNew) as error:
         sys.stderr.write(f"kitchenmind import: {error}\n")
         return 2
     except DatabaseDown as error:
         sys.stderr.write(f"kitchenmind import: {error}\n")
         return 1
+    left_out = counted.pop("left out")
     sys.stdout.write(", ".join(f"{count} {name}" for name, count in counted.items()) + "\n")
+    if left_out:
+        people = "1 person who" if left_out == 1 else f"{left_out} people who"
+        sys.stdout.write(f"left out: {people} withdrew after this export was made\n")
     return 0
+
+
+def _withdrawn(arguments: argparse.Namespace) -> "list[Tombstone]":
+    """Who withdrew, as far as the server's own database and the sources that were named know. Raises ValueError."""
+    from server.commands.databases import open_stored
+    from server.store import tombstones
+
+    found = []
+    for source in arguments.withdrawn:
+        if "://" not in source and Path(source).is_dir():
+            found += tombstones.read(Path(source))
+        else:
+            with open_stored(source) as database:
+                found += database.read_now(tombstones.every)
+    try:
+        with open_stored(None) as database:
+            found += database.read_now(tombstones.every)
+    except ValueError as error:
+        if not arguments.withdrawn:
+            sys.stderr.write(
+                f"kitchenmind import: the server's database was not asked who withdrew ({error}). If people withdrew "
+                "after this export was made, name the database or a newer export with --withdrawn.\n"
+            )
+    return found

@@ -25,3 +25,7 @@ class Budget:
             return False
         self._tokens -= 1
         return True
+
+    def refund(self) -> None:
+        """Give one message's worth back: it was taken and not used."""
+        self._tokens = min(self._burst, self._tokens + 1)

@@ -217,7 +217,8 @@ The study files, word for word:
 
 The data are pseudonymous: ids are random, and recruiters' ids are not in here. Texts that people wrote themselves, and
 the fact that somebody took part at a certain time, can still point to a person: handle them accordingly. People who
-withdrew are not in the data; `studies.withdrawn` and `withdrawals` count them.
+withdrew are not in the data; `studies.withdrawn` and `withdrawals` count them. `withdrawn.json` has salted hashes of
+their random ids: `kitchenmind import` leaves these people out of an older export, and so should you.
 
 Written by kitchenmind {version}.
 """

@@ -32,8 +32,8 @@ _CONNECTING: Final = {
 CHECKPOINT_PAGES = 16_000  # 64 MB: a checkpoint holds up commits, so it should come seldom
 CACHE_KIB = 64 * 1024
 _ADVISORY_LOCK = 0x6B69_7463_6865_6E01  # any constant will do, as long as it never changes
-_TURN_LOCK = 0x6B69_7463_6865_6E02
-_OVERWRITE = "overwrite deleted content"
+TURN_LOCK = 0x6B69_7463_6865_6E02
+OVERWRITE = "overwrite deleted content"
 ONE_WRITER = "SQLite takes one writing process: several need PostgreSQL."
 _ADDRESSES = "Use sqlite:///file.db or postgresql://user@host/name."
 _SQLITE_DOWN = {
@@ -186,7 +186,7 @@ def _sqlite_settings(engine: Engine, begin: str, *pragmas: str) -> None:
 
 def overwrite_deleted(connection: Connection) -> None:
     """After this transaction, what was deleted leaves SQLite's write-ahead log too (Writer.transaction does it)."""
-    connection.info[_OVERWRITE] = True
+    connection.info[OVERWRITE] = True
 
 
 class Writer:
@@ -224,10 +224,10 @@ class Writer:
         try:
             with connection.begin():
                 if self._in_turn:
-                    connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": _TURN_LOCK})
+                    connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": TURN_LOCK})
                 yield connection
-            if connection.info.get(_OVERWRITE) and not self._postgres:
-                _empty_log(connection)
+            if connection.info.get(OVERWRITE) and not self._postgres:
+                empty_log(connection)
         except BaseException as error:
             if is_down(error):
                 self._disconnect()
@@ -284,13 +284,13 @@ def encoding_problem(connection: Connection) -> str:
     return f"the database {name} keeps text as {encoding}, so not every name or answer could be stored. {remedy}"
 
 
-def _empty_log(connection: Connection) -> None:
+def empty_log(connection: Connection) -> None:
     """Folds the log into the file and cuts it to nothing. While somebody reads an older state it cannot: next time."""
     driver: Any = connection.connection.driver_connection
     driver.execute("PRAGMA busy_timeout=0").close()
     busy, _, _ = driver.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
     driver.execute(f"PRAGMA busy_timeout={BUSY_TIMEOUT_S * 1000}").close()
-    connection.info[_OVERWRITE] = bool(busy)
+    connection.info[OVERWRITE] = bool(busy)
 
 
 def _lock_file(url: URL) -> IO[str]:

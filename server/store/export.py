@@ -12,7 +12,7 @@ from typing import Any
 import pyarrow as pa
 from sqlalchemy import Connection
 
-from server.store import codebook, dataset, exported, exported_ticks, private_files, studies
+from server.store import codebook, dataset, exported, exported_ticks, private_files, studies, tombstones
 from server.store.codebook import Column, ExportTable
 from server.store.export_files import TABLE_FORMATS, Writer
 from server.store.exported import Rows, Selection
@@ -79,6 +79,7 @@ def export(
 
             summary.rows[trajectories.FOLDER] = trajectories.write(chosen, making)
         dataset.write_about(making, versions, summary.columns, formats)
+        tombstones.write(making, tombstones.every(connection))
         making.replace(out)
     except BaseException:
         shutil.rmtree(making, ignore_errors=True)

@@ -5,7 +5,7 @@ What an export leaves out stays out: nobody can log in as an imported participan
 
 import json
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from sqlalchemy import Connection, Table, func, select
 from sqlalchemy.exc import DBAPIError
 
 from server.play.recorder import KeyRecord, TickRecord
-from server.store import codebook, dataset, tables
+from server.store import codebook, dataset, tables, tombstones, withdrawal
 from server.store import ticks as tick_rows
 from server.store.codebook import ACTION_NAMES, STEPS
 from server.store.engines import is_down
@@ -31,8 +31,12 @@ IMPORTED = "imported"  # stands for the researchers, whose names are not in an e
 _RENAMED = {"step": "step_key", "question": "question_key", "episode": "episode_id", "participant": "participant_id"}
 
 
-def import_export(connection: Connection, folder: Path) -> dict[str, int]:
-    """Fill an empty database from an export (Parquet where there is some, else CSV); return rows by table.
+def import_export(
+    connection: Connection, folder: Path, withdrawn: Iterable[tombstones.Tombstone] = ()
+) -> dict[str, int]:
+    """Fill an empty database from an export (Parquet where there is some, else CSV); return rows by table, and as
+    `left out` how many people withdrew after the export was made: by the tombstones of the database, of the export and
+    those in `withdrawn`.
 
     Raises ImportRefused for a folder that cannot be trusted or is damaged, OSError.
     """
@@ -42,7 +46,7 @@ def import_export(connection: Connection, folder: Path) -> dict[str, int]:
         raise ImportRefused("the database is not empty. Import into a new one.")
     check_files(folder)
     try:
-        return _import_tables(connection, folder)
+        return _import_tables(connection, folder, withdrawn)
     except DBAPIError as error:
         if is_down(error):
             raise
@@ -52,7 +56,7 @@ def import_export(connection: Connection, folder: Path) -> dict[str, int]:
     raise ImportRefused(f"{folder} is damaged ({reason}). Export the study again.")
 
 
-def _import_tables(connection: Connection, folder: Path) -> dict[str, int]:
+def _import_tables(connection: Connection, folder: Path, withdrawn: Iterable[tombstones.Tombstone]) -> dict[str, int]:
     studies = _studies(connection, folder)
     counted = {"studies": len(studies)}
     counted["arrivals"] = _fill(connection, tables.arrivals, _of_study(folder, "arrivals", studies))
@@ -62,7 +66,24 @@ def _import_tables(connection: Connection, folder: Path) -> dict[str, int]:
     counted["ticks"] = _ticks(connection, folder)
     for name in ("pauses", "answers", "visits", "events", "exclusions"):
         counted[name] = _fill(connection, tables.metadata.tables[name], _records(folder, name))
-    return counted
+    return _without_deleted(connection, [*tombstones.read(folder), *withdrawn], counted)
+
+
+def _without_deleted(
+    connection: Connection, stones: list[tombstones.Tombstone], counted: dict[str, int]
+) -> dict[str, int]:
+    """Deletes, in the import's own transaction, who withdrew after the export was made; returns the rows that stay."""
+    stones += tombstones.every(connection)
+    people = connection.execute(select(tables.participants.c.id)).scalars().all()
+    gone = tombstones.deleted(people, stones)
+    for participant_id, at in gone.items():
+        deletion = withdrawal.Deletion("command line", "leave a withdrawn participant out of an import", at=at)
+        withdrawal.withdraw(connection, participant_id, deletion)
+    tombstones.add(connection, stones)
+    if gone:
+        stay = {name: select(func.count()).select_from(tables.metadata.tables[name]) for name in counted}
+        counted = {name: connection.execute(query).scalar_one() for name, query in stay.items()}
+    return counted | {"left out": len(gone)}
 
 
 def rows(folder: Path, table: str) -> Iterator[Record]:

@@ -2,14 +2,14 @@
 
 import hashlib
 import secrets
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, and_, func, select, update
+from sqlalchemy import ColumnElement, Connection, and_, exists, func, or_, select, update
 
-from server.store.tables import RECRUITMENT_ID, participants, personal, studies, withdrawals
+from server.store.tables import RECRUITMENT_ID, episodes, participants, personal, studies, withdrawals
 
 Counts = dict[str, dict[str, int]]
 
@@ -110,6 +110,14 @@ def personal_of(connection: Connection, participant_id: str) -> dict[str, str]:
     return {row.key: row.value for row in connection.execute(query)}
 
 
+def renew_personal(connection: Connection, participant_id: str, study_id: int, facts: Mapping[str, str]) -> None:
+    """Replace what is known about the person by newer facts; keys that are not among them stay as they are."""
+    for key, value in facts.items():
+        here = (personal.c.participant_id == participant_id, personal.c.key == key)
+        if not connection.execute(update(personal).where(*here).values(value=value)).rowcount:
+            add_personal(connection, participant_id, study_id, key, value)
+
+
 def get(connection: Connection, participant_id: str) -> Participant | None:
     """The participant with this id."""
     return _one(connection, participants.c.id == participant_id)
@@ -131,6 +139,19 @@ def by_recruitment_id(connection: Connection, study_id: int, recruitment_id: str
 def by_code(connection: Connection, study_id: int, code: str) -> Participant | None:
     """The participant of a study version who was given this completion code."""
     return _one(connection, and_(participants.c.study_id == study_id, participants.c.completion_code == code))
+
+
+def find(connection: Connection, study_ids: Sequence[int], word: str) -> Participant | None:
+    """Return the participant of these study versions with this id, completion code or recruiter's id."""
+    person = select(personal.c.participant_id).where(
+        personal.c.study_id.in_(study_ids), personal.c.key == RECRUITMENT_ID, personal.c.value.in_({word, word.lower()})
+    )
+    named = or_(
+        participants.c.id == word.lower(), participants.c.completion_code == word.upper(), participants.c.id.in_(person)
+    )
+    query = select(*_COLUMNS).where(participants.c.study_id.in_(study_ids), named).order_by(participants.c.id)
+    row = connection.execute(query).first() if word else None
+    return Participant(**row._mapping) if row else None
 
 
 def of_study(connection: Connection, study_id: int) -> list[Participant]:
@@ -190,6 +211,36 @@ def time_out(connection: Connection, study_id: int, before: datetime) -> int:
         participants.c.study_id == study_id, participants.c.status == "active", participants.c.last_seen_at < before
     )
     return connection.execute(query.values(status="timed_out")).rowcount
+
+
+def silent(connection: Connection, study_ids: Sequence[int], before: datetime) -> dict[str, int]:
+    """Count, by condition, the active who consented before the moment and have done nothing since.
+
+    Something done: a page sent, or a game begun.
+    """
+    query = select(participants.c.condition, func.count()).where(
+        participants.c.study_id.in_(study_ids), participants.c.started_at < before, _idle()
+    )
+    return {row[0]: row[1] for row in connection.execute(query.group_by(participants.c.condition))}
+
+
+def consented_since(connection: Connection, study_ids: Sequence[int], since: datetime, until: datetime) -> list[int]:
+    """Count those who consented between the two moments: all, and those of them who have done nothing since."""
+    new = select(func.count()).where(participants.c.study_id.in_(study_ids))
+    new = new.where(participants.c.started_at >= since, participants.c.started_at < until)
+    return [int(connection.execute(query).scalar_one()) for query in (new, new.where(_idle()))]
+
+
+def is_silent(connection: Connection, participant_id: str) -> bool:
+    """Whether the participant is active and has done nothing since consent."""
+    query = select(participants.c.id).where(participants.c.id == participant_id, _idle())
+    return connection.execute(query).first() is not None
+
+
+def _idle() -> ColumnElement[bool]:
+    played = or_(episodes.c.participant_0 == participants.c.id, episodes.c.participant_1 == participants.c.id)
+    begun = exists().where(played, episodes.c.started_at.is_not(None)).correlate(participants)
+    return and_(participants.c.status == "active", participants.c.position == 0, ~begun)
 
 
 def set_language(connection: Connection, participant_id: str, language: str) -> None:

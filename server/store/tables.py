@@ -126,6 +126,14 @@ withdrawals = Table(
     time("withdrawn_at", "When. All else about the participant is deleted."),
 )
 
+tombstones = Table(
+    "tombstones",
+    metadata,
+    column("hash", _Sha256, primary_key=True, meaning="HMAC-SHA-256 of a deleted person's id, keyed with the salt."),
+    column("salt", String(32), meaning="Random. Only who has an older copy of the data can say whose hash it is."),
+    time("deleted_at", "When. An import leaves the participant out of older exports."),
+)
+
 episodes = Table(
     "episodes",
     metadata,

@@ -1,10 +1,13 @@
 """A participant withdraws: everything about the person is deleted, and that somebody withdrew is all that is kept."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from typing import Any
 
 from sqlalchemy import Connection, delete, or_, select, update
 
-from server.store import audit, engines
+from server.store import audit, engines, tombstones
 from server.store.tables import (
     answers,
     episodes,
@@ -19,8 +22,20 @@ from server.store.tables import (
 )
 
 
-def withdraw(connection: Connection, participant_id: str) -> bool:
+@dataclass(frozen=True)
+class Deletion:
+    """Who deletes a participant, for the audit log; `detail` must not name the person. `at`: when the person
+    was deleted before, by a tombstone that is there already."""
+
+    actor: str = "participant"
+    action: str = "withdraw"
+    detail: Mapping[str, Any] = field(default_factory=dict)
+    at: datetime | None = None
+
+
+def withdraw(connection: Connection, participant_id: str, deletion: Deletion | None = None) -> bool:
     """Deletes the participant from every table; False if there is none. What counts later: condition, step and time.
+    A tombstone stays, so that an older export does not bring the person back.
 
     Episodes go with their ticks, also those played with another participant. On SQLite the deleted content is
     overwritten in the file; on PostgreSQL it is gone from the files after the next VACUUM.
@@ -38,9 +53,13 @@ def withdraw(connection: Connection, participant_id: str) -> bool:
         connection.execute(delete(table).where(table.c.participant_id == participant_id))
     connection.execute(delete(participants).where(here))
     audit.forget(connection, participant_id)
+    deletion = deletion or Deletion()
+    at = deletion.at or datetime.now(UTC)
     kept = {"study_id": row.study_id, "condition": row.condition, "position": row.position}
-    connection.execute(withdrawals.insert().values(withdrawn_at=datetime.now(UTC), **kept))
-    audit.add(connection, "participant", "withdraw", {"study": row.study_id})
+    connection.execute(withdrawals.insert().values(withdrawn_at=at, **kept))
+    if deletion.at is None:
+        tombstones.keep(connection, participant_id, at)
+    audit.add(connection, deletion.actor, deletion.action, {"study": row.study_id} | dict(deletion.detail))
     engines.overwrite_deleted(connection)
     return True
 

@@ -7,48 +7,13 @@ from pydantic import BeforeValidator, Field
 from server.study.locale import languages, locale
 from server.study.part import Part
 from server.study.questionnaire import AnyQuestion, Key, Questionnaire
+from server.study.recruitment import Recruitment
 from server.study.text import Text
 
 Lesson = Literal["walk", "fetch", "fill", "wait", "plate", "deliver", "marks"]
 LESSONS: tuple[Lesson, ...] = ("walk", "fetch", "fill", "wait", "plate", "deliver", "marks")
 # Entries of `flow` that need no block of their own.
 FIXED_PAGES = ("introduction", "quiz", "tutorial", "episodes", "thanks")
-
-
-class Outcome(Part):
-    """What somebody gets who leaves the study in one of its ways."""
-
-    code: Annotated[str, Field(pattern=r"^[A-Za-z0-9-]{4,40}$")] | None = None
-    """A fixed code, as Prolific wants it. Empty: everybody who finishes gets their own."""
-    url: Annotated[str, Field(pattern=r"^https://[A-Za-z0-9.-]+(:\d+)?(/.*)?$")] | None = None
-    """Where the last page leads. {code}, {person} and the names of `recruitment.extra` are filled in."""
-
-
-class Recruitment(Part):
-    """Where participants come from: the parameters of their link, and what they carry back."""
-
-    source: Literal["none", "prolific", "mturk", "sona"] = "none"
-    person: str | None = None
-    """The link's parameter that names the person. Empty: the source's usual one."""
-    extra: tuple[str, ...] | None = None
-    """Further parameters that are kept. Empty: the source's usual ones."""
-    required: bool = False
-    """Refuse a link without the person's parameter."""
-    completed: Outcome = Outcome()
-    screened_out: Outcome = Outcome()
-    unpaired: Outcome = Outcome()
-    """For those who waited for another person in vain, where `waiting_room.fallback` is `leave`."""
-    declined: Outcome = Outcome()
-
-    @property
-    def person_parameter(self) -> str | None:
-        usual = {"none": None, "prolific": "PROLIFIC_PID", "mturk": "workerId", "sona": "survey_code"}
-        return self.person or usual[self.source]
-
-    @property
-    def extra_parameters(self) -> tuple[str, ...]:
-        usual = {"prolific": ("STUDY_ID", "SESSION_ID"), "mturk": ("assignmentId", "hitId", "turkSubmitTo")}
-        return usual.get(self.source, ()) if self.extra is None else self.extra
 
 
 class Condition(Part):
@@ -251,6 +216,8 @@ class Study(Part):
     duration_min: Annotated[int, Field(ge=1, le=600)]
     timeout_min: Annotated[int, Field(ge=1)] = 120
     """Somebody who was not seen for so long no longer holds a place in a condition."""
+    hold_min: Annotated[int, Field(ge=1)] = 10
+    """A place is held for so long after consent; from the first page sent or game begun on, `timeout_min` counts."""
     contact: Text | None = None
     recruitment: Recruitment = Recruitment()
     entry: EntryChecks = EntryChecks()

@@ -6,10 +6,11 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
-from server.store import audit, decisions, overview, participants
+from server.store import audit, decisions, overview, participants, withdrawal
 from server.store.admins import AdminSession
 from server.store.overview import Person, Played
 from server.study.loader import StudyError
+from server.web import deleting
 from server.web.admin_auth import ActDep, AdminFormDep
 from server.web.admin_page import back_to, own_path, study_at
 from server.web.deps import Web, WebDep
@@ -132,7 +133,9 @@ async def step_in(
 async def decide(
     deed: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep, person: PersonDep
 ) -> Response:
-    """Excludes a participant, takes an exclusion back, frees the place, or gives more time to come back."""
+    """Excludes a participant, takes an exclusion back, frees the place, gives more time to come back, or deletes."""
+    if deed == "delete":
+        return await _delete(admin, web, form, control, person)
     detail: dict[str, Any] = {"participant": person.id, "reason": _text(form, "note")}
     match deed:
         case "exclude":
@@ -156,6 +159,25 @@ async def decide(
             raise HTTPException(404, "there is no such deed")
     await _note(web, admin, f"{deed} participant", detail | {"done": said != "gone"})
     return back_to(_back(form), said)
+
+
+@router.post("/find")
+async def find(name: str, admin: ActDep, web: WebDep, form: AdminFormDep) -> Response:
+    """Leads to the participant with this id, personal code or recruiter's id: a form, as an address would be logged."""
+    study_ids, _ = study_at(web, name)
+    found = await web.database.read(participants.find, study_ids, _text(form, "who"))
+    await _note(web, admin, "find participant", {"study": name, "found": found is not None})
+    return back_to(f"/admin/s/{name}/person/{found.id}") if found else back_to(f"/admin/s/{name}", "nobody_found")
+
+
+async def _delete(admin: AdminSession, web: Web, form: Form, control: Everywhere, person: Person) -> Response:
+    """Deletes somebody who asked for it. The audit log tells that and why, and nothing by which to find the person."""
+    study = web.studies.version(person.study_id)
+    name = study.name if study is not None else ""
+    detail = {"study": name, "reason": _required(form, "note")}
+    deletion = withdrawal.Deletion(admin.name, "delete participant", detail)
+    done = await deleting.delete(web, control, person.id, deletion)
+    return back_to(f"/admin/s/{name}", "deleted" if done else "gone")
 
 
 async def _note(web: Web, admin: AdminSession, action: str, detail: dict[str, Any]) -> None:

@@ -30,6 +30,8 @@ SAID = {
     "version_refused": "The new version could not be served: the alerts and the log say why.",
     "signed_out": "The account is signed out everywhere.",
     "removed": "The account is removed.",
+    "deleted": "The participant is deleted. The audit log says so; only the count of those who left remains.",
+    "nobody_found": "There is no participant with this id or code in this study.",
     "gone": "Nothing was done: that is over already.",
 }
 

@@ -17,6 +17,7 @@ from sqlalchemy import Connection
 from server.play.holds import DATABASE
 from server.store import overview
 from server.store.database import DatabaseDown
+from server.web import crowding
 from server.web.attention import ACT
 from server.web.elsewhere import Process
 from server.web.live import Live, who
@@ -141,6 +142,8 @@ class Alerts:
                         path = f"/admin/s/{name}/game/{card.played.id}"
                         found.append(Alert(f"game {card.played.id}", text, path, name))
                 found += await self._troubles(name, versions) if leads else []
+                crowd = await crowding.signs(self._live.web, name, versions, leads)
+                found += [Alert(key, text, f"/admin/s/{name}", name) for key, text in crowd.items()]
         except DatabaseDown:
             found.append(Alert("unreadable", "The database cannot be reached."))
         return found

@@ -13,6 +13,7 @@ COOKIE = "participant"
 COOKIE_S = 30 * 24 * 3600
 FORM_S = 12 * 3600
 FORM_FIELD = "form_token"
+BOT_MARK = "simulated_by"  # the field of a consent form with `bot_mark`
 NOBODY = "nobody"  # the session of a form that was made before consent
 _LOCAL_HOSTS = frozenset({"127.0.0.1", "localhost", "[::1]"})
 
@@ -85,6 +86,12 @@ def set_cookie(response: Response, study: str, token: str, *, secure: bool) -> N
 def forget_cookie(response: Response, study: str, *, secure: bool) -> None:
     name = cookie_name(COOKIE, secure)
     response.delete_cookie(name, path=f"/s/{study}", secure=secure, httponly=True, samesite="lax")
+
+
+def bot_mark(secret: bytes, visit: str) -> str:
+    """Return what a simulated participant sends at consent: only who knows the server's secret can make it, so nobody
+    else is counted as a bot."""
+    return hmac.new(secret, f"simulated\n{visit}".encode(), hashlib.sha256).hexdigest()
 
 
 def session_of(request: Request) -> str:

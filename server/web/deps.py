@@ -1,6 +1,6 @@
 """What every page needs: the parts that the server was wired with, the participant who asks, the words to answer in."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 from urllib.parse import urlencode
@@ -19,6 +19,8 @@ from server.study.plan import Study
 from server.web.auth import FORM_FIELD, Guard, session_of, token_for, token_of
 from server.web.forms import Form, first, read_form
 from server.web.headers import policy
+from server.web.rates import NewPlaces
+from server.web.recruiting import may_start_new
 from server.web.studies import Studies
 
 TEMPLATES = Path(__file__).parents[2] / "templates"
@@ -33,6 +35,8 @@ class Web:
     studies: Studies
     guard: Guard
     templates: jinja2.Environment
+    places: NewPlaces = field(default_factory=NewPlaces)
+    production: bool = False
 
 
 def templates(folder: Path = TEMPLATES) -> jinja2.Environment:
@@ -140,6 +144,7 @@ class Page:
             "token": self._token,
             "query_with_language": self._query_with_language,
             "path": f"/s/{self.study.name}" if self.study else "",
+            "may_start_new": self.study is not None and may_start_new(self.study),
             "phases": (),
             "phase": "",
         }

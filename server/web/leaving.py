@@ -2,10 +2,9 @@
 
 from fastapi import APIRouter, Request, Response
 
-from server.store import overview, withdrawal
 from server.store.participants import Participant
-from server.study.plan import Outcome
-from server.web import guessing, walk
+from server.study.recruitment import Outcome
+from server.web import deleting, guessing, walk
 from server.web.actions import ControlDep
 from server.web.auth import forget_cookie
 from server.web.deps import FormDep, OpenStudy, OpenStudyDep, Page, ParticipantDep, Web, WebDep, page
@@ -36,6 +35,13 @@ def _turned_away(made: Page, opened: OpenStudy, outcome: Outcome, template: str)
     return made.render(f"participant/{template}.html", code=outcome.code, back=back)
 
 
+def _codes_of_all(opened: OpenStudy) -> set[str]:
+    """The study's fixed codes, which everybody gets: they tell nobody apart."""
+    recruitment = opened.study.recruitment
+    outcomes = (recruitment.completed, recruitment.screened_out, recruitment.unpaired, recruitment.declined)
+    return {outcome.code.upper() for outcome in outcomes if outcome.code}
+
+
 @router.get("/withdraw")
 async def withdraw_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
     """Asks whether somebody really wants to leave; without the cookie, by the completion code."""
@@ -50,14 +56,14 @@ async def withdraw(
     code = first(form, "code").strip().upper()
     made = page(request, web, opened.study, participant)
     leaving = participant
+    if leaving is None and code in _codes_of_all(opened):
+        return made.render("participant/withdraw.html", 422, code=code, wrong="code_of_all")
     if leaving is None:
         outcome, leaving = await _by_code(request, opened, web, code)
         if leaving is None:
             status, wrong = (429, "wait") if outcome.left is None else (422, "code_wrong")
             return made.render("participant/withdraw.html", status, code=code, wrong=wrong)
-    played = await web.database.read(overview.played_by, leaving.id)
-    await control.end_all([one.id for one in played])  # a running game would go on writing
-    await web.database.write(withdrawal.withdraw, leaving.id)
+    await deleting.delete(web, control, leaving.id)
     gone = Page(request, web, made.language, opened.study)
     response = gone.render("participant/ended.html", kind="withdrawn", outcome=Outcome(), back=None)
     if participant is not None:

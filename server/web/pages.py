@@ -2,7 +2,9 @@
 
 import asyncio
 import contextlib
+import hmac
 import secrets
+from dataclasses import replace
 
 from fastapi import APIRouter, HTTPException, Request, Response, WebSocket, WebSocketDisconnect
 from fastapi.responses import RedirectResponse
@@ -14,7 +16,8 @@ from server.study.plan import Study
 from server.study.questionnaire import Checked, Fault, asked, check_answers, is_attentive, is_correct
 from server.study.steps import Step
 from server.web import arrivals, walk
-from server.web.auth import set_cookie, token_for
+from server.web.addresses import address_of
+from server.web.auth import BOT_MARK, bot_mark, forget_cookie, set_cookie, token_for
 from server.web.deps import (
     AnswersFormDep,
     ConsentFormDep,
@@ -27,7 +30,7 @@ from server.web.deps import (
     page,
 )
 from server.web.forms import Form, first
-from server.web.recruiting import is_preview, recruitment_of
+from server.web.recruiting import is_preview, may_start_new, recruitment_of
 from server.web.views import Filled, consent_context, render_step
 
 router = APIRouter()
@@ -51,16 +54,20 @@ async def choose(request: Request, web: WebDep) -> Response:
 @router.get("/s/{name}")
 async def consent_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
     """The consent page; whoever is in the study already goes on. Stores nothing, so a link preview burns nothing."""
-    study = opened.study
+    study, made = opened.study, page(request, web, opened.study)
     person, extra = recruitment_of(study.recruitment, dict(request.query_params))
     before = await web.database.read(walk.known, web.studies, study.name, person) if person else None
     if participant is not None and (person is None or (before is not None and before.id == participant.id)):
-        return _to(f"/s/{study.name}/now")
-    made = page(request, web, study)
+        if may_start_new(study) and participant.status != "active":
+            return made.render("participant/next_person.html", finished=True)
+        if person is None or not await web.database.read(walk.has_news, participant.id, extra):
+            return _to(f"/s/{study.name}/now")
     if shown := _in_mturk(made, study):
         return shown
     if person is None and study.recruitment.required:
         return made.render("participant/link_needed.html", 400)
+    if before is not None and before.status != "active" and (participant is None or participant.id != before.id):
+        return made.render("participant/finished.html")
     if before is None and await web.database.read(walk.is_paused, study.name):
         return _paused(made)
     context = consent_context(study, made.language, person, extra, secrets.token_urlsafe(24))
@@ -86,35 +93,85 @@ def _in_mturk(made: Page, study: Study) -> Response | None:
 
 
 @router.post("/s/{name}/consent")
-async def consent(request: Request, opened: OpenStudyDep, web: WebDep, form: ConsentFormDep) -> Response:
+async def consent(
+    request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep, form: ConsentFormDep
+) -> Response:
     """Makes the participant and the cookie. The same page sent twice makes one participant."""
     study = opened.study
     person, extra = recruitment_of(study.recruitment, {key: values[0] for key, values in form.items()})
     if person is None and study.recruitment.required:
         raise HTTPException(400, "the link's parameter that names the person is missing")
-    made = page(request, web, study)
-    language = first(form, "language")
-    if language in study.languages:
-        made = type(made)(request, web, language, study)
+    made = _in_language(page(request, web, study), first(form, "language"))
     visit = first(form, "visit")
     if not 16 <= len(visit) <= 64:
         raise HTTPException(400, "the form lacks its number")
     token = token_for(web.guard.secret, study.name, visit)
-    known = await web.database.read(walk.known, web.studies, study.name, person)
+    holder = participant.id if participant is not None else None
+    simulated = _is_simulated(web, form)
+    arrival = walk.Arrival(study.name, token, made.language, person, extra, simulated, holder)
+    known = await web.database.read(walk.already_here, web.studies, arrival)
     open_boxes = [index for index in range(len(study.consent.boxes)) if not first(form, f"box_{index}")]
     if open_boxes and known is None:
         context = consent_context(study, made.language, person, extra, visit)
         ticked = [index for index in range(len(study.consent.boxes)) if index not in open_boxes]
         return made.render("participant/consent.html", 422, **(context | {"ticked": ticked, "open_boxes": open_boxes}))
-    arrival = walk.Arrival(study.name, token, made.language, person, extra, first(form, "simulated") == "yes")
-    try:
-        await web.database.write(walk.enrol, web.studies, arrival)
-    except walk.StudyPaused:
-        return _paused(made)
-    except StudyFullError:
-        return made.render("participant/full.html", 409)
+    if refused := await _enrol(made, arrival, is_new=known is None):
+        return refused
     response = _to(f"/s/{study.name}/now")
     set_cookie(response, study.name, token, secure=web.guard.secure)
+    return response
+
+
+def _is_simulated(web: Web, form: Form) -> bool:
+    """Whether a bot consents. On a public server it proves that with the server's secret: no person is made a bot."""
+    if first(form, "simulated") != "yes":
+        return False
+    wanted = bot_mark(web.guard.secret, first(form, "visit"))
+    return not web.production or hmac.compare_digest(first(form, BOT_MARK).encode(), wanted.encode())
+
+
+async def _enrol(made: Page, arrival: walk.Arrival, is_new: bool) -> Response | None:
+    """Enrols who arrives; returns the page that says why not. A new person takes one of the places that the address may
+    bring, before anything is awaited; it is given back where nobody new came of it."""
+    web, counted = made.web, is_new and not arrival.simulated
+    if counted and not web.places.reserve(address_of(made.request), arrival.study, arrival.token):
+        response = made.render("participant/crowded.html", 429)
+        response.headers["Retry-After"] = "3600"
+        return response
+    used = False
+    try:
+        used = await web.database.write(walk.enrol_once, web.studies, arrival)
+    except walk.StudyPaused:
+        return _paused(made)
+    except walk.AlreadyFinished:
+        return made.render("participant/finished.html", 409)
+    except StudyFullError:
+        return made.render("participant/full.html", 409)
+    finally:
+        web.places.settle(arrival.token, used)
+    return None
+
+
+def _in_language(made: Page, wish: str) -> Page:
+    return replace(made, language=wish) if wish in made.languages else made
+
+
+@router.get("/s/{name}/new")
+async def new_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
+    """Asks whether somebody else wants to take part in this browser."""
+    if participant is None or not may_start_new(opened.study):
+        return _to(f"/s/{opened.study.name}")
+    made = page(request, web, opened.study, participant)
+    return made.render("participant/next_person.html", finished=participant.status != "active")
+
+
+@router.post("/s/{name}/new")
+async def start_new(opened: OpenStudyDep, web: WebDep, form: FormDep) -> Response:  # noqa: ARG001 - checks the form
+    """Forgets who took part in this browser, and what its pages kept, so that the next person can begin."""
+    response = _to(f"/s/{opened.study.name}")
+    if may_start_new(opened.study):
+        forget_cookie(response, opened.study.name, secure=web.guard.secure)
+        response.headers["Clear-Site-Data"] = '"storage"'
     return response
 
 
@@ -161,15 +218,19 @@ async def submit(
     checked, attention = _check(study, participant, step, form)
     if checked.faults:
         if any(fault.reason == "wrong" for fault in checked.faults.values()):
-            wrong = {key: checked.answers.get(key) for key in checked.faults}
-            attempts = study.quiz.attempts if study.quiz else None
-            after = await web.database.write(walk.wrong_quiz, participant.id, wrong, attempts)
-            if after is None or after.status != "active":
+            failed = walk.FailedQuiz(_attempt(form), {key: checked.answers.get(key) for key in checked.faults})
+            if not await web.database.write(walk.wrong_quiz, web.studies, participant.id, failed):
                 return back
         return await _show(request, web, participant, Filled(form, checked.faults), 422)
-    submission = walk.Submission(step, checked.answers, attention)
+    submission = walk.Submission(step, checked.answers, attention, _attempt(form))
     await web.database.write(walk.submit, web.studies, participant.id, submission)
     return back
+
+
+def _attempt(form: Form) -> int:
+    """The number that the quiz's page carried; 0, which no attempt has, for anything else."""
+    text = first(form, "attempt")
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 6 else 0
 
 
 def _check(study: Study, participant: Participant, step: Step, form: Form) -> tuple[Checked, dict[str, bool]]:

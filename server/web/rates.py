@@ -7,6 +7,7 @@ are not counted by address, as simulated participants and the tests come from th
 import hashlib
 import time
 from collections import OrderedDict
+from dataclasses import dataclass
 from typing import Final
 
 from fastapi import HTTPException
@@ -21,6 +22,7 @@ BURST: Final = 100.0
 ADDRESS_PER_S: Final = 100.0  # of all behind one address
 ADDRESS_BURST: Final = 2000.0
 _MOST_REMEMBERED: Final = 10_000
+_HOUR_S: Final = 3600.0
 
 
 class Rates:
@@ -37,6 +39,79 @@ class Rates:
         if len(self._budgets) > _MOST_REMEMBERED:
             self._budgets.popitem(last=False)
         return budget.spend(now)
+
+
+@dataclass
+class TurnedAway:
+    """How many were turned away in a study, and when the last one was, in seconds of the monotonic clock."""
+
+    people: int = 0
+    last_s: float = 0.0
+
+
+@dataclass
+class _Reservation:
+    """A place that was taken from a budget; `waiting`: how many requests with the same page are on their way."""
+
+    budget: Budget
+    waiting: int = 1
+    used: bool = False
+
+
+class NewPlaces:
+    """How many new participants an address may bring. `an_hour` 0: any number.
+
+    `counts_local`: whether this machine counts as an address; it does where other people's requests come through it.
+    """
+
+    def __init__(self, an_hour: int = 0, counts_local: bool = False) -> None:
+        self.an_hour = an_hour
+        self._counts_local = counts_local
+        self._budgets: OrderedDict[str, Budget] = OrderedDict()
+        self._reserved: dict[str, _Reservation] = {}  # by page, while its participant is being stored
+        self._turned_away: dict[str, TurnedAway] = {}
+
+    def reserve(self, address: str, study: str, page: str) -> bool:
+        """Take one of the address's places before anything is awaited; False if none is left. `settle` ends it.
+
+        `page`: the consent page that was sent; sent twice at once, it takes one place.
+        """
+        if not self.an_hour or (address in HERE and not self._counts_local):
+            return True
+        if page in self._reserved:
+            self._reserved[page].waiting += 1
+            return True
+        now = time.monotonic()
+        budget = self._budgets.setdefault(address, Budget(now, 1.0, self.an_hour / _HOUR_S, float(self.an_hour)))
+        self._budgets.move_to_end(address)
+        if len(self._budgets) > _MOST_REMEMBERED:
+            self._budgets.popitem(last=False)
+        if budget.spend(now):
+            self._reserved[page] = _Reservation(budget)
+            return True
+        turned = self._turned_away.setdefault(study, TurnedAway())
+        turned.people, turned.last_s = turned.people + 1, now
+        return False
+
+    def settle(self, page: str, used: bool) -> None:
+        """Give the reserved place back unless somebody new came of it."""
+        reservation = self._reserved.get(page)
+        if reservation is None:
+            return
+        reservation.waiting -= 1
+        reservation.used |= used
+        if reservation.waiting == 0:
+            del self._reserved[page]
+            if not reservation.used:
+                reservation.budget.refund()
+
+    def turned_away(self, study: str) -> int:
+        """Return how many were turned away lately; 0 once an hour has passed without one."""
+        turned = self._turned_away.get(study)
+        if turned is None or time.monotonic() - turned.last_s > _HOUR_S:
+            self._turned_away.pop(study, None)
+            return 0
+        return turned.people
 
 
 async def keep_to_the_rate(connection: HTTPConnection) -> None:

@@ -1,18 +1,22 @@
 """What a recruiter's link brings and what goes back: parameters in, an address or a form out. Knows no database."""
 
 import logging
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
-from urllib.parse import quote
+from urllib.parse import quote, unquote
 
-from server.study.plan import Outcome, Recruitment
+from server.study.plan import Study
+from server.study.recruitment import Outcome, Recruitment
 
 log = logging.getLogger(__name__)
 LONGEST_PARAMETER = 128
 MTURK_HOME: Final = "turkSubmitTo"
 # Everything that MTurk puts into `turkSubmitTo`. The value comes with the link, so it only selects one of these.
 MTURK_ORIGINS: Final = ("https://www.mturk.com", "https://workersandbox.mturk.com", "https://worker.mturk.com")
+# {{%PROLIFIC_PID%}}, %SURVEY_CODE%, ${workerId}, {person}, <id>, [id]: what a recruiter should have replaced.
+_PLACEHOLDER = re.compile(r"\{\{|\}\}|\$\{|^(%+\w+%+|\{.*\}|<.*>|\[.*\])$")
 PREVIEW = "ASSIGNMENT_ID_NOT_AVAILABLE"  # what MTurk says to somebody who only looks
 
 
@@ -32,10 +36,13 @@ class WayBack:
 def recruitment_of(recruitment: Recruitment, given: Mapping[str, str]) -> tuple[str | None, dict[str, str]]:
     """Return the person's id and the other parameters that the study keeps, from a link's query or a form.
 
-    A `turkSubmitTo` that does not name MTurk counts as missing.
+    An id that does not look like one of the recruiter's counts as none, and so does a `turkSubmitTo` that does not name
+    MTurk.
     """
-    person = _parameter(given, recruitment.person_parameter)
-    extra = {name: value for name in recruitment.extra_parameters if (value := _parameter(given, name))}
+    value = _parameter(given, recruitment.person_parameter)
+    person = recruitment.person_of(value) if value is not None else None
+    found = {name: _parameter(given, name) for name in recruitment.extra_parameters}
+    extra = {name: value for name, value in found.items() if value and value != PREVIEW}
     if MTURK_HOME in extra:
         origin = mturk_origin(extra.pop(MTURK_HOME))
         if origin is not None:
@@ -47,7 +54,12 @@ def recruitment_of(recruitment: Recruitment, given: Mapping[str, str]) -> tuple[
 
 def is_preview(recruitment: Recruitment, given: Mapping[str, str]) -> bool:
     """Whether somebody looks at an MTurk assignment that they have not accepted."""
-    return recruitment.source == "mturk" and given.get("assignmentId") == PREVIEW
+    return recruitment.source == "mturk" and _parameter(given, "assignmentId") == PREVIEW
+
+
+def may_start_new(study: Study) -> bool:
+    """Whether a second person in the same browser may begin without a link of their own."""
+    return study.recruitment.person_parameter is None
 
 
 def leave_url(outcome: Outcome, values: Mapping[str, str]) -> str | None:
@@ -82,6 +94,15 @@ def mturk_origin(address: str) -> str | None:
 
 
 def _parameter(given: Mapping[str, str], name: str | None) -> str | None:
-    """A parameter's value; one that is too long or not printable counts as none."""
-    value = given.get(name, "").strip() if name else ""
-    return value if value and len(value) <= LONGEST_PARAMETER and value.isprintable() else None
+    """A parameter's value, whatever the case of its name; one that is too long, not printable or a placeholder that
+    the recruiter did not fill in counts as none."""
+    value = _value(given, name).strip() if name else ""
+    if not value or len(value) > LONGEST_PARAMETER or not value.isprintable():
+        return None
+    return None if _PLACEHOLDER.search(value) or _PLACEHOLDER.search(unquote(value)) else value
+
+
+def _value(given: Mapping[str, str], name: str) -> str:
+    if name in given:
+        return given[name]
+    return next((value for key, value in given.items() if key.casefold() == name.casefold()), "")

@@ -9,8 +9,9 @@ from fastapi import Response
 from server.store import episodes, events, participants
 from server.store.participants import Participant
 from server.store.tables import RECRUITMENT_ID
-from server.study.plan import Outcome, Study
+from server.study.plan import Study
 from server.study.questionnaire import Fault, asked
+from server.study.recruitment import Outcome
 from server.study.steps import PHASES, Step, episodes_of
 from server.web import pairs, walk
 from server.web.deps import Page
@@ -47,6 +48,8 @@ async def render_step(page: Page, participant: Participant, filled: Filled | Non
         base |= await views[step.kind](page, participant, step)
     elif step.kind in ("questionnaire", "quiz"):
         base |= _questions(page, participant, step, filled or Filled())
+        if step.kind == "quiz":
+            base["attempt"] = await page.web.database.read(walk.quiz_attempt, participant.id)
     elif step.kind == "introduction":
         base |= _introduction(page, participant)
     template = "game" if step.is_game else {"quiz": "questionnaire"}.get(step.kind, step.kind)

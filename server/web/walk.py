@@ -19,6 +19,7 @@ from server.study.plan import Study
 from server.study.steps import Step
 from server.web.studies import Studies
 
+_QUIZ_FAILED = "quiz_failed"  # kind of the event
 _CODE_LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # none that look alike
 
 
@@ -26,9 +27,14 @@ class StudyPaused(StudyFullError):
     """A researcher paused the study: nobody is let in now."""
 
 
+class AlreadyFinished(Exception):
+    """The person's participation is over: knowing the recruiter's id is not enough to get back to it."""
+
+
 @dataclass(frozen=True)
 class Arrival:
-    """Somebody who consents: by which study, with which cookie, from which link."""
+    """Somebody who consents: by which study, with which cookie, from which link. `holder`: the participant whose
+    cookie the browser had before."""
 
     study: str
     token: str
@@ -36,6 +42,7 @@ class Arrival:
     person: str | None = None
     extra: Mapping[str, str] = field(default_factory=dict)
     simulated: bool = False
+    holder: str | None = None
 
 
 @dataclass(frozen=True)
@@ -45,6 +52,15 @@ class Submission:
     step: Step
     answers: Mapping[str, Any] = field(default_factory=dict)
     attention: Mapping[str, bool] = field(default_factory=dict)  # attention check -> whether it was passed
+    attempt: int = 0  # of the quiz, from 1: the number that the page carried
+
+
+@dataclass(frozen=True)
+class FailedQuiz:
+    """An attempt at the quiz that was not right. `wrong`: the answers given to the questions that were missed."""
+
+    attempt: int
+    wrong: Mapping[str, Any]
 
 
 def new_code() -> str:
@@ -62,15 +78,31 @@ def known(connection: Connection, all_studies: Studies, name: str, person: str |
     return None
 
 
+def already_here(connection: Connection, all_studies: Studies, arrival: Arrival) -> Participant | None:
+    """The participant who sent this very page before, or whom the recruiter sent before."""
+    same_page = participants.by_token(connection, arrival.token)
+    return same_page or known(connection, all_studies, arrival.study, arrival.person)
+
+
+def has_news(connection: Connection, participant_id: str, extra: Mapping[str, str]) -> bool:
+    """Whether the link brings other parameters than those that are stored: a new assignment, a new session."""
+    kept = participants.personal_of(connection, participant_id)
+    return any(kept.get(name) != value for name, value in extra.items())
+
+
 def enrol(connection: Connection, all_studies: Studies, arrival: Arrival) -> Participant:
     """The participant who consents now, in the condition whose turn it is; or the one that the person already is, who
-    goes on with the new cookie. Raises StudyFullError, StudyPaused, KeyError (the study is not open)."""
+    goes on with the new cookie and the link's newest parameters. Raises StudyFullError, StudyPaused, AlreadyFinished,
+    KeyError (the study is not open)."""
     same_page = participants.by_token(connection, arrival.token)
     if same_page is not None:
         return same_page
     before = known(connection, all_studies, arrival.study, arrival.person)
     if before is not None:
+        if before.status != "active" and before.id != arrival.holder:
+            raise AlreadyFinished(arrival.study)
         participants.replace_token(connection, before.id, arrival.token)
+        participants.renew_personal(connection, before.id, before.study_id, arrival.extra)
         return before
     opened = all_studies.open(arrival.study)
     if opened is None:
@@ -83,7 +115,7 @@ def enrol(connection: Connection, all_studies: Studies, arrival: Arrival) -> Par
     number = row.started if row else 0
     new = NewParticipant(
         study_id=study_id,
-        condition=next_condition(study, held(connection, study_id), number),
+        condition=next_condition(study, held(connection, study_id, study), number),
         seed=participant_seed(study, number),
         token=arrival.token,
         language=arrival.language,
@@ -94,15 +126,42 @@ def enrol(connection: Connection, all_studies: Studies, arrival: Arrival) -> Par
     return participants.create(connection, new)
 
 
+def enrol_once(connection: Connection, all_studies: Studies, arrival: Arrival) -> bool:
+    """`enrol`; returns whether somebody new came of it."""
+    is_new = already_here(connection, all_studies, arrival) is None
+    enrol(connection, all_studies, arrival)
+    return is_new
+
+
 def is_paused(connection: Connection, study: str) -> bool:
     """Whether a researcher has paused the study."""
     return study in decisions.paused_studies(connection)
 
 
-def held(connection: Connection, study_id: int) -> dict[str, Count]:
-    """How many hold a place in each condition."""
+def held(connection: Connection, study_id: int, study: Study) -> dict[str, Count]:
+    """How many hold a place in each condition. Who consented and then did nothing holds one for `hold_min` only."""
     found = participants.counts(connection, study_id)
-    return {name: Count(by.get("completed", 0), by.get("active", 0)) for name, by in found.items()}
+    silent = participants.silent(connection, (study_id,), _held_since(study))
+    return {
+        name: Count(by.get("completed", 0), by.get("active", 0) - silent.get(name, 0)) for name, by in found.items()
+    }
+
+
+def _held_since(study: Study) -> datetime:
+    return datetime.now(UTC) - timedelta(minutes=study.hold_min)
+
+
+def _place_is_lost(connection: Connection, all_studies: Studies, participant: Participant) -> bool:
+    """Whether the participant did nothing for so long after consent that others have taken all places; this ends the
+    participation."""
+    study = all_studies.of(participant)
+    quota = study.condition(participant.condition).quota
+    if quota is None or participant.position > 0 or participant.started_at >= _held_since(study):
+        return False
+    taken = held(connection, participant.study_id, study)[participant.condition].held
+    if taken < quota or not participants.is_silent(connection, participant.id):
+        return False
+    return participants.leave(connection, participant.id, "timed_out")
 
 
 def release(connection: Connection, study_id: int, study: Study) -> int:
@@ -115,6 +174,8 @@ def arrive(connection: Connection, all_studies: Studies, participant_id: str) ->
     participant = participants.get(connection, participant_id)
     if participant is None or participant.status != "active":
         return participant
+    if _place_is_lost(connection, all_studies, participant):
+        return participants.get(connection, participant_id)
     way = all_studies.way(participant)
     step = way[min(participant.position, len(way) - 1)]
     if step.is_game and _is_over(connection, participant, step):
@@ -132,9 +193,13 @@ def submit(connection: Connection, all_studies: Studies, participant_id: str, su
     participant = participants.get(connection, participant_id)
     if participant is None or participant.status != "active":
         return False
+    if _place_is_lost(connection, all_studies, participant):
+        return False
     way = all_studies.way(participant)
     step = way[min(participant.position, len(way) - 1)]
     if step.key != submission.step.key or step.kind == "thanks":
+        return False
+    if step.kind == "quiz" and submission.attempt != quiz_attempt(connection, participant_id):
         return False
     if step.is_game and not _is_over(connection, participant, step):
         if step.kind != "tutorial" or not all_studies.of(participant).tutorial.skippable:
@@ -170,15 +235,30 @@ def note(connection: Connection, participant_id: str, happened: Mapping[str, Map
     events.add(connection, *new)
 
 
-def wrong_quiz(
-    connection: Connection, participant_id: str, wrong: Mapping[str, Any], attempts: int | None
-) -> Participant | None:
-    """Notes a failed attempt at the quiz; the last one that is allowed ends the participation."""
-    note(connection, participant_id, {"quiz_failed": {"answers": dict(wrong)}})
-    failed = len(events.of_participant(connection, participant_id, "quiz_failed"))
-    if attempts is not None and failed >= attempts:
+def quiz_attempt(connection: Connection, participant_id: str) -> int:
+    """Return the number, from 1, of the attempt at the quiz that the participant has now."""
+    return 1 + len(events.of_participant(connection, participant_id, _QUIZ_FAILED))
+
+
+def wrong_quiz(connection: Connection, all_studies: Studies, participant_id: str, failed: FailedQuiz) -> bool:
+    """Count a failed attempt; the last one that the study allows ends the participation.
+
+    Return whether `failed` is the participant's latest failed attempt, counted now or before: its page is then shown
+    with its faults. False: it belongs to an earlier attempt, or the participant is past the quiz. Sending an attempt
+    again changes nothing, however often and in whatever order its copies arrive.
+    """
+    participant = participants.get(connection, participant_id)
+    if participant is None or participant.status != "active" or all_studies.step(participant).kind != "quiz":
+        return False
+    before = events.of_participant(connection, participant_id, _QUIZ_FAILED)
+    if failed.attempt != len(before) + 1:
+        return failed.attempt == len(before) > 0 and before[-1].detail.get("answers") == dict(failed.wrong)
+    note(connection, participant_id, {_QUIZ_FAILED: {"answers": dict(failed.wrong), "attempt": failed.attempt}})
+    quiz = all_studies.of(participant).quiz
+    if quiz is not None and quiz.attempts is not None and failed.attempt >= quiz.attempts:
         participants.leave(connection, participant_id, "screened_out")
-    return participants.get(connection, participant_id)
+        return False
+    return True
 
 
 def by_code(connection: Connection, all_studies: Studies, name: str, code: str) -> Participant | None:

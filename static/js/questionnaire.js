@@ -90,7 +90,7 @@ function focusOn(field) {
 }
 
 function save() {
-  const draft = [...new FormData(form)].filter(([name]) => name !== 'step' && name !== 'form_token');
+  const draft = [...new FormData(form)].filter(([name]) => !['step', 'attempt', 'form_token'].includes(name));
   session.setItem(draftKey, JSON.stringify(draft));
 }
 

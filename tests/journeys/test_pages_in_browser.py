@@ -170,7 +170,7 @@ def test_axe_finds_nothing_where_the_way_ends_early(person: Person) -> None:
 
     def come(who: str) -> None:
         page.context.clear_cookies()
-        page.goto(f"{site.url}/s/hired?workerId={who}&{ACCEPTED}")
+        page.goto(f"{site.url}/s/hired?workerId=A{who}&{ACCEPTED}")
 
     def agree() -> None:
         page.locator(".check input").check()
@@ -181,14 +181,14 @@ def test_axe_finds_nothing_where_the_way_ends_early(person: Person) -> None:
     page.goto("about:blank")
     page.goto(f"{site.url}/s/hired")
     look("link-needed")
-    for who in ("one", "two"):
+    for who in ("ONE", "TWO"):
         come(who)
         agree()
         page.wait_for_url("**/now")
-    come("three")
+    come("THREE")
     agree()
     look("full")
-    come("one")
+    come("ONE")
     assert page.url == f"{site.url}/s/hired", "nobody can read in the address who somebody is"
     page.reload()
     page.get_by_role("heading", name="Welcome back").wait_for()
@@ -201,14 +201,16 @@ def test_axe_finds_nothing_where_the_way_ends_early(person: Person) -> None:
     page.click("main .btn")
     page.wait_for_selector("#code")
     look("thanks-mturk")
-    site.database.write_now(participants.leave, second.id, "timed_out")
-    come("two")
+    come("TWO")
     page.click("main .btn")
-    look("timed-out")
-    come("two")
-    site.database.write_now(set_status, second.id, "screened_out")
-    page.click("main .btn")
-    look("screened-out")
+    page.wait_for_url("**/now")
+    for status, place in (("timed_out", "timed-out"), ("screened_out", "screened-out")):
+        site.database.write_now(set_status, second.id, status)
+        page.reload()
+        look(place)
+    come("TWO")
+    page.get_by_role("heading", name="You have already taken part").wait_for()
+    look("finished")
     page.context.clear_cookies()
     page.goto(f"{site.url}/s/small/withdraw")
     for _ in range(6):
@@ -219,6 +221,43 @@ def test_axe_finds_nothing_where_the_way_ends_early(person: Person) -> None:
     assert {place: problems for place, problems in found.items() if problems} == {}
 
 
+def test_the_next_person_in_this_browser_starts_as_a_new_participant(person: Person) -> None:
+    page = person.page
+    person.consent().jump("goodbye")
+    page.evaluate("localStorage.setItem('keys', 'of the first person')")
+    page.click("main .btn")
+    code = page.inner_text("#code")
+    first = person.me
+    page.goto(f"{person.site.url}/s/small")
+    assert code not in page.content()
+    assert violations(page) == []
+    person.shot("next-person")
+    page.get_by_role("link", name="Show my completion code").click()
+    expect(page.locator("#code")).to_have_text(code)
+    page.get_by_role("link", name="Start as a new participant").first.click()
+    page.get_by_role("button", name="Start as a new participant").click()
+    page.locator(".check input").check()
+    assert page.evaluate("localStorage.getItem('keys')") is None, "nothing of the first person is left in the browser"
+    page.click("#agree")
+    page.wait_for_url("**/now")
+    assert (person.me.number, person.me.status) == (first.number + 1, "active")
+
+
+def test_a_refused_quiz_that_is_loaded_again_costs_no_attempt(person: Person) -> None:
+    page = person.page
+    person.consent().jump("quiz")
+    page.get_by_label("2", exact=True).check()
+    page.click("#go")
+    page.get_by_text("That is not right").wait_for()
+    for _ in range(4):
+        page.reload()
+        page.get_by_text("That is not right").wait_for()
+    assert person.me.status == "active"
+    page.get_by_label("3", exact=True).check()
+    page.click("#go")
+    page.wait_for_selector(".game")
+
+
 def set_status(connection: Connection, participant_id: str, status: str) -> None:
     connection.execute(table.update().where(table.c.id == participant_id).values(status=status))
 
@@ -226,11 +265,18 @@ def set_status(connection: Connection, participant_id: str, status: str) -> None
 def test_the_assignment_is_sent_to_mturk_and_nowhere_else(person: Person) -> None:
     page, sent = person.page, []
     page.route("https://www.mturk.com/**", lambda route: (sent.append(route.request), route.fulfill(body="done")))
-    page.goto(f"{person.site.url}/s/hired?workerId=one&{ACCEPTED}")
+    page.goto(f"{person.site.url}/s/hired?workerId=AFRESH&{ACCEPTED}")
+    page.locator(".check input").check()
+    page.click("#agree")
+    page.wait_for_url("**/now")
+    me = person.site.everybody("hired")[-1]
+    keys = [step.key for step in person.site.studies.way(me)]
+    person.site.database.write_now(participants.advance, me.id, 0, keys.index("goodbye"))
+    page.reload()
     page.click("main .btn")
     page.get_by_role("button", name="Submit the assignment").click()
     page.wait_for_url("https://www.mturk.com/**")
-    code = person.site.everybody("hired")[0].completion_code
+    code = person.site.everybody("hired")[-1].completion_code
     assert [(one.method, one.url) for one in sent] == [("POST", "https://www.mturk.com/mturk/externalSubmit")]
     assert sent[0].post_data == f"assignmentId=A1&code={code}"
     person.asked.clear()

@@ -29,6 +29,8 @@ DOORS = {
     "GET /s/{name}/unsuitable": "all",
     "GET /s/{name}/withdraw": "all",
     "POST /s/{name}/withdraw": "all",  # asks for the cookie or the code, and deletes nobody else
+    "GET /s/{name}/new": "all",  # asks first; who takes part in this browser is forgotten by a form
+    "POST /s/{name}/new": "all",
     "GET /s/{name}/now": "participant",
     "POST /s/{name}/now": "participant",
     "POST /s/{name}/language": "participant",
@@ -59,6 +61,7 @@ DOORS = {
     "POST /admin/s/{name}/version": "act",
     "POST /admin/s/{name}/game/{episode}/{deed}": "act",
     "POST /admin/s/{name}/person/{person}/{deed}": "act",
+    "POST /admin/s/{name}/find": "act",
     "POST /admin/s/{name}/export": "act",
     "SOCKET /admin/s/{name}/live": "watch",
     "SOCKET /admin/s/{name}/game/{episode}/live": "watch",

@@ -8,12 +8,13 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qsl
 
 import pytest
 from sqlalchemy import Connection, delete, select, update
 
 import kitchenmind
-from server.bot_crowd import Crowd, Outcome, judge, simulate
+from server.bot_crowd import Crowd, Outcome, _arrival, judge, simulate
 from server.bot_faults import GUARANTEES, Trial, table
 from server.bot_promises import Claim, broken_at_code
 from server.bots import Bot
@@ -23,6 +24,8 @@ from server.own_server import kitchenmind as command_line
 from server.store.database import Database
 from server.store.tables import answers, episodes, participants, ticks
 from server.study.loader import load_study
+from server.study.recruitment import Recruitment
+from server.web.recruiting import recruitment_of
 
 ROOT = Path(__file__).parents[2]
 STUDIES = sorted((ROOT / "studies").glob("*.yaml"))
@@ -222,6 +225,26 @@ def test_wrong_input_is_told_with_its_remedy_and_exit_code_2(
 
 
 @pytest.mark.slow
+def test_bots_refuse_a_public_server_that_would_take_them_for_people(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("KITCHENMIND_SECRET", raising=False)
+    assert kitchenmind.main(["bots", "1", "--url", "https://lab.example.org"]) == 2
+    assert "set KITCHENMIND_SECRET" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "recruitment",
+    [{"source": "prolific"}, {"source": "mturk"}, {"source": "sona"}, {"person": "seat", "person_pattern": "[0-9]+"}],
+)
+def test_bots_come_with_ids_that_look_like_the_recruiter_s(recruitment: dict[str, str]) -> None:
+    study = load_study(SCRIPTED).study.model_copy(update={"recruitment": Recruitment(**recruitment)})  # type: ignore[arg-type]
+    links = [_arrival(Crowd(2, "small", study), number) for number in range(2)]
+    people = [recruitment_of(study.recruitment, dict(parse_qsl(link.removeprefix("?"))))[0] for link in links]
+    assert None not in people
+    assert len(set(people)) == 2
+
+
 def test_thirty_participants_of_whom_some_give_up_break_no_promise(tmp_path: Path) -> None:
     study = shortened(ROOT / "studies" / "external_predictor.yaml", tmp_path, 60)
     status, outcome = simulated("30", "--study", str(study), "--fast", "--dropout", "0.3", "--seed", "7")

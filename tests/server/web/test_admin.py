@@ -4,7 +4,7 @@ import asyncio
 import json
 import re
 from collections.abc import Iterator
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,8 @@ from server.play.recorder import EpisodeResult, TickRecord
 from server.play.trace import Trace
 from server.settings import Settings
 from server.store import admins, audit, decisions, episodes, events, participants, ticks
-from server.web import actions, admin, downloads, live, replay
+from server.store.tables import participants as participants_table
+from server.web import actions, admin, crowding, downloads, live, replay
 from server.web.alerts import Alert, Alerts, message_of
 from server.web.control import Control
 from server.web.course import Course
@@ -314,6 +315,19 @@ def test_alerts_are_told_when_they_begin_and_when_they_are_over(site: Site, tmp_
     assert told[-1] == ("late", True)
 
 
+def test_an_alert_tells_of_people_who_consent_and_do_nothing(site: Site, tmp_path: Path) -> None:
+    alerts = Alerts(site.app.state.live, tmp_path / "site.db", lambda *_: None)
+    for _ in range(crowding.FEWEST):
+        Visitor(site).consent("small")
+    asyncio.run(alerts.look())
+    assert alerts.open == {}
+    earlier = {"started_at": datetime.now(UTC) - timedelta(minutes=15)}
+    site.database.write_now(lambda connection: connection.execute(participants_table.update().values(earlier)))
+    asyncio.run(alerts.look())
+    assert list(alerts.open) == ["silent small"]
+    assert "have done nothing since" in str(alerts.shown("small")[0]["text"])
+
+
 def test_of_several_processes_one_tells_what_all_see(site: Site, tmp_path: Path) -> None:
     class Several(Alone):
         other = ""
@@ -400,10 +414,10 @@ def test_a_paused_study_lets_nobody_in_until_it_is_resumed(site: Site) -> None:
     researcher.get("/admin/s/small")
     assert "is paused" in researcher.post("/admin/s/small/pause", note="the room is dark").text
     assert waiting.send("/s/small/consent", form).status_code == 503, "whoever reads the consent page has to wait too"
-    newcomer = Visitor(site).get("/s/small?lang=en&PROLIFIC_PID=x")
+    newcomer = Visitor(site).get("/s/small?lang=en&PROLIFIC_PID=5f1e00000000000000000001")
     assert newcomer.status_code == 503
     assert "paused this study for a while" in newcomer.text
-    assert "PROLIFIC_PID=x" in newcomer.text, "the link stays whole"
+    assert "PROLIFIC_PID=5f1e00000000000000000001" in newcomer.text, "the link stays whole"
     assert site.everybody("small") == []
     researcher.get("/admin/s/small")
     researcher.post("/admin/s/small/resume", note="light again")

@@ -18,7 +18,7 @@ PROLIFIC = SMALL_STUDY.replace("name: small", "name: hired", 1).replace(
     '  completed: {code: C1ABC, url: "https://app.prolific.com/submissions/complete?cc={code}"}\n'
     '  screened_out: {code: C2DEF, url: "https://app.prolific.com/submissions/complete?cc={code}"}\n',
 )
-LINK = "?PROLIFIC_PID=5f1e&STUDY_ID=s1&SESSION_ID=x9"
+LINK = "?PROLIFIC_PID=5f1e00000000000000000001&STUDY_ID=s1&SESSION_ID=x9"
 
 
 @pytest.fixture
@@ -260,8 +260,9 @@ def test_finished_person_cannot_start_over(site: Site) -> None:
     visitor = Visitor(site)
     walk_to(visitor, site, "thanks")
     code = site.only("small").completion_code
-    for path in ("/s/small", "/s/small/now"):
-        assert code in visitor.get(path).text
+    assert code in visitor.get("/s/small/now").text
+    assert code not in visitor.get("/s/small").text, "the next person in this browser does not read it"
+    assert visitor.send("/s/small/now", {}).status_code == 403
     assert len(site.everybody("small")) == 1
 
 
@@ -280,10 +281,10 @@ def test_recruited_person_is_one_row_on_every_device(site: Site) -> None:
 def test_next_person_on_the_same_computer_is_somebody_else(site: Site) -> None:
     visitor = Visitor(site)
     visitor.consent("hired", LINK)
-    page = visitor.get("/s/hired?PROLIFIC_PID=other")
+    page = visitor.get("/s/hired?PROLIFIC_PID=5f1e00000000000000000002")
     assert page.url.path == "/s/hired"
     assert "I agree" in page.text
-    visitor.consent("hired", "?PROLIFIC_PID=other")
+    visitor.consent("hired", "?PROLIFIC_PID=5f1e00000000000000000002")
     assert len(site.everybody("hired")) == 2
 
 
@@ -293,7 +294,7 @@ def test_parameters_of_the_link_are_kept_apart_and_the_way_back_is_filled_in(sit
     assert "PROLIFIC" not in str(visitor.page.url)
     participant = site.only("hired")
     assert site.database.read_now(participants.personal_of, participant.id) == {
-        "recruitment_id": "5f1e", "STUDY_ID": "s1", "SESSION_ID": "x9",
+        "recruitment_id": "5f1e00000000000000000001", "STUDY_ID": "s1", "SESSION_ID": "x9",
     }  # fmt: skip
     while (step := site.step(site.only("hired"))).kind != "thanks":
         pass_step(visitor, site, step.kind, "hired")
@@ -325,7 +326,7 @@ def test_quiz_is_repeated_until_right_and_failures_are_noted(site: Site) -> None
     visitor.submit("small", onions="three")
     assert site.step(site.only("small")).key == "tutorial"
     failed = site.database.read_now(events.of_participant, site.only("small").id, "quiz_failed")
-    assert [event.detail for event in failed] == [{"answers": {"onions": "two"}}]
+    assert [event.detail for event in failed] == [{"answers": {"onions": "two"}, "attempt": 1}]
 
 
 def test_quiz_failed_too_often_ends_the_study_and_frees_the_place(site: Site) -> None:

@@ -19,13 +19,13 @@ SONA = "https://lab.sona-systems.com/webstudy_credit.aspx?experiment_id=7&credit
 RECRUITMENTS = {
     "prolific": f'{{source: prolific, required: true, completed: {{code: DONE1, url: "{CC}"}}, '
     f'screened_out: {{code: OUT1, url: "{CC}"}}, declined: {{code: NO11, url: "{CC}"}}}}',
-    "sona": f'{{source: sona, required: true, completed: {{url: "{SONA}"}}}}',
+    "sona": f'{{source: sona, required: true, person_pattern: ".+", completed: {{url: "{SONA}"}}}}',
     "mturk": "{source: mturk, required: true}",
 }
 LINKS = {
-    "prolific": "?PROLIFIC_PID=p+7&STUDY_ID=s1&SESSION_ID=x9",
+    "prolific": "?PROLIFIC_PID=5f00000000000000000000a7&STUDY_ID=s1&SESSION_ID=x9",
     "sona": "?survey_code=41%2F7",
-    "mturk": "?workerId=W1&assignmentId=A1&hitId=H1&turkSubmitTo=https%3A%2F%2Fworkersandbox.mturk.com",
+    "mturk": "?workerId=A1W1&assignmentId=A1&hitId=H1&turkSubmitTo=https%3A%2F%2Fworkersandbox.mturk.com",
 }
 
 
@@ -67,7 +67,7 @@ def test_prolific_gets_the_code_of_each_outcome(site: Site) -> None:
 
 def test_no_code_is_shown_before_everything_is_stored(site: Site) -> None:
     visitor = Visitor(site)
-    visitor.consent("prolific", "?PROLIFIC_PID=late&STUDY_ID=s1&SESSION_ID=x9")
+    visitor.consent("prolific", "?PROLIFIC_PID=5f00000000000000000000b8&STUDY_ID=s1&SESSION_ID=x9")
     me = site.everybody("prolific")[-1]
     site.database.write_now(participants.advance, me.id, me.position, len(site.studies.way(me)) - 2)
     visitor.get("/s/prolific/now")
@@ -128,7 +128,7 @@ def test_no_form_goes_to_an_address_that_is_not_mturks(site: Site, home: str) ->
     found = site.studies.open("mturk")
     assert found is not None
     recruitment = found[1].recruitment
-    values = {"assignmentId": "A1", "code": "KM-2222-2222", "person": "W1"}
+    values = {"assignmentId": "A1", "code": "KM-2222-2222", "person": "A1W1"}
     assert way_back(recruitment, recruitment.completed, values | {"turkSubmitTo": home}) is None
     assert "turkSubmitTo" not in recruitment_of(recruitment, {"workerId": "W1", "turkSubmitTo": home})[1]
     good = way_back(recruitment, recruitment.completed, values | {"turkSubmitTo": "https://WWW.mturk.com/"})
@@ -171,7 +171,7 @@ def test_in_mturks_frame_the_study_opens_in_a_tab_of_its_own(site: Site) -> None
 @pytest.mark.parametrize("name", RECRUITMENTS)
 def test_a_link_without_the_person_is_refused_and_the_same_person_is_one_row(site: Site, name: str) -> None:
     assert Visitor(site).get(f"/s/{name}").status_code == 400
-    query = LINKS[name].replace("p+7", "again").replace("41%2F7", "again").replace("W1", "again")
+    query = LINKS[name].replace("00a7", "00c9").replace("41%2F7", "again").replace("A1W1", "A1AGAIN")
     before = len(site.everybody(name))
     for _ in range(3):
         Visitor(site).consent(name, query)

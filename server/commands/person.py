@@ -1,0 +1,103 @@
+"""`kitchenmind person`: finds or deletes one participant on request. Works while the server runs. Imports late."""
+
+import argparse
+import contextlib
+import sys
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sqlalchemy import URL, Connection
+
+    from server.store.participants import Participant
+
+_HERE = timedelta(minutes=10)  # a game outlasts the last page that was loaded
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    verbs = parser.add_subparsers(dest="person_verb", required=True, metavar="find|delete")
+    find = verbs.add_parser("find", help="say who it is: number, participant id, status")
+    delete = verbs.add_parser("delete", help="delete everything about somebody who asked for it")
+    for each in (find, delete):
+        each.add_argument("who", metavar="WHO", help="the personal code, the recruiter's id, or the participant id")
+        each.add_argument("--study", required=True, metavar="KEY", help="the study's name")
+        each.add_argument("--database", metavar="URL", help="sqlite:///path or postgresql://user@host/name")
+    delete.add_argument("--reason", required=True, metavar="TEXT", help="for the audit log; do not name the person")
+    delete.add_argument("--yes", action="store_true", help="do not ask")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """0 done; 2 wrong input, or not confirmed; 1 the database failed."""
+    from sqlalchemy.exc import DBAPIError
+
+    from server.commands.databases import open_stored
+    from server.store.engines import DatabaseDown
+    from server.store.migrate import DatabaseTooNew
+
+    try:
+        with open_stored(arguments.database) as database:
+            found = database.read_now(_find, arguments)
+            url = database.url
+        print(f"P-{found.number:03d} of {arguments.study}: participant id {found.id}, {found.status}")
+        if arguments.person_verb == "find":
+            return 0
+        # Asked before the transaction: nothing is locked while somebody thinks.
+        if not arguments.yes and not _confirmed():
+            raise ValueError("nothing was deleted. Answer yes, or give --yes")
+        _delete(url, found, arguments)
+    except (ValueError, DatabaseTooNew) as error:
+        return _refuse(error, 2)
+    except (DatabaseDown, DBAPIError, OSError) as error:
+        return _refuse(error, 1)
+    print("deleted; only the count of those who left remains")
+    return 0
+
+
+def _find(connection: "Connection", arguments: argparse.Namespace) -> "Participant":
+    from server.store import participants, studies
+
+    versions = [version.id for version in studies.every(connection, arguments.study)]
+    if not versions:
+        known = sorted({version.key for version in studies.every(connection)})
+        raise ValueError(f"there is no study {arguments.study!r} here. There is: {', '.join(known) or 'none'}")
+    found = participants.find(connection, versions, arguments.who.strip())
+    if found is None:
+        raise ValueError(f"{arguments.study} has no participant with the id or code {arguments.who!r}")
+    return found
+
+
+def _confirmed() -> bool:
+    if not sys.stdin.isatty():
+        return False
+    return input("Delete everything about this participant? This cannot be taken back. Type yes: ").strip() == "yes"
+
+
+def _delete(url: "URL", found: "Participant", arguments: argparse.Namespace) -> None:
+    from server.store import engines
+    from server.store.beside import beside_the_server
+    from server.store.migrate import migrate
+    from server.store.withdrawal import Deletion, withdraw
+
+    with contextlib.suppress(engines.DatabaseInUse):  # the server has it open, so its tables are there
+        migrate(url.render_as_string(hide_password=False))
+    deletion = Deletion("command line", "delete participant", {"study": arguments.study, "reason": arguments.reason})
+    with beside_the_server(url) as connection:
+        if _is_playing(connection, found.id):
+            raise ValueError(
+                f"P-{found.number:03d} is in a game now. Wait, or use the dashboard, which ends the game first"
+            )
+        if not withdraw(connection, found.id, deletion):
+            raise ValueError("the participant is deleted already")
+
+
+def _is_playing(connection: "Connection", participant_id: str) -> bool:
+    from server.store import overview, participants
+
+    now = participants.get(connection, participant_id)
+    is_here = now is not None and datetime.now(UTC) - now.last_seen_at < _HERE
+    return is_here and any(one.status == "running" for one in overview.played_by(connection, participant_id))
+
+
+def _refuse(error: Exception, status: int) -> int:
+    print(f"kitchenmind person: {error}", file=sys.stderr)
+    return status

@@ -1,0 +1,77 @@
+"""A researcher deletes somebody who asks for it: found by code or id, and the audit log does not name the person."""
+
+import pytest
+from page_site import Site
+from sqlalchemy import text as sql
+from test_admin import played, signed_in, site  # noqa: F401 - the fixture
+
+from server.store import audit, participants, tombstones
+from server.store.tables import RECRUITMENT_ID, metadata
+
+
+def everything(site: Site) -> str:  # noqa: F811
+    def read(connection) -> list[str]:  # type: ignore[no-untyped-def]
+        return [str(connection.execute(sql(f"select * from {table.name}")).all()) for table in metadata.sorted_tables]
+
+    return "\n".join(site.database.read_now(read))
+
+
+@pytest.mark.parametrize("role", ["act", "own"])
+def test_who_may_step_in_deletes_somebody_on_request(site: Site, role: str) -> None:  # noqa: F811
+    episode = played(site)
+    person = site.only("small").id
+    researcher = signed_in(site, role)
+    page = researcher.get(f"/admin/s/small/person/{person}")
+    assert "Delete on request" in page.text
+    answer = researcher.post(f"/admin/s/small/person/{person}/delete", note="asked by mail", next="/admin")
+    assert answer.url.path == "/admin/s/small"
+    assert "The participant is deleted." in answer.text
+    stored = everything(site)
+    assert person not in stored
+    assert episode not in stored
+    entries = site.database.read_now(audit.entries)
+    assert [(one.actor, one.action) for one in entries][-1] == (role, "delete participant")
+    assert (entries[-1].detail or {})["reason"] == "asked by mail"
+    assert site.database.read_now(audit.first_forged) is None
+    assert site.database.read_now(tombstones.every)[0].is_of(person)
+    assert researcher.get(f"/admin/s/small/person/{person}").status_code == 404
+
+
+def test_who_only_watches_deletes_nobody_and_finds_nobody(site: Site) -> None:  # noqa: F811
+    played(site)
+    person = site.only("small").id
+    researcher = signed_in(site, "watch")
+    assert "Delete on request" not in researcher.get(f"/admin/s/small/person/{person}").text
+    token = researcher.token()
+    assert researcher.post(f"/admin/s/small/person/{person}/delete", token, note="x").status_code == 403
+    assert researcher.post("/admin/s/small/find", token, who=person).status_code == 403
+    assert "Find the participant" not in researcher.get("/admin/s/small").text
+    assert site.only("small").id == person
+
+
+def test_a_deletion_needs_a_reason(site: Site) -> None:  # noqa: F811
+    played(site)
+    person = site.only("small").id
+    researcher = signed_in(site, "own")
+    researcher.get(f"/admin/s/small/person/{person}")
+    assert researcher.post(f"/admin/s/small/person/{person}/delete", note="  ").status_code == 400
+    assert site.only("small").id == person
+
+
+def test_somebody_is_found_by_code_by_the_recruiter_s_id_and_by_id(site: Site) -> None:  # noqa: F811
+    played(site)
+    me = site.only("small")
+    site.database.write_now(participants.add_personal, me.id, me.study_id, RECRUITMENT_ID, "5f1e")
+    site.database.write_now(participants.complete, me.id, "KM-7777-8888")
+    researcher = signed_in(site, "act")
+    for word in ("km-7777-8888", " KM-7777-8888 ", "5F1E", me.id):
+        researcher.get("/admin/s/small")
+        assert "Find the participant" in researcher.page.text
+        assert researcher.post("/admin/s/small/find", who=word).url.path == f"/admin/s/small/person/{me.id}"
+    for word in ("KM-0000-0000", "", "%", me.id[:-1]):
+        researcher.get("/admin/s/small")
+        answer = researcher.post("/admin/s/small/find", who=word)
+        assert "There is no participant with this id or code" in answer.text
+    noted = str([one.detail for one in site.database.read_now(audit.entries) if one.action == "find participant"])
+    assert "5F1E" not in noted
+    assert me.id not in noted

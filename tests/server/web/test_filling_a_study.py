@@ -1,0 +1,243 @@
+"""Nobody fills a study with invented people: places by address, places that are held briefly, and an alert."""
+
+import asyncio
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import httpx
+import pytest
+from page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
+
+from server.store import participants
+from server.store.tables import participants as table
+from server.web import crowding, rates, walk
+from server.web.rates import NewPlaces, address_of
+
+ONE_EACH = SMALL_STUDY.replace("predictor: none}", "predictor: none, quota: 1}").replace(
+    "predictor: tom}", "predictor: tom, quota: 1}"
+)
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[Site]:
+    with Site(tmp_path, ONE_EACH, SMALL_STUDY.replace("name: small", "name: wide", 1)) as running:
+        yield running
+
+
+def consented_ago(site: Site, minutes: float) -> None:
+    at = datetime.now(UTC) - timedelta(minutes=minutes)
+    values = {"started_at": at, "last_seen_at": datetime.now(UTC)}  # a client that keeps asking for its page
+    site.database.write_now(lambda connection: connection.execute(table.update().values(values)))
+
+
+def limit(site: Site, an_hour: int) -> None:
+    site.app.state.web = replace(site.app.state.web, places=NewPlaces(an_hour, counts_local=True))
+
+
+def test_one_address_brings_so_many_new_people_and_no_more(site: Site) -> None:
+    limit(site, 3)
+    statuses = [Visitor(site).consent("wide").status_code for _ in range(5)]
+    assert statuses == [200, 200, 200, 429, 429]
+    assert len(site.everybody("wide")) == 3
+    page = Visitor(site).consent("wide")
+    assert "Too many people have started here" in page.text
+    assert page.headers["retry-after"]
+
+
+def test_who_is_in_the_study_already_needs_no_place(site: Site) -> None:
+    limit(site, 2)
+    known = Visitor(site)
+    known.get("/s/wide")
+    fields = known.fields("/consent") | {"box_0": "yes"}
+    for _ in range(5):
+        assert Visitor(site).send("/s/wide/consent", fields).status_code == 200
+    assert known.send("/s/wide/consent", fields).status_code == 200
+    assert Visitor(site).consent("wide").status_code == 200, "five copies of one page took one place"
+    assert Visitor(site).consent("wide").status_code == 429
+    assert known.get("/s/wide/now").status_code == 200
+
+
+def test_a_place_that_came_to_nothing_is_given_back(site: Site) -> None:
+    limit(site, 3)
+    for _ in range(2):
+        Visitor(site).consent("small")
+    for _ in range(4):
+        assert Visitor(site).consent("small").status_code == 409, "full"
+    assert Visitor(site).consent("wide").status_code == 200
+    assert Visitor(site).consent("wide").status_code == 429
+
+
+def test_copies_of_a_page_that_are_on_their_way_at_once_take_one_place() -> None:
+    places = NewPlaces(1)
+    assert all(places.reserve("192.0.2.1", "study", "page") for _ in range(3))
+    assert not places.reserve("192.0.2.1", "study", "another")
+    for used in (False, True, False):
+        places.settle("page", used)
+    assert not places.reserve("192.0.2.1", "study", "another"), "one of the copies was used"
+    assert places.reserve("192.0.2.2", "study", "third")
+    places.settle("third", used=False)
+    assert places.reserve("192.0.2.2", "study", "fourth")
+    assert places.turned_away("study") == 2
+
+
+def test_a_place_comes_back_with_time_and_not_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 1000.0
+    monkeypatch.setattr(rates.time, "monotonic", lambda: now)
+    places = NewPlaces(6)
+    assert [places.reserve("192.0.2.1", "study", f"{n}") for n in range(7)] == [True] * 6 + [False]
+    now += 599
+    assert not places.reserve("192.0.2.1", "study", "early")
+    now += 2
+    assert places.reserve("192.0.2.1", "study", "later")
+    assert places.turned_away("study") == 2
+    now += 3601
+    assert places.turned_away("study") == 0
+
+
+@pytest.mark.parametrize(("an_hour", "counts_local"), [(0, True), (1, False)])
+def test_no_limit_and_the_own_machine(an_hour: int, counts_local: bool) -> None:
+    places = NewPlaces(an_hour, counts_local)
+    assert all(places.reserve("127.0.0.1", "study", f"{n}") for n in range(50))
+
+
+@pytest.mark.parametrize(
+    ("host", "address"),
+    [
+        ("192.0.2.1", "192.0.2.1"),
+        ("2001:db8:1:2:3:4:5:6", "2001:db8:1:2::/64"),
+        ("2001:db8:1:2:ffff::9", "2001:db8:1:2::/64"),
+        ("::ffff:192.0.2.1", "192.0.2.1"),
+        ("::1", "::1"),
+        ("fe80::1%eth0", "fe80::/64"),
+        ("testclient", "testclient"),
+    ],
+)
+def test_a_household_of_ipv6_is_one_address(host: str, address: str) -> None:
+    class Asking:
+        client = type("Address", (), {"host": host})
+
+    assert address_of(Asking()) == address  # type: ignore[arg-type]
+
+
+def test_a_place_is_held_briefly_until_something_is_done(site: Site) -> None:
+    silent = Visitor(site)
+    for _ in range(2):
+        silent = Visitor(site)
+        silent.consent("small")
+    assert Visitor(site).consent("small").status_code == 409
+    consented_ago(site, 9)
+    assert Visitor(site).consent("small").status_code == 409
+    consented_ago(site, 11)
+    real = [Visitor(site), Visitor(site)]
+    for person in real:
+        assert person.consent("small").status_code == 200
+        person.submit("small", **EVERYTHING)
+    assert Visitor(site).consent("small").status_code == 409
+    answer = silent.get("/s/small/now")
+    assert "your place was given to somebody else" in answer.text
+    statuses = [one.status for one in site.everybody("small")]
+    assert sorted(statuses) == ["active", "active", "active", "timed_out"], "the other has not asked yet"
+    assert [one.position for one in site.everybody("small") if one.position] == [1, 1]
+
+
+def test_who_sends_the_first_page_late_goes_on_if_there_is_room(site: Site) -> None:
+    late = Visitor(site)
+    late.consent("small")
+    consented_ago(site, 60)
+    late.submit("small", **EVERYTHING)
+    assert (site.only("small").status, site.only("small").position) == ("active", 1)
+
+
+def test_who_sends_the_first_page_late_leaves_if_there_is_none(site: Site) -> None:
+    late = Visitor(site)
+    late.consent("small")
+    Visitor(site).consent("small")
+    consented_ago(site, 60)
+    for _ in range(2):
+        Visitor(site).consent("small")
+    late.submit("small", **EVERYTHING)
+    assert "your place was given to somebody else" in late.page.text
+    assert site.everybody("small")[0].status == "timed_out"
+
+
+def test_who_has_done_something_keeps_the_place_for_as_long_as_the_study_says(site: Site) -> None:
+    for _ in range(2):
+        person = Visitor(site)
+        person.consent("small")
+        person.submit("small", **EVERYTHING)
+    consented_ago(site, 100)
+    assert Visitor(site).consent("small").status_code == 409
+    assert {one.status for one in site.everybody("small")} == {"active"}
+
+
+def test_a_game_that_has_begun_is_a_sign_of_life(site: Site) -> None:
+    visitor = Visitor(site)
+    visitor.consent("small")
+    me = site.only("small")
+    assert site.database.read_now(participants.is_silent, me.id)
+    index = [step.key for step in site.studies.way(me)].index("tutorial")
+    site.database.write_now(participants.advance, me.id, 0, index)
+    site.end_game(me)
+    episode = "update episodes set started_at = created_at"
+    site.database.write_now(lambda connection: connection.exec_driver_sql(episode))
+    back = "update participants set position = 0"
+    site.database.write_now(lambda connection: connection.exec_driver_sql(back))
+    assert not site.database.read_now(participants.is_silent, me.id)
+    (number, _) = site.studies.open("small") or (0, None)
+    later = datetime.now(UTC) + timedelta(hours=1)
+    assert site.database.read_now(participants.silent, (number,), later) == {}
+
+
+def signs(site: Site, name: str, leads: bool = True) -> dict[str, str]:
+    return asyncio.run(crowding.signs(site.app.state.web, name, site.studies.versions(name), leads))
+
+
+def test_researchers_are_told_of_people_who_consent_and_do_nothing(site: Site) -> None:
+    for _ in range(crowding.FEWEST):
+        Visitor(site).consent("wide")
+    assert signs(site, "wide") == {}, "they may still begin"
+    consented_ago(site, 15)
+    (text,) = signs(site, "wide").values()
+    assert "5 of 5 people who consented" in text
+    assert signs(site, "wide", leads=False) == {}
+    assert signs(site, "small") == {}
+    consented_ago(site, 90)
+    assert signs(site, "wide") == {}, "long ago"
+
+
+def test_researchers_are_told_of_an_address_that_wants_too_many_places(site: Site) -> None:
+    limit(site, 1)
+    for _ in range(3):
+        Visitor(site).consent("wide")
+    (text,) = signs(site, "wide", leads=False).values()
+    assert "2 were refused" in text
+    assert "KITCHENMIND_NEW_PER_ADDRESS" in text
+    assert "127.0.0.1" not in text
+
+
+def test_assignment_counts_who_holds_a_place(site: Site) -> None:
+    for _ in range(2):
+        Visitor(site).consent("small")
+    consented_ago(site, 11)
+    (number, study) = site.studies.open("small") or (0, None)
+    assert study is not None
+    assert [count.held for count in site.database.read_now(walk.held, number, study).values()] == [0, 0]
+
+
+def test_twenty_at_once_get_the_places_that_there_are(site: Site) -> None:
+    limit(site, 4)
+    forms = []
+    for _ in range(20):
+        visitor = Visitor(site)
+        visitor.get("/s/wide")
+        forms.append(visitor.fields("/consent") | {"box_0": "yes"})
+
+    async def send_all() -> list[int]:
+        async with httpx.AsyncClient(base_url=site.url, headers={"accept": "text/html"}, timeout=60) as client:
+            answers = await asyncio.gather(*(client.post("/s/wide/consent", data=form) for form in forms))
+        return sorted(answer.status_code for answer in answers)
+
+    assert asyncio.run(send_all()) == [303] * 4 + [429] * 16
+    assert len(site.everybody("wide")) == 4
