@@ -13,7 +13,8 @@ from page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
 from server.store import participants
 from server.store.tables import participants as table
 from server.web import crowding, rates, walk
-from server.web.rates import NewPlaces, address_of
+from server.web.addresses import address_of
+from server.web.rates import NewPlaces
 
 ONE_EACH = SMALL_STUDY.replace("predictor: none}", "predictor: none, quota: 1}").replace(
     "predictor: tom}", "predictor: tom, quota: 1}"
