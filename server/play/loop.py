@@ -172,10 +172,11 @@ class Loop:
             game.busy = True
         decisions, models_ms = await self._ask(begun)
         made: list[tuple[Game, TickRecord]] = []
+        unix_ms = round(self.clock.wall().timestamp() * 1000, 3)
         for game, questions in begun:
             mine, decisions = decisions[: len(questions)], decisions[len(questions) :]
             try:
-                made.append((game, game.session.finish_tick(mine, models_ms, self.clock.patience_s * 1000)))
+                made.append((game, game.session.finish_tick(mine, models_ms, self.clock.patience_s * 1000, unix_ms)))
             except Exception as error:  # noqa: BLE001 - as above
                 self._broken(game, error)
         self.made += len(made)

@@ -5,7 +5,8 @@ What an export leaves out stays out: nobody can log in as an imported participan
 
 import json
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +20,12 @@ from server.store import codebook, dataset, tables
 from server.store import ticks as tick_rows
 from server.store.codebook import ACTION_NAMES, STEPS
 from server.store.export import schema
-from server.store.export_files import table_path, unescaped
+from server.store.export_files import TABLE_FORMATS, table_path, unescaped
 
 Record = dict[str, Any]
 _INSERT = 2000
+_LATER_COLUMNS = frozenset({"made_at"})  # that exports of earlier versions lack
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 IMPORTED = "imported"  # stands for the researchers, whose names are not in an export
 _RENAMED = {"step": "step_key", "question": "question_key", "episode": "episode_id", "participant": "participant_id"}
 
@@ -47,6 +50,7 @@ def import_export(connection: Connection, folder: Path) -> dict[str, int]:
     counted["withdrawals"] = _fill(connection, tables.withdrawals, _of_study(folder, "withdrawals", studies))
     counted["episodes"] = _fill(connection, tables.episodes, _episodes(folder, studies))
     counted["ticks"] = _ticks(connection, folder)
+    counted["inputs"] = _fill(connection, tables.inputs, _inputs(folder))
     for name in ("pauses", "answers", "visits", "events", "exclusions"):
         counted[name] = _fill(connection, tables.metadata.tables[name], _records(folder, name))
     return counted
@@ -59,12 +63,15 @@ def rows(folder: Path, table: str) -> Iterator[Record]:
     path = table_path(folder, "parquet", table)
     if path.is_file():
         with pa.parquet.ParquetFile(path) as file:
+            types = _without_later_columns(types, file.schema_arrow.names)
             for batch in file.iter_batches(_INSERT, columns=types.names):
                 yield from batch.to_pylist()
         return
     path = table_path(folder, "csv", table)
     if not path.is_file():
         raise ImportRefused(f"{folder} has no table of {table}. Export the study again.")
+    with path.open(encoding="utf-8") as header:
+        types = _without_later_columns(types, header.readline().strip().replace('"', "").split(","))
     convert = pa.csv.ConvertOptions(
         column_types=types, include_columns=types.names, strings_can_be_null=True, quoted_strings_can_be_null=False
     )
@@ -74,6 +81,11 @@ def rows(folder: Path, table: str) -> Iterator[Record]:
         for batch in reader:
             for row in batch.to_pylist():
                 yield row | {name: unescaped(row[name]) for name in texts if row[name] is not None}
+
+
+def _without_later_columns(types: pa.Schema, present: Sequence[str]) -> pa.Schema:
+    """The columns to read: those that were added later need not be there."""
+    return pa.schema([field for field in types if field.name not in _LATER_COLUMNS or field.name in present])
 
 
 def _fill(connection: Connection, table: Table, records: Iterator[Record]) -> int:
@@ -120,6 +132,23 @@ def _episodes(folder: Path, studies: dict[tuple[str, int], int]) -> Iterator[Rec
         for name in ("timesteps", "last_tick", "excluded"):
             del row[name]
         yield row | {"id": row.pop("episode"), "step_key": row.pop("step"), "spec": spec, "grid": spec["grid"]}
+
+
+def _inputs(folder: Path) -> Iterator[Record]:
+    """Exports of earlier versions have no such table."""
+    if not any(table_path(folder, kind, "inputs").is_file() for kind in TABLE_FORMATS):
+        return
+    for row in rows(folder, "inputs"):
+        timestep = row["timestep"]
+        yield row | {
+            "episode_id": row.pop("episode"),
+            "received_unix_ms": _unix_ms(row.pop("received_at")),
+            "timestep": None if timestep is None else timestep + 1,
+        }
+
+
+def _unix_ms(at: datetime) -> float:
+    return (at - _EPOCH) / timedelta(milliseconds=1)
 
 
 def _records(folder: Path, table: str) -> Iterator[Record]:
@@ -178,6 +207,7 @@ def _of_state(row: Record) -> Record:
         "prediction": () if row["p1_north"] is None else probabilities,
         "displayed": tuple(step for step in drawn if step[0] is not None),
         **{name: row[name] for name in ("late", "scheduled_ms", "late_ms", "models_ms")},
+        "made_unix_ms": _unix_ms(row["made_at"]) if row.get("made_at") else None,
     }
 
 
