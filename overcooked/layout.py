@@ -102,7 +102,9 @@ def parse_layout(text: str, name: str = "layout", source: str | None = None) -> 
 
 
 def _cells(tiles: NDArray[np.int8], tile: int) -> NDArray[np.int8]:
-    return np.argwhere(tiles == tile).astype(np.int8).reshape(-1, 2)
+    """Cells of one kind. In rows one after the other, however many there are: numba compiles a kernel anew for each
+    order of an array in memory, and a kitchen with one pot would differ from one with two."""
+    return np.ascontiguousarray(np.argwhere(tiles == tile), np.int8)
 
 
 def _check_grid(rows: list[str], source: str) -> list[tuple[int, int]]:

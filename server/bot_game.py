@@ -4,7 +4,7 @@ import asyncio
 import random
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, cast
 
 import msgspec
 import numpy as np
@@ -248,7 +248,7 @@ class BotGame:
         action, self._settling = (STAY, False) if self._settling else (action, False)
         self._seq += 1
         self._journal.inputs.append((self._welcome.episode, state.t, action))
-        tap = None if action == STAY else action
+        tap = None if action == STAY else cast(messages.Tap, action)
         client_ms = float(state.t * self._welcome.tick_ms)  # its clock goes as the game's does, however fast that is
         await self._send(socket, messages.Input(self._seq, None, tap, client_ms))
 

@@ -87,12 +87,27 @@ class PatientProtocol(H11Protocol):
         return True
 
 
+class QuietProtocol(WebSocketsSansIOProtocol):
+    """uvicorn's websocket, which by itself writes a traceback into the log for every text frame that is not UTF-8."""
+
+    def send_receive_event_to_app(self) -> None:
+        if self.curr_msg_data_type == "text" and not self.close_sent:
+            try:
+                b"".join(self.frames).decode()
+            except UnicodeDecodeError:
+                log.info("a websocket sent a text frame that is not UTF-8: it is closed with 1007")
+                self.frames = []
+                self.conn.send_close(1007, "a text frame is UTF-8")
+                return self.handle_parser_exception()
+        return super().send_receive_event_to_app()
+
+
 class SparingProtocol(asyncio.BufferedProtocol):
     """uvicorn's websocket, which by itself takes in and parses a quarter of a megabyte at once, and goes on with all
     that comes after it has closed: thousands of messages of one flood, for which every other game would wait."""
 
     def __init__(self, **parts: Any) -> None:
-        self._websocket = WebSocketsSansIOProtocol(**parts)
+        self._websocket = QuietProtocol(**parts)
         self._buffer = bytearray(_MOUTHFUL_BYTES)
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fastapi import Depends, FastAPI
+from fastapi.concurrency import run_in_threadpool
 from fastapi.staticfiles import StaticFiles
 
 from models.launch import Launched
@@ -37,7 +38,7 @@ from server.web.auth import Guard
 from server.web.boundary import Boundary
 from server.web.control import Control
 from server.web.course import Course
-from server.web.deps import Web, templates
+from server.web.deps import Web, compile_templates, templates
 from server.web.episodes import layout_of
 from server.web.errors import install_error_pages
 from server.web.everywhere import Everywhere
@@ -97,7 +98,7 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
         stack.push_async_callback(models.close)
         starting = asyncio.create_task(models.start())  # takes longest, in a process of its own
         stack.push_async_callback(ended, starting)  # nothing goes on when the server does not start
-        await asyncio.to_thread(_warm, files)
+        await run_in_threadpool(_warm, files)  # starlette's own way, which imports its parts at the first call
         if several:
             await asyncio.to_thread(migrate_shared, settings.database)
         database = Database(settings.database, shared=several, in_turn=several)
@@ -238,7 +239,8 @@ def _alarm(app: FastAPI, settings: Settings) -> Callable[[], Coroutine[Any, Any,
 
 
 def _warm(files: Sequence[StudyFile]) -> None:
-    """The first step of a game must not wait for a compiler."""
+    """Nothing is compiled once pages can be opened: the first game would stand still for it."""
+    compile_templates()
     with only_our_kernels():
         for file in files:
             trace = Trace(layout_of(file.study.layouts[0]), horizon=1)

@@ -1,14 +1,17 @@
 """A session with the people who play it: who is connected, who is told what, what has to be stored about it."""
 
 from collections.abc import Callable
-from typing import Protocol
+from datetime import datetime
+from typing import Protocol, cast
+
+from msgspec import structs
 
 from server.play import messages
 from server.play.clock import Clock
 from server.play.durable import Durable
 from server.play.holds import Holder
 from server.play.messages import Outgoing
-from server.play.recorder import PauseRecord, Recorder, TickRecord
+from server.play.recorder import EpisodeResult, PauseRecord, Recorder, TickRecord
 from server.play.session import COUNTDOWN_S, Session
 
 SUPERSEDED = 4001  # close code: another tab has taken over
@@ -19,6 +22,7 @@ class Connection(Protocol):
     """One socket of one participant, as the game sees it. Neither call waits."""
 
     tab: str
+    is_new_page: bool  # it knows no state of the game yet: it counts its inputs from the start
     next_url: str  # where the participant goes on after the episode
 
     def send(self, message: Outgoing) -> None: ...
@@ -64,12 +68,12 @@ class Game:
                 self.pause(person, "other_tab" if other_tab else "lost")
             self.connections[person] = connection
             if person in self.session.keys:
-                self.session.keys[person].restart()
-        connection.send(self.session.welcome(person))
+                self.session.keys[person].page(connection.tab, connection.is_new_page)
+        connection.send(self._welcome(person))
         self._lesson = None
         self._teach()
         if self.session.phase == "paused":
-            connection.send(self.session.paused(person, self.clock.now()))
+            connection.send(self._paused(person))
 
     def leave(self, person: int, connection: Connection) -> None:
         """A socket is gone. Nothing happens if another one has taken over."""
@@ -85,7 +89,8 @@ class Game:
         match message:
             case messages.Input():
                 if person in self.session.keys:
-                    self.session.key(person, message, self.clock.now())
+                    unix_ms = round(self.clock.wall().timestamp() * 1000, 3)
+                    self.session.key(person, message, self.clock.now(), connection.tab, unix_ms)
             case messages.Ready():
                 self._ready(person, connection)
             case messages.Away():
@@ -100,7 +105,7 @@ class Game:
         self.release(person)
         self.session.expect_others(person, self.clock.now())
         if self.session.phase == "paused" or (self.session.phase == "waiting" and len(self.session.people) > 1):
-            connection.send(self.session.paused(person, self.clock.now()))
+            connection.send(self._paused(person))
 
     def dismiss_all(self) -> None:
         """The game goes on elsewhere."""
@@ -125,6 +130,14 @@ class Game:
         if not self.busy:
             self.tell_paused()
 
+    def interrupted(self, since: datetime | None) -> None:
+        """The game comes from the database: it has stood still since `since` (None: nobody knows, so since now)."""
+        now, session = self.clock.wall(), self.session
+        since = min(since or now, now)  # the wall clock may have been set back
+        session.paused_since -= (now - since).total_seconds() * self.clock.speed
+        session.pause_record = PauseRecord(self.episode, session.trace.timestep, "server", since, None)
+        self.store(session.pause_record)
+
     def release(self, holder: Holder) -> None:
         if self.session.release(holder, self.clock.now()):
             self._start(self)
@@ -139,13 +152,23 @@ class Game:
         for connection in self.connections.values():
             connection.send(message)
 
-    def tell_countdown(self, seconds: int = COUNTDOWN_S) -> None:
-        self.broadcast(messages.Countdown(seconds))
+    def _welcome(self, person: int) -> messages.Welcome:
+        """The page's clock is on the wall: where the games' clock is faster, its timesteps are shorter."""
+        welcome = self.session.welcome(person)
+        return structs.replace(welcome, tick_ms=max(1, round(welcome.tick_ms / self.clock.speed)))
+
+    def _paused(self, person: int) -> messages.Paused:
+        paused = self.session.paused(person, self.clock.now())
+        left_s = max(0.1, round(paused.left_s / self.clock.speed, 1)) if paused.left_s else 0.0
+        return structs.replace(paused, left_s=left_s)
+
+    def tell_countdown(self, seconds: float = COUNTDOWN_S) -> None:
+        self.broadcast(messages.Countdown(round(seconds / self.clock.speed, 3)))
 
     def tell_paused(self) -> None:
         if self.session.phase == "paused":
             for person, connection in self.connections.items():
-                connection.send(self.session.paused(person, self.clock.now()))
+                connection.send(self._paused(person))
 
     def show(self) -> None:
         """The stored state goes out."""
@@ -160,8 +183,10 @@ class Game:
             self._lesson = lesson
             self.broadcast(lesson)
 
-    def tell_end(self, score: int, soups: int, progress: float, passed: bool) -> None:
+    def tell_end(self, result: EpisodeResult) -> None:
         """The episode is stored; everybody goes on."""
         for connection in self.connections.values():
-            connection.send(messages.Ended(score, soups, progress, passed, connection.next_url))
+            figures = (result.score, result.soups, result.progress, result.passed)
+            reason = cast(messages.EndReason, result.reason)
+            connection.send(messages.Ended(*figures, connection.next_url, reason))
             connection.close(FINISHED, "the episode is over")

@@ -9,7 +9,7 @@ from models.protocols import Models
 from server.play.clock import Clock
 from server.play.game import Connection, Game
 from server.play.loop import Loop
-from server.play.recorder import EpisodeRecord, EpisodeResult, GamesLost, PauseRecord, Recorder
+from server.play.recorder import EpisodeRecord, EpisodeResult, GamesLost, Recorder
 from server.play.session import Session
 
 log = logging.getLogger(__name__)
@@ -94,19 +94,16 @@ class Games:
         record = await self._load(episode)
         if record is None or record.status in ("done", "aborted"):
             raise NoGame(f"there is no episode {episode} to be played")
-        now = self.clock.now()
-        session = Session(record, now)
+        session = Session(record, self.clock.now())
         game = Game(session, self.clock, self._recorder, self.loop.start, self.loop.stop)
-        if session.over:
-            self._records[episode] = record
-            self._games[episode] = game
-            self._end(game, "done", "")
-            raise NoGame(f"episode {episode} is over")
         if session.resumed:
-            session.pause_record = PauseRecord(episode, session.trace.timestep, "server", self.clock.wall(), None)
-            game.store(session.pause_record)
+            game.interrupted(record.known_at)
         self._records[episode] = record
         self._games[episode] = game
+        if session.over:
+            game.store(session.end_pause(self.clock.now()))
+            self._end(game, "done", "")
+            raise NoGame(f"episode {episode} is over")
         if self._keeper is None:
             self._keeper = asyncio.create_task(self._keep())
         return game
@@ -139,7 +136,7 @@ class Games:
             for connection in game.connections.values():
                 connection.close(FAILED, "the end of the episode could not be stored")
         else:
-            game.tell_end(result.score, result.soups, result.progress, result.passed)
+            game.tell_end(result)
         self._forget(game)
 
     def let_go(self, game: Game) -> None:

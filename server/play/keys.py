@@ -1,18 +1,57 @@
 """What a person's keys mean: which action they decide at the next tick. Knows neither clock nor socket."""
 
 from dataclasses import dataclass
+from typing import Final
 
 from overcooked.constants import INTERACT, STAY
 from server.play.messages import Input
+from server.play.recorder import (
+    APPLIED,
+    FORGOTTEN,
+    RELEASED,
+    REPEATED,
+    REPLACED,
+    STOOD_STILL,
+    UNCHANGED,
+    InputOutcome,
+    InputRecord,
+    StoredInputs,
+)
+
+_MAX_TABS: Final = 16  # of one person in one game whose last message is remembered
+MAX_SETTLED: Final = 1000  # inputs of one person that wait to be stored; a game that stands still stores none
 
 
 @dataclass(frozen=True)
-class Press:
-    """The Input that decided an action."""
+class Arrival:
+    """Where an Input came from and when, besides the time of whoever calls `press`."""
 
-    seq: int
-    client_ms: float
+    tab: str = ""
+    unix_ms: float = 0.0
+    game_ms: float | None = None  # since the episode's first tick deadline; None while the game stands still
+
+
+@dataclass(eq=False)
+class Press:
+    """One Input and what became of it."""
+
+    number: int  # 1, 2, ... in the order of arrival
+    keys: Input
     received: float  # when it arrived, in the time of whoever called `press`
+    arrival: Arrival
+    outcome: InputOutcome | None = None  # None: not known yet
+    timestep: int | None = None  # the first timestep in which it counted
+
+    @property
+    def seq(self) -> int:
+        return self.keys.seq
+
+    @property
+    def client_ms(self) -> float:
+        return self.keys.client_ms
+
+
+_UNKNOWN = Arrival()
 
 
 class Keys:
@@ -22,43 +61,109 @@ class Keys:
     one tap to move and one to interact wait, the latest of each kind; they are done in the order pressed, one a tick.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, stored: StoredInputs | None = None) -> None:
+        """`stored`: what came before this server took the episode up."""
         self.seq = -1  # of the newest Input taken into account
+        self._count = 0 if stored is None else stored.count
+        self._seqs = {} if stored is None else dict(stored.seqs)  # by tab
+        self._tab: str | None = None
         self._held: int | None = None
-        self._held_since: Press | None = None
+        self._held_by: Press | None = None  # the Input that changed what is held last, also to nothing
         self._taps: dict[bool, tuple[int, Press]] = {}  # is it interact? -> (action, press); in the order pressed
+        self._settled: list[Press] = []
 
-    def press(self, keys: Input, received: float, taps_count: bool = True) -> bool:
+    def press(self, keys: Input, received: float, taps_count: bool = True, arrival: Arrival = _UNKNOWN) -> bool:
         """Takes a message in. False: it is a repeat or older than one already seen, and nothing changed.
 
         `taps_count` False: the game stands still; a key that is held goes on counting, one just tapped does not.
         """
+        self._count += 1
+        press = Press(self._count, keys, received, arrival)
         if keys.seq <= self.seq:
+            self._settle(press, REPEATED)
             return False
         self.seq = keys.seq
-        press = Press(keys.seq, keys.client_ms, received)
-        if keys.held != self._held:
-            self._held, self._held_since = keys.held, press
-        if taps_count and keys.tap is not None and keys.tap != STAY:
+        changed = keys.held != self._held
+        counts = taps_count and keys.tap is not None
+        if changed:
+            before, self._held, self._held_by = self._held_by, keys.held, press
+            self._drop(before, REPLACED)
+        if counts and keys.tap is not None:
             kind = keys.tap == INTERACT
-            self._taps.pop(kind, None)
+            replaced = self._taps.pop(kind, None)
             self._taps[kind] = (keys.tap, press)
+            self._drop(replaced[1] if replaced else None, REPLACED)
+        if not (changed or counts):
+            self._settle(press, UNCHANGED if keys.tap is None else STOOD_STILL)
         return True
 
-    def take(self) -> tuple[int, Press | None]:
-        """The action of this tick and what decided it; None where no key did (the person waits)."""
+    def take(self, timestep: int = 0) -> tuple[int, Press | None]:
+        """The action of this timestep and what decided it; None where no key did (the person waits)."""
+        if self._held is None and self._held_by is not None and not self._waits(self._held_by):
+            self._settle(self._held_by, RELEASED, timestep)
         if self._taps:
-            return self._taps.pop(next(iter(self._taps)))
-        if self._held is not None:
-            return self._held, self._held_since
+            action, press = self._taps.pop(next(iter(self._taps)))
+            self._settle(press, APPLIED, timestep)
+            return action, press
+        if self._held is not None and self._held_by is not None:
+            self._settle(self._held_by, APPLIED, timestep)
+            return self._held, self._held_by
         return STAY, None
 
-    def clear(self) -> None:
+    def clear(self, outcome: InputOutcome = FORGOTTEN) -> None:
         """Forgets every key, but not which messages were seen: after a pause nothing old comes back."""
-        self._held = self._held_since = None
+        waiting = [press for _, press in self._taps.values()]
+        if self._held_by is not None:
+            waiting.append(self._held_by)
+        self._held = self._held_by = None
         self._taps.clear()
+        for press in waiting:
+            self._settle(press, outcome)
 
-    def restart(self) -> None:
-        """A new page counts its messages from the start."""
+    def page(self, tab: str, is_new: bool) -> None:
+        """A page takes over. A new one counts its messages from the start; one that was here before goes on counting,
+        so that a message which it repeats after a lost connection is not done twice."""
         self.clear()
-        self.seq = -1
+        if self._tab is not None:
+            self._seqs[self._tab] = self.seq
+        self._tab = tab
+        self.seq = -1 if is_new else self._seqs.get(tab, -1)
+        while len(self._seqs) > _MAX_TABS:
+            del self._seqs[next(iter(self._seqs))]
+
+    def take_settled(self, episode: str, seat: int) -> list[InputRecord]:
+        """The Inputs whose outcome has become known since the last call, in the order of arrival."""
+        settled, self._settled = self._settled, []
+        return sorted((_record(episode, seat, press) for press in settled), key=lambda record: record.number)
+
+    def _waits(self, press: Press) -> bool:
+        return any(press is waiting for _, waiting in self._taps.values())
+
+    def _drop(self, press: Press | None, outcome: InputOutcome) -> None:
+        """The Input no longer waits here; unless it still waits as the other of tap and held, its outcome is known."""
+        if press is not None and press is not self._held_by and not self._waits(press):
+            self._settle(press, outcome)
+
+    def _settle(self, press: Press, outcome: InputOutcome, timestep: int | None = None) -> None:
+        """The first outcome stays: a key that is held on decides many timesteps."""
+        if press.outcome is None:
+            press.outcome, press.timestep = outcome, timestep
+            if len(self._settled) < MAX_SETTLED:
+                self._settled.append(press)
+
+
+def _record(episode: str, seat: int, press: Press) -> InputRecord:
+    return InputRecord(
+        episode=episode,
+        seat=seat,
+        number=press.number,
+        tab=press.arrival.tab,
+        seq=press.seq,
+        held=press.keys.held,
+        tap=press.keys.tap,
+        client_ms=press.client_ms,
+        received_unix_ms=press.arrival.unix_ms,
+        received_ms=press.arrival.game_ms,
+        timestep=press.timestep,
+        outcome=press.outcome or FORGOTTEN,
+    )

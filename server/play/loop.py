@@ -7,7 +7,6 @@ import asyncio
 import logging
 import math
 import time
-from collections import deque
 from collections.abc import Callable, Collection, Coroutine, Sequence
 from typing import Any, Final
 
@@ -15,6 +14,7 @@ from models.protocols import Decision, Models, Question
 from server.play.clock import Clock
 from server.play.game import Game
 from server.play.holds import DATABASE
+from server.play.lateness import Lateness
 from server.play.recorder import GamesLost, Recorder, RecorderDown, TickRecord
 from server.play.session import COUNTDOWN_S, Session
 
@@ -56,7 +56,7 @@ class Loop:
         """`over(game, error)`: the episode was played to its end (error empty) or cannot go on. `lost(game)`: another
         process plays it now."""
         self.clock = clock
-        self.late_ms: deque[float] = deque(maxlen=10_000)  # of the last ticks
+        self.lateness = Lateness()
         self.made = self.waits = 0  # ticks since the start; those whose partner had to wait
         self._models, self._recorder, self._over, self._lost = models, recorder, over, lost
         self._slots: dict[int, list[Slot]] = {}  # by tick_ms
@@ -159,7 +159,7 @@ class Loop:
     async def _play(self, games: Sequence[Game], now: float) -> None:
         begun = []
         for game in games:
-            self.late_ms.append((now - game.session.next_deadline) * 1000)
+            self.lateness.add((now - game.session.next_deadline) * 1000)
             try:
                 begun.append((game, game.session.begin_tick(now)))
             except Exception as error:  # noqa: BLE001 - a fault in one game must not reach the others
@@ -172,10 +172,11 @@ class Loop:
             game.busy = True
         decisions, models_ms = await self._ask(begun)
         made: list[tuple[Game, TickRecord]] = []
+        unix_ms = round(self.clock.wall().timestamp() * 1000, 3)
         for game, questions in begun:
             mine, decisions = decisions[: len(questions)], decisions[len(questions) :]
             try:
-                made.append((game, game.session.finish_tick(mine, models_ms, self.clock.patience_s * 1000)))
+                made.append((game, game.session.finish_tick(mine, models_ms, self.clock.patience_s * 1000, unix_ms)))
             except Exception as error:  # noqa: BLE001 - as above
                 self._broken(game, error)
         self.made += len(made)

@@ -12,11 +12,24 @@ from msgspec import Meta, Struct
 PROTOCOL = 1
 MAX_FRAME_BYTES = 1024
 
+Count = Annotated[int, Meta(ge=0)]
+Seconds = Annotated[float, Meta(ge=0)]
 Seq = Annotated[int, Meta(ge=0, lt=2**53)]
 Milliseconds = Annotated[float, Meta(ge=0, le=1e15)]
 Move = Annotated[int, Meta(ge=0, le=3)]
+Tap = Literal[0, 1, 2, 3, 5]  # staying is no key
 Action = Annotated[int, Meta(ge=0, le=5)]
 ShownAction = Annotated[int, Meta(ge=0, le=6)]  # 6: nothing is drawn
+Opacity = Annotated[int, Meta(ge=0, le=100)]
+Seat = Annotated[int, Meta(ge=0, le=1)]
+SeatOrViewer = Annotated[int, Meta(ge=-1, le=1)]
+Facing = Annotated[int, Meta(ge=0, le=3)]
+Item = Annotated[int, Meta(ge=0, le=3)]
+Onions = Annotated[int, Meta(ge=1, le=3)]
+Cooking = Annotated[int, Meta(ge=-1, le=20)]  # -1: not cooking, 20: ready
+PauseReason = Literal["hidden", "blur", "lost", "other_tab", "partner", "database", "researcher", "server"]
+EndReason = Literal["horizon", "lessons", "away", "researcher", "withdrawn", "error"]
+RefusalCode = Literal["bad_message", "hello_first", "not_now", "protocol", "no_game", "database", "broken"]
 
 
 class FromBrowser(Struct, tag_field="type", tag=str.lower, forbid_unknown_fields=True, frozen=True):
@@ -27,7 +40,7 @@ class Hello(FromBrowser, frozen=True):
     """First message on a socket. `tab` is drawn once per tab: a participant's newest tab plays, others are told so."""
 
     protocol: int
-    tab: Annotated[str, Meta(min_length=8, max_length=64, pattern="^[A-Za-z0-9_-]+$")]
+    tab: Annotated[str, Meta(min_length=8, max_length=64, pattern=r"\A[A-Za-z0-9_-]+\Z")]
     last_timestep: Annotated[int, Meta(ge=-1, le=100_000)] = -1
 
 
@@ -41,7 +54,7 @@ class Input(FromBrowser, frozen=True):
 
     seq: Seq
     held: Move | None
-    tap: Action | None
+    tap: Tap | None
     client_ms: Milliseconds
 
 
@@ -73,12 +86,12 @@ class ToBrowser(Struct, tag_field="type", tag=str.lower, frozen=True, omit_defau
 class Kitchen(Struct, frozen=True):
     """One state to draw. Cells are [column, row] from the top left."""
 
-    t: int
-    players: tuple[tuple[int, int, int, int], ...]  # x, y, facing 0-3 N S E W, held 0 nothing 1 onion 2 dish 3 soup
-    counters: tuple[tuple[int, int, int], ...]  # x, y, item
-    pots: tuple[tuple[int, int, int, int], ...]  # not empty ones: x, y, onions, tick (-1 not cooking, 20 ready)
+    t: Count
+    players: tuple[tuple[Count, Count, Facing, Item], ...]  # x, y, facing, held
+    counters: tuple[tuple[Count, Count, Item], ...]  # x, y, item
+    pots: tuple[tuple[Count, Count, Onions, Cooking], ...]  # those that are not empty: x, y, onions, cooking time
     score: int
-    soups: int
+    soups: Count
 
 
 class Welcome(ToBrowser, frozen=True):
@@ -87,16 +100,16 @@ class Welcome(ToBrowser, frozen=True):
     protocol: int
     episode: str
     kind: Literal["tutorial", "episode", "watch"]
-    number: int  # 1-based, among episodes of the plan; 0 for the tutorial
-    episodes: int
+    number: Count  # 1-based, among episodes of the plan; 0 for the tutorial
+    episodes: Count
     layout: str
     title: str
     grid: tuple[str, ...]
-    seat: int  # the participant's chef; the other is the partner
-    watched_seat: int  # whose next steps are drawn
-    horizon: int
-    tick_ms: int
-    steps: int  # how many predicted steps a frame carries
+    seat: SeatOrViewer  # the participant's chef; the other is the partner
+    watched_seat: Seat  # whose next steps are drawn
+    horizon: Count
+    tick_ms: Annotated[int, Meta(ge=1)]
+    steps: Count  # how many predicted steps a frame carries
     shows_predictions: bool
     state: Kitchen
     resumed: bool
@@ -107,7 +120,7 @@ class Welcome(ToBrowser, frozen=True):
 class Countdown(ToBrowser, frozen=True):
     """The game starts or goes on in `seconds`."""
 
-    seconds: int
+    seconds: Seconds
 
 
 class Tick(ToBrowser, frozen=True):
@@ -116,32 +129,31 @@ class Tick(ToBrowser, frozen=True):
     had arrived when the timestep was played (-1: none)."""
 
     state: Kitchen
-    prediction: tuple[tuple[ShownAction, int], ...]
-    actions: tuple[int, int]  # what was done in the timestep before this state
-    applied: int
+    prediction: tuple[tuple[ShownAction, Opacity], ...]
+    actions: tuple[Action, Action]  # what was done in the timestep before this state
+    applied: Annotated[int, Meta(ge=-1)]
     late: bool  # the partner missed its deadline and waited
 
 
 class Paused(ToBrowser, frozen=True):
-    """Nothing moves. `reason`: hidden, blur, lost, other_tab, partner (the other human is away), database, researcher,
-    server."""
+    """Nothing moves."""
 
-    reason: str
-    left_s: float  # how long the pause may last; 0: no limit
+    reason: PauseReason
+    left_s: Seconds  # how long the pause may last; 0: no limit
 
 
 class Waiting(ToBrowser, frozen=True):
-    """The other person of a round of two is not there yet. When they are, the socket closes with 4005: connect anew."""
+    """The other person of a round of two is not there yet. Once they are, the socket closes with 4005."""
 
-    left_s: float  # how long at most
+    left_s: Seconds  # how long at most
 
 
 class Lesson(ToBrowser, frozen=True):
     """Tutorial: which step is being taught, by its key in the study's texts."""
 
     key: str
-    index: int
-    steps: int
+    index: Count
+    steps: Count
     done: bool
 
 
@@ -149,16 +161,17 @@ class Ended(ToBrowser, frozen=True):
     """The episode is over and stored; go on at `next`."""
 
     score: int
-    soups: int
+    soups: Count
     progress: float
     passed: bool
     next: str
+    reason: EndReason
 
 
 class Ping(ToBrowser, frozen=True):
     """Asks for a Pong."""
 
-    id: int
+    id: Count
 
 
 class Notice(ToBrowser, frozen=True):
@@ -170,7 +183,7 @@ class Notice(ToBrowser, frozen=True):
 class Refused(ToBrowser, frozen=True):
     """What was sent is not understood or not allowed now; nothing changed."""
 
-    code: str
+    code: RefusalCode
     reason: str
 
 

@@ -1,14 +1,33 @@
 """What the live game hands to the database, and what it asks of it. server.store.episodes is the real recorder."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Literal, Protocol
+from typing import Final, Literal, Protocol
 
 from server.play.spec import EpisodeSpec
 
 AWAY_REASONS = frozenset({"hidden", "blur", "lost", "other_tab"})  # these count against the limits of `PauseLimits`
 PAUSE_REASONS = AWAY_REASONS | {"database", "researcher", "server"}
+InputOutcome = Literal["applied", "released", "replaced", "forgotten", "stood_still", "unchanged", "repeated", "ended"]
+APPLIED: Final = "applied"
+RELEASED: Final = "released"
+REPLACED: Final = "replaced"
+FORGOTTEN: Final = "forgotten"
+STOOD_STILL: Final = "stood_still"
+UNCHANGED: Final = "unchanged"
+REPEATED: Final = "repeated"
+ENDED: Final = "ended"
+INPUT_OUTCOMES: Final[Mapping[InputOutcome, str]] = {
+    APPLIED: "decided the action of `timestep`, the first one if a key was held on",
+    RELEASED: "let the keys go: no key was held in `timestep` any more",
+    REPLACED: "a later input came before the next timestep",
+    FORGOTTEN: "the game was paused, or another page took over, before the next timestep",
+    STOOD_STILL: "a tap while the game stood still",
+    UNCHANGED: "neither a tap nor a change of the held key",
+    REPEATED: "its number was not greater than those before",
+    ENDED: "the episode ended before the next timestep",
+}
 
 
 @dataclass(frozen=True)
@@ -19,6 +38,24 @@ class KeyRecord:
     seq: int
     client_ms: float  # performance.now() of the browser at the key press
     received_ms: float  # server monotonic, milliseconds since the episode's first tick deadline
+
+
+@dataclass(frozen=True)
+class InputRecord:
+    """One Input that arrived in an episode, stored once its outcome is known."""
+
+    episode: str
+    seat: int
+    number: int  # 1, 2, ... in the order in which this person's inputs arrived in the episode
+    tab: str  # the browser tab's random name
+    seq: int
+    held: int | None
+    tap: int | None
+    client_ms: float  # performance.now() of the browser at the key press
+    received_unix_ms: float  # the server's wall clock, milliseconds since 1970 (UTC)
+    received_ms: float | None  # as KeyRecord.received_ms; None: the game stood still
+    timestep: int | None  # the first timestep n in which it counted: its action leads to state n; None: in none
+    outcome: InputOutcome
 
 
 @dataclass(frozen=True)
@@ -40,6 +77,8 @@ class TickRecord:
     late_ms: float  # how much later than its deadline the tick began
     models_ms: float  # time the models took
     late: bool  # the models missed the deadline: the agent waits at timestep n
+    made_unix_ms: float | None = None  # wall clock when state n was made, milliseconds since 1970; None: not known
+    inputs: tuple[InputRecord, ...] = ()  # whose outcome has become known since the tick before; a table of their own
 
 
 @dataclass(frozen=True)
@@ -52,6 +91,15 @@ class PauseRecord:
     reason: str  # one of PAUSE_REASONS
     started_at: datetime  # UTC
     duration_ms: float | None  # until all were ready again; the 3-2-1 that follows is not counted. None: still lasting
+    inputs: tuple[InputRecord, ...] = ()  # that no tick has told of
+
+
+@dataclass(frozen=True)
+class StoredInputs:
+    """What the next input of a person follows on."""
+
+    count: int  # how many are stored
+    seqs: Mapping[str, int] = field(default_factory=dict)  # the newest `seq` of each tab
 
 
 @dataclass(frozen=True)
@@ -67,6 +115,8 @@ class EpisodeRecord:
     paused_ms: float  # sum of the pauses so far whose reason is in AWAY_REASONS
     next_actions: tuple[int | None, int | None] | None = None  # of the last stored tick; None where no tick is stored
     displayed: tuple[tuple[int, int], ...] | None = None  # of the last stored tick: what its frame carried
+    known_at: datetime | None = None  # the last moment that is stored of it: of a tick, or of the end of a pause
+    inputs: Mapping[int, StoredInputs] = field(default_factory=dict)  # by seat; nothing for a seat without inputs
 
 
 @dataclass(frozen=True)
@@ -81,6 +131,7 @@ class EpisodeResult:
     progress: float
     passed: bool
     final_hash: str
+    inputs: tuple[InputRecord, ...] = ()  # that no tick has told of
 
 
 class Recorder(Protocol):

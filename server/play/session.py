@@ -6,7 +6,8 @@ No sockets, no database, no clock: times come in as seconds of the caller's cloc
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
-from typing import Final, Literal
+from itertools import chain
+from typing import Final, Literal, cast
 
 from models.protocols import Decision, Question
 from overcooked.constants import STAY
@@ -14,8 +15,8 @@ from overcooked.layout import parse_layout
 from overcooked.score import progress_credit
 from server.play import messages, overlay, partner
 from server.play.holds import NOT_STARTED, Holder, Holds
-from server.play.keys import Keys
-from server.play.recorder import EpisodeRecord, EpisodeResult, KeyRecord, PauseRecord, TickRecord
+from server.play.keys import Arrival, Keys
+from server.play.recorder import ENDED, EpisodeRecord, EpisodeResult, InputRecord, KeyRecord, PauseRecord, TickRecord
 from server.play.trace import Step, Trace
 from server.play.tutorial import Tutor
 
@@ -40,7 +41,7 @@ class Session:
         spec = record.spec
         self.episode, self.spec = record.episode, spec
         self.people: tuple[int, ...] = spec.human_seats or (VIEWER,)
-        self.keys = {seat: Keys() for seat in spec.human_seats}
+        self.keys = {seat: Keys(record.inputs.get(seat)) for seat in spec.human_seats}
         self.trace = Trace(parse_layout(record.spec.grid, spec.layout), spec.horizon)
         lessons = tuple(key for key in spec.lessons if key != "marks" or spec.shown != "nothing")
         self.tutor = Tutor(lessons, self.people[0]) if lessons and spec.human_seats else None
@@ -50,7 +51,7 @@ class Session:
         self.displayed = record.displayed or overlay.display(spec, self.trace.timestep, ())
         self.late = False
         self.display_violations = 0  # timesteps, since this process plays it, whose display breaks the promise
-        self.resumed = self.stored and self.trace.timestep > 0
+        self.resumed = self.stored  # also at the start state, which is stored when the first countdown begins
         self.phase: Phase = "paused" if self.resumed else "waiting"
         self.holds = Holds(spec.pause, record.paused_ms)
         self.pause_record: PauseRecord | None = None  # of the pause that lasts
@@ -61,8 +62,7 @@ class Session:
         self._asked: list[Question] = []
         self._step = _STILL
         self._keys_used: tuple[KeyRecord, ...] = ()
-        self._applied = dict.fromkeys(self.people, -1)
-        self._late_ms = 0.0
+        self._applied, self._late_ms = dict.fromkeys(self.people, -1), 0.0
         self.record: TickRecord | None = None  # of the current state, once it was made here
 
     def _replay(self, record: EpisodeRecord) -> None:
@@ -104,14 +104,14 @@ class Session:
 
     # People
 
-    def key(self, seat: int, keys: messages.Input, now: float) -> bool:
-        """A person's keys. False: a message seen before, nothing changed."""
+    def key(self, seat: int, keys: messages.Input, now: float, tab: str = "", unix_ms: float = 0.0) -> bool:
+        """A person's keys. False: a message seen before, nothing changed. Until the game moves, taps do not count."""
         go = self._zero + self.trace.timestep * self.tick_s
-        if self.phase in ("waiting", "paused", "ended"):
-            fresh = self.keys[seat].press(keys, now, taps_count=False)
-            self.keys[seat].clear()
-            return fresh
-        return self.keys[seat].press(keys, now, taps_count=now >= go)
+        game_ms = round((now - self._zero) * 1000, 3) if self.moving else None
+        return self.keys[seat].press(keys, now, self.moving and now >= go, Arrival(tab, unix_ms, game_ms))
+
+    def _inputs(self) -> tuple[InputRecord, ...]:
+        return tuple(chain.from_iterable(keys.take_settled(self.episode, seat) for seat, keys in self.keys.items()))
 
     def pause(self, holder: Holder, reason: str, now: float, at: datetime) -> PauseRecord | None:
         """Stops the game at once; the PauseRecord to store if it was moving. Before the start nothing pauses."""
@@ -128,7 +128,7 @@ class Session:
             return None
         self.paused_since = now
         self.pause_record = PauseRecord(self.episode, self.trace.timestep, reason, at, None)
-        return self.pause_record
+        return replace(self.pause_record, inputs=self._inputs())
 
     def release(self, holder: Holder, now: float) -> bool:
         """Somebody is back. True: nothing holds the game any more, `count_down` may be called."""
@@ -150,7 +150,9 @@ class Session:
     def end_pause(self, now: float) -> PauseRecord | None:
         """The pause that lasts, as over now, to be stored: the game moves again, or this server stops playing it."""
         record, self.pause_record = self.pause_record, None
-        return None if record is None else replace(record, duration_ms=round((now - self.paused_since) * 1000, 3))
+        if record is None:
+            return None
+        return replace(record, duration_ms=round((now - self.paused_since) * 1000, 3), inputs=self._inputs())
 
     def start_at(self, go: float) -> None:
         """Moves the deadlines: the current state stands until `go`, the next one comes a tick later."""
@@ -181,16 +183,22 @@ class Session:
         used = []
         for seat, keys in self.keys.items():
             self._applied[seat] = keys.seq
-            actions[seat], press = keys.take()
+            actions[seat], press = keys.take(self.trace.timestep + 1)
             if press is not None:
                 received_ms = round((press.received - self._zero) * 1000, 3)
                 used.append(KeyRecord(seat, press.seq, press.client_ms, received_ms))
         self._keys_used = tuple(used)
         return actions[0], actions[1]
 
-    def finish_tick(self, decisions: Sequence[Decision | None], models_ms: float, grace_ms: float = 0.0) -> TickRecord:
+    def finish_tick(
+        self,
+        decisions: Sequence[Decision | None],
+        models_ms: float,
+        grace_ms: float = 0.0,
+        unix_ms: float | None = None,
+    ) -> TickRecord:
         """What there is to store about the state that `begin_tick` or `begin_start` made. `grace_ms`: how much longer
-        than in a study the models may take, where no person waits."""
+        than in a study the models may take, where no person waits. `unix_ms`: the wall clock."""
         if models_ms > self.spec.deadline_ms + grace_ms:
             decisions = [None] * len(self._asked)
         answers = partner.answers(self._asked, decisions)
@@ -217,6 +225,8 @@ class Session:
             late_ms=round(self._late_ms, 3),
             models_ms=round(models_ms, 3),
             late=answers.late,
+            made_unix_ms=unix_ms,
+            inputs=self._inputs(),
         )
         return self.record
 
@@ -255,7 +265,8 @@ class Session:
 
     def paused(self, person: int, now: float) -> messages.Paused:
         left_s = self.holds.left_s(now)
-        return messages.Paused(self.holds.reason(person), 0.0 if left_s is None else round(max(0.1, left_s), 1))
+        reason = cast(messages.PauseReason, self.holds.reason(person))
+        return messages.Paused(reason, 0.0 if left_s is None else round(max(0.1, left_s), 1))
 
     def lesson(self) -> messages.Lesson | None:
         """Which lesson is being taught; None outside a tutorial."""
@@ -270,6 +281,8 @@ class Session:
     def result(self, status: Literal["done", "aborted"] = "done", reason: str = "") -> EpisodeResult:
         """How the episode ends now. `passed`: played to its end; a tutorial only with a delivery."""
         self.phase = "ended"
+        for keys in self.keys.values():
+            keys.clear(ENDED)
         passed = status == "done" and (self.spec.kind != "tutorial" or self._delivered())
         credit = progress_credit(self.trace.layout, self.trace.players(), self.trace.contents(), self.spec.progress)
         default = "horizon" if self.spec.horizon and self.trace.timestep >= self.spec.horizon else "lessons"
@@ -282,6 +295,7 @@ class Session:
             progress=credit,
             passed=passed,
             final_hash=self.trace.hash(),
+            inputs=self._inputs(),
         )
 
     def _delivered(self) -> bool:

@@ -5,6 +5,7 @@ from functools import cached_property
 from typing import Any
 
 from overcooked.constants import EVENT_NAMES
+from server.play.recorder import INPUT_OUTCOMES
 from server.store.tables import EPISODE_STATUSES, PARTICIPANT_STATUSES
 
 TYPES = ("text", "integer", "number", "boolean", "time", "json")
@@ -194,6 +195,25 @@ TICKS = ExportTable(
         *_seats(Column("key_seq", "integer", "Number of the browser's message that decided the action of timestep t.")),
         *_seats(_ms("key_client_ms", "Browser's clock (performance.now()) at that key.")),
         *_seats(_ms("key_received_ms", "Its arrival at the server, since the first tick was due.")),
+        _time("made_at", "When state t was made, by the server's wall clock."),
+    ),
+)
+INPUTS = ExportTable(
+    "inputs",
+    "an input that a person's browser sent in an episode, whether it counted or not",
+    (
+        _EPISODE,
+        _code("seat", "Seat of the person."),
+        Column("number", "integer", "1, 2, ... in the order in which the person's inputs arrived.", bits=32),
+        _text("tab", "Random name of the browser tab."),
+        Column("seq", "integer", "The browser's number of the message; a new page counts from the start."),
+        _code("held", f"Move whose key was held down; empty: none. {ACTION_CODE}."),
+        _code("tap", "Action whose key had just gone down; empty: none."),
+        _ms("client_ms", "Browser's clock (performance.now()) then."),
+        _time("received_at", "Its arrival, by the server's wall clock."),
+        _ms("received_ms", "Its arrival, since the first tick was due; empty: the game stood still."),
+        Column("timestep", "integer", "First timestep t in which it counted; empty: in none.", "timesteps", bits=32),
+        _text("outcome", "; ".join(f"{outcome}: {meaning}" for outcome, meaning in INPUT_OUTCOMES.items()) + "."),
     ),
 )
 PAUSES = ExportTable(
@@ -202,9 +222,9 @@ PAUSES = ExportTable(
     (
         _EPISODE,
         Column("timestep", "integer", "State that stood still.", "timesteps", bits=32),
-        _text("reason", "hidden, blur, lost, other_tab, database, researcher, server, ..."),
-        _time("started_at", "When it began."),
-        _ms("duration_ms", "How long it lasted; empty: not over."),
+        _text("reason", "hidden, blur, lost, other_tab, database, researcher or server."),
+        _time("started_at", "When it began; after a crash of the server, the last moment that was stored."),
+        _ms("duration_ms", "How long it lasted, without the countdown after it; empty: not over."),
     ),
 )
 ANSWERS = ExportTable(
@@ -298,6 +318,7 @@ TABLES = (
     WITHDRAWALS,
     EPISODES,
     TICKS,
+    INPUTS,
     PAUSES,
     ANSWERS,
     VISITS,

@@ -15,11 +15,13 @@ from sqlalchemy.exc import IntegrityError
 
 from server.play.recorder import AWAY_REASONS, EpisodeRecord, EpisodeResult, PauseRecord, RecorderDown, TickRecord
 from server.play.spec import EpisodeSpec
+from server.store import inputs as input_rows
 from server.store import ticks as tick_rows
 from server.store.database import Database, DatabaseDown
 from server.store.tables import episodes, pauses, ticks
 
 PATIENCE_S = 1.0
+_LONG_AGO = datetime(1970, 1, 1, tzinfo=UTC)
 # msgspec (0.22) looks at a type when it first meets it, and two threads that do so at once can crash the process: after
 # a restart many games are taken up at once. So it meets this one here, in one thread.
 msgspec.json.Decoder(EpisodeSpec)
@@ -157,6 +159,7 @@ def load(connection: Connection, episode_id: str) -> EpisodeRecord | None:
         if tick.timestep != expected:
             raise BrokenEpisode(f"episode {episode_id} has no tick {expected} although it has tick {tick.timestep}")
     last = tick_rows.record_of(stored[-1]) if stored else None
+    held = pauses_of(connection, episode_id)
     return EpisodeRecord(
         episode=episode_id,
         participants=(row.participant_0, row.participant_1),
@@ -164,10 +167,22 @@ def load(connection: Connection, episode_id: str) -> EpisodeRecord | None:
         joint_actions=tuple((tick.action_0, tick.action_1) for tick in stored[1:]),
         last_hash=last.state_hash if last else None,
         status=row.status,
-        paused_ms=_away_ms(pauses_of(connection, episode_id)),
+        paused_ms=_away_ms(held),
         next_actions=last.next_actions if last else None,
         displayed=last.displayed if last else None,
+        known_at=_known_at(last, held),
+        inputs=input_rows.stored(connection, episode_id),
     )
+
+
+def _known_at(last: TickRecord | None, held: Sequence[PauseRecord]) -> datetime | None:
+    """Until when it is stored how the episode was: the newest of its last state and of the ends of its pauses. None
+    where a pause is still open (it covers the time since), or where the last state has no time (older versions)."""
+    if last is None or last.made_unix_ms is None or any(one.duration_ms is None for one in held):
+        return None
+    # Not at the very end of a pause: an absence whose end nobody saw ends in the moment in which the next one begins.
+    ends = [one.started_at + timedelta(milliseconds=one.duration_ms or 0, microseconds=1) for one in held]
+    return max(datetime.fromtimestamp(last.made_unix_ms / 1000, UTC), *ends, _LONG_AGO)
 
 
 def _away_ms(stored: Sequence[PauseRecord]) -> float:
@@ -194,14 +209,15 @@ def pause(connection: Connection, record: PauseRecord) -> None:
     }
     here = (pauses.c.episode_id == record.episode, pauses.c.started_at == record.started_at)
     if connection.execute(update(pauses).where(*here).values(row)).rowcount:
-        return
+        return input_rows.insert(connection, record.inputs)
     if connection.execute(select(episodes.c.id).where(episodes.c.id == record.episode)).first() is None:
-        return
+        return None
     open_ones = (pauses.c.episode_id == record.episode, pauses.c.duration_ms.is_(None))
     for left in connection.execute(select(pauses).where(*open_ones, pauses.c.started_at < record.started_at)).all():
         lasted_ms = (record.started_at - left.started_at) / timedelta(milliseconds=1)
         pause(connection, PauseRecord(record.episode, left.timestep, left.reason, left.started_at, lasted_ms))
     connection.execute(pauses.insert().values(episode_id=record.episode, started_at=record.started_at, **row))
+    return input_rows.insert(connection, record.inputs)
 
 
 def pauses_of(connection: Connection, episode_id: str) -> list[PauseRecord]:
@@ -226,7 +242,10 @@ def end(connection: Connection, result: EpisodeResult) -> bool:
         "final_hash": result.final_hash,
         "ended_at": datetime.now(UTC),
     }
-    return connection.execute(query.values(values)).rowcount == 1
+    is_first = connection.execute(query.values(values)).rowcount == 1
+    if is_first:
+        input_rows.insert(connection, result.inputs)
+    return is_first
 
 
 def _has(participants: Sequence[str | None]) -> Any:

@@ -24,6 +24,7 @@ _ROWS: dict[str, Callable[[Selection], Rows]] = {
     "arrivals": exported.arrival_rows,
     "withdrawals": exported.withdrawal_rows,
     "episodes": exported.episode_rows,
+    "inputs": exported.input_rows,
     "pauses": exported.pause_rows,
     "answers": exported.answer_rows,
     "visits": exported.visit_rows,

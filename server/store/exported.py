@@ -6,6 +6,7 @@ Nothing personal, no token and no completion code is read here.
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import msgspec
@@ -20,6 +21,7 @@ from server.store.tables import (
     episodes,
     events,
     exclusions,
+    inputs,
     participants,
     pauses,
     studies,
@@ -31,6 +33,7 @@ from server.store.tables import (
 Row = tuple[Any, ...]
 Rows = Iterator[Row]
 _FETCH = 2000
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _e, _p = episodes.c, participants.c
 _STUDY = (studies.c.key, studies.c.version)
 _EPISODE_ORDER = (_e.study_id.nulls_first(), _e.created_at, _e.id)  # the same on every database
@@ -144,14 +147,30 @@ def episode_rows(chosen: Selection) -> Rows:
 def last_tick_text(stored: Any) -> str:
     """What stands in a tick of its own state, as JSON: all but the step that led to it."""
     record = msgspec.to_builtins(tick_rows.record_of(stored))
-    names = ("state_hash", "next_actions", "prediction", "displayed", "late", "scheduled_ms", "late_ms", "models_ms")
-    return json_text({name: record[name] for name in names})
+    names = ("state_hash", "next_actions", "prediction", "displayed", "late")
+    times = ("scheduled_ms", "late_ms", "models_ms", "made_unix_ms")
+    return json_text({name: record[name] for name in names + times})
 
 
 def pause_rows(chosen: Selection) -> Rows:
     c = pauses.c
     query = select(c.episode_id, c.timestep, c.reason, c.started_at, c.duration_ms).join_from(pauses, episodes)
     return (tuple(row) for row in chosen.rows(query.order_by(*_EPISODE_ORDER, c.started_at), _e.study_id))
+
+
+def input_rows(chosen: Selection) -> Rows:
+    """As `ticks` of an export counts: timestep t is the one whose action leads to state t + 1."""
+    c = inputs.c
+    query = select(c.episode_id, c.seat, c.number, c.tab, c.seq, c.held, c.tap, c.client_ms, c.received_unix_ms)
+    query = query.add_columns(c.received_ms, c.timestep - 1, c.outcome).join_from(inputs, episodes)
+    order = (*_EPISODE_ORDER, c.received_unix_ms, c.seat, c.number)
+    for row in chosen.rows(query.order_by(*order), _e.study_id):
+        yield (*row[:8], time_of(row.received_unix_ms), *row[9:])
+
+
+def time_of(unix_ms: float) -> datetime:
+    """The instant, to the microsecond."""
+    return _EPOCH + timedelta(microseconds=round(unix_ms * 1000))
 
 
 def answer_rows(chosen: Selection) -> Rows:

@@ -62,6 +62,7 @@ def _table(before: Sequence[Any], after: Sequence[Any], types: pa.Schema) -> pa.
     columns["state_hash"] = [value.hex() for value in map(bytes, state["state_hash"])]
     columns |= {name: step[name] for name in _OF_STEP}
     columns |= {ours: state[theirs] for theirs, ours in _OF_STATE.items()}
+    columns["made_at"] = [None if at is None else round(1000 * at) for at in state["made_unix_ms"]]
     columns["late"] = [bool(value) for value in state["late"]]
     columns |= _predicted(state["prediction"]) | _displayed(state["displayed"])
     arrays = [pa.array(columns[field.name], field.type) for field in types]

@@ -6,6 +6,7 @@ What an export leaves out stays out: nobody can log in as an imported participan
 import json
 import secrets
 from collections.abc import Iterable, Iterator
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +23,12 @@ from server.store import ticks as tick_rows
 from server.store.codebook import ACTION_NAMES, STEPS
 from server.store.engines import is_down
 from server.store.export import schema
-from server.store.export_files import table_path, unescaped
+from server.store.export_files import TABLE_FORMATS, table_path, unescaped
 from server.store.import_checks import ImportRefused, check_files, episode_spec, plain_name, study_source
 
 Record = dict[str, Any]
 _INSERT = 2000
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 IMPORTED = "imported"  # stands for the researchers, whose names are not in an export
 _RENAMED = {"step": "step_key", "question": "question_key", "episode": "episode_id", "participant": "participant_id"}
 
@@ -64,6 +66,7 @@ def _import_tables(connection: Connection, folder: Path, withdrawn: Iterable[tom
     counted["withdrawals"] = _fill(connection, tables.withdrawals, _of_study(folder, "withdrawals", studies))
     counted["episodes"] = _fill(connection, tables.episodes, _episodes(folder, studies))
     counted["ticks"] = _ticks(connection, folder)
+    counted["inputs"] = _fill(connection, tables.inputs, _inputs(folder))
     for name in ("pauses", "answers", "visits", "events", "exclusions"):
         counted[name] = _fill(connection, tables.metadata.tables[name], _records(folder, name))
     return _without_deleted(connection, [*tombstones.read(folder), *withdrawn], counted)
@@ -167,6 +170,23 @@ def _episodes(folder: Path, studies: dict[tuple[str, int], int]) -> Iterator[Rec
         yield row | {"id": episode, "step_key": row.pop("step"), "spec": spec, "grid": spec["grid"]}
 
 
+def _inputs(folder: Path) -> Iterator[Record]:
+    """Exports of earlier versions have no such table."""
+    if not any(table_path(folder, kind, "inputs").is_file() for kind in TABLE_FORMATS):
+        return
+    for row in rows(folder, "inputs"):
+        timestep = row["timestep"]
+        yield row | {
+            "episode_id": row.pop("episode"),
+            "received_unix_ms": _unix_ms(row.pop("received_at")),
+            "timestep": None if timestep is None else timestep + 1,
+        }
+
+
+def _unix_ms(at: datetime) -> float:
+    return (at - _EPOCH) / timedelta(milliseconds=1)
+
+
 def _records(folder: Path, table: str) -> Iterator[Record]:
     for row in rows(folder, table):
         if table == "answers":
@@ -223,6 +243,7 @@ def _of_state(row: Record) -> Record:
         "prediction": () if row["p1_north"] is None else probabilities,
         "displayed": tuple(step for step in drawn if step[0] is not None),
         **{name: row[name] for name in ("late", "scheduled_ms", "late_ms", "models_ms")},
+        "made_unix_ms": _unix_ms(row["made_at"]) if row.get("made_at") else None,
     }
 
 

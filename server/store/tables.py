@@ -21,6 +21,7 @@ from sqlalchemy import (
     UniqueConstraint,
 )
 
+from server.play.recorder import INPUT_OUTCOMES
 from server.store.columns import column, number, time
 
 metadata = MetaData(
@@ -246,6 +247,43 @@ ticks = Table(
     column("key_seq_1", BigInteger, nullable=True, meaning="The same for seat 1."),
     column("key_client_ms_1", Double, nullable=True, meaning="The same for seat 1.", unit="ms"),
     column("key_received_ms_1", Double, nullable=True, meaning="The same for seat 1.", unit="ms"),
+    column("made_unix_ms", Double, nullable=True, meaning="Wall clock then, since 1970 (UTC).", unit="ms"),
+    sqlite_with_rowid=False,
+)
+
+inputs = Table(
+    "inputs",
+    metadata,
+    column("episode_id", _Id, ForeignKey(_Episode), primary_key=True, meaning="Which episode."),
+    column("seat", SmallInteger, primary_key=True, autoincrement=False, meaning="Seat of the person."),
+    column(
+        "number",
+        Integer,
+        primary_key=True,
+        autoincrement=False,
+        meaning="1, 2, ... in the order in which the person's inputs arrived in the episode.",
+    ),
+    column("tab", _Key, meaning="Random name of the browser tab."),
+    column("seq", BigInteger, meaning="The browser's number of the message; a new page counts from the start."),
+    column("held", SmallInteger, nullable=True, meaning="Move whose key was held down; none: no key."),
+    column("tap", SmallInteger, nullable=True, meaning="Action whose key had just gone down; none: no key."),
+    column("client_ms", Double, meaning="performance.now() of the browser then.", unit="ms"),
+    column("received_unix_ms", Double, meaning="Its arrival by the wall clock, since 1970 (UTC).", unit="ms"),
+    column(
+        "received_ms",
+        Double,
+        nullable=True,
+        meaning="Its arrival, since the first tick's deadline; none: the game stood still.",
+        unit="ms",
+    ),
+    column(
+        "timestep",
+        Integer,
+        nullable=True,
+        meaning="n: the first tick in which it counted; none: it counted in none.",
+        unit="timesteps",
+    ),
+    column("outcome", String(16), meaning="What became of it: " + ", ".join(INPUT_OUTCOMES) + "."),
     sqlite_with_rowid=False,
 )
 
@@ -255,8 +293,8 @@ pauses = Table(
     number("Number of the pause."),
     column("episode_id", _Id, ForeignKey(_Episode), meaning="Which episode."),
     column("timestep", Integer, meaning="State that stood still.", unit="timesteps"),
-    column("reason", String(64), meaning="hidden, blur, lost, other_tab, database, researcher, models, restart, ..."),
-    time("started_at", "When it began."),
+    column("reason", String(64), meaning="hidden, blur, lost, other_tab, database, researcher or server."),
+    time("started_at", "When it began; after a crash of the server, the last moment that was stored."),
     column("duration_ms", Double, nullable=True, meaning="How long it lasted; none: not over.", unit="ms"),
     UniqueConstraint("episode_id", "started_at"),
 )

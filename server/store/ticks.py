@@ -7,11 +7,13 @@ import struct
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from functools import cache
+from itertools import chain
 from typing import Any
 
 from sqlalchemy import Connection, Row, select, tuple_, update
 
 from server.play.recorder import KeyRecord, TickRecord
+from server.store import inputs
 from server.store.tables import episodes, ticks
 
 PREDICTION = struct.Struct("<18f")  # 3 steps x 6 actions
@@ -33,9 +35,11 @@ def insert(connection: Connection, records: Sequence[TickRecord]) -> tuple[tuple
         start = update(episodes).where(episodes.c.id.in_(starting), episodes.c.status == "new")
         connection.execute(start.values(status="running", started_at=datetime.now(UTC)))
     rows = list(map(row_of, records))
-    if not rows or connection.exec_driver_sql(_insert_text(connection.dialect.name), rows).rowcount == len(rows):
+    if not rows:
         return ()
-    return _conflicts(connection, rows)
+    inserted = connection.exec_driver_sql(_insert_text(connection.dialect.name), rows).rowcount
+    inputs.insert(connection, chain.from_iterable(record.inputs for record in records))
+    return () if inserted == len(rows) else _conflicts(connection, rows)
 
 
 def insert_of_known(connection: Connection, records: Sequence[TickRecord]) -> tuple[tuple[str, int], ...]:
@@ -79,11 +83,12 @@ def row_of(record: TickRecord) -> Values:
         record.models_ms,
         *keys[0],
         *keys[1],
+        record.made_unix_ms,
     )
 
 
 def record_of(row: "Row[Any]") -> TickRecord:
-    """The inverse of `row_of`."""
+    """The inverse of `row_of`; inputs have a table of their own."""
     return TickRecord(
         episode=row.episode_id,
         timestep=row.timestep,
@@ -100,6 +105,7 @@ def record_of(row: "Row[Any]") -> TickRecord:
         late_ms=row.late_ms,
         models_ms=row.models_ms,
         late=row.late,
+        made_unix_ms=row.made_unix_ms,
     )
 
 

@@ -13,6 +13,7 @@ from server.store.tables import (
     episodes,
     events,
     exclusions,
+    inputs,
     participants,
     pauses,
     personal,
@@ -67,7 +68,7 @@ def withdraw(connection: Connection, participant_id: str, deletion: Deletion | N
 def _delete_episodes(connection: Connection, episode_ids: list[str]) -> None:
     for episode_id in episode_ids:
         connection.execute(update(answers).where(answers.c.episode_id == episode_id).values(episode_id=None))
-        for table in (ticks, pauses, events, exclusions):
+        for table in (ticks, inputs, pauses, events, exclusions):
             connection.execute(delete(table).where(table.c.episode_id == episode_id))
         connection.execute(delete(episodes).where(episodes.c.id == episode_id))
         audit.forget(connection, episode_id)

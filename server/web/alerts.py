@@ -7,7 +7,7 @@ import asyncio
 import logging
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -83,8 +83,9 @@ class Alerts:
         for key in self.open.keys() - found.keys():
             self._tell(self.open.pop(key), True)
         for key, alert in found.items():
-            if key not in self.open:
-                self.open[key] = Alert(alert.key, alert.text, alert.path, alert.study, now)
+            known = self.open.get(key)
+            self.open[key] = replace(alert, since=now if known is None else known.since)  # with the newest figures
+            if known is None:
                 self._tell(self.open[key], False)
 
     def shown(self, study: str) -> list[dict[str, object]]:
@@ -107,7 +108,7 @@ class Alerts:
         return found
 
     def _machine(self, leads: bool) -> Iterator[Alert]:
-        late = sorted(list(self._live.games.loop.late_ms)[-LATEST:])
+        late = self._live.games.loop.lateness.last(most=LATEST)
         if late and late[int(0.99 * len(late))] > LATE_MS:
             p99 = late[int(0.99 * len(late))]
             yield Alert("late", f"Timesteps come late: {p99:.0f} ms at the 99th percentile.")

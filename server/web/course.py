@@ -15,7 +15,6 @@ from server.web.live import Live
 SAMPLE_S: Final = 5.0
 KEPT: Final = 720  # samples: an hour
 MOST_POINTS: Final = 300
-_TICKS_A_S: Final = 5
 
 
 class Course:
@@ -34,7 +33,7 @@ class Course:
     def sample(self, now: float) -> None:
         """How late the ticks were since the last sample: median and 99th percentile."""
         loop = self._live.games.loop
-        late = sorted(list(loop.late_ms)[-int(loop.moving * SAMPLE_S * _TICKS_A_S) :]) if loop.moving else []
+        late = loop.lateness.last(SAMPLE_S) if loop.moving else []
         p50, p99 = (late[int(part * len(late))] for part in (0.5, 0.99)) if late else (None, None)
         self._rows.append((now, loop.moving, p50, p99))
 

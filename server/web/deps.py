@@ -1,6 +1,7 @@
 """What every page needs: the parts that the server was wired with, the participant who asks, the words to answer in."""
 
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 from urllib.parse import urlencode
@@ -39,8 +40,9 @@ class Web:
     production: bool = False
 
 
+@cache
 def templates(folder: Path = TEMPLATES) -> jinja2.Environment:
-    """The templates: escaped, and a missing name is an error."""
+    """The templates: escaped, and a missing name is an error. One for the process: compiling them takes a while."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(folder),
         autoescape=True,
@@ -50,6 +52,13 @@ def templates(folder: Path = TEMPLATES) -> jinja2.Environment:
     )
     environment.filters["markdown"] = lambda words: Markup(_markdown.render(words))  # noqa: S704 - HTML in it is escaped
     return environment
+
+
+def compile_templates() -> None:
+    """Compile every template: the first page of a kind takes some 50 ms otherwise, for which all games would wait."""
+    environment = templates()
+    for name in environment.list_templates():
+        environment.get_template(name)
 
 
 def web_of(request: Request) -> Web:

@@ -118,7 +118,7 @@ class Figures:
     async def _machine(self) -> dict[str, Any]:
         live = self._live
         others = await live.elsewhere.processes()
-        late = sorted(list(live.games.loop.late_ms)[-2000:])
+        late = live.games.loop.lateness.last(most=2000)
         models = sorted(live.models_ms)
         found: dict[str, Any] = {
             "late_ms": [round(_quantile(late, part), 1) for part in (0.5, 0.99)] if late else None,

@@ -29,8 +29,8 @@ FIGURES: Final[Mapping[str, tuple[str, str]]] = {
     "sockets": ("gauge", "Open game sockets."),
     "ticks_total": ("counter", "Timesteps that were made."),
     "partner_waits_total": ("counter", "Timesteps in which the partner had to wait for its models."),
-    "tick_lateness_seconds_p50": ("gauge", "How late the last timesteps began: the median."),
-    "tick_lateness_seconds_p99": ("gauge", "How late the last timesteps began: the 99th percentile."),
+    "tick_lateness_seconds_p50": ("gauge", "How late the timesteps of the last minute began: the median."),
+    "tick_lateness_seconds_p99": ("gauge", "How late the timesteps of the last minute began: the 99th percentile."),
     "model_seconds_p50": ("gauge", "Time of a worker for one batch of questions: the median."),
     "model_seconds_p99": ("gauge", "Time of a worker for one batch of questions: the 99th percentile."),
     "model_restarts_total": ("counter", "Model workers that were replaced."),
@@ -45,7 +45,7 @@ def figures_of(state: Any) -> dict[str, float]:
     """The FIGURES of this process; `state` is the application's."""
     live: Live = state.live
     loop, models = live.games.loop, state.models.statistics()
-    late_ms = sorted(loop.late_ms) or [0.0]
+    late_ms = loop.lateness.last() or [0.0]
     used = resource.getrusage(resource.RUSAGE_SELF)
     return {
         "games": len(live.games),

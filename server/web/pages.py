@@ -38,6 +38,7 @@ router.include_router(arrivals.router)
 SEE_OTHER = 303
 CHECK_S = 15
 MOST_ECHOES = 20
+ECHOED_CHARACTERS = 16
 
 
 def _to(path: str) -> RedirectResponse:
@@ -183,13 +184,18 @@ async def check_connection(socket: WebSocket, name: str) -> None:
         await socket.close(1008)
         return
     await socket.accept()
-    with contextlib.suppress(TimeoutError, WebSocketDisconnect, KeyError, RuntimeError):
+    code = 1000
+    try:
         async with asyncio.timeout(CHECK_S):
             for _ in range(MOST_ECHOES):
                 words = await socket.receive_text()
-                await socket.send_text(words[:16])
+                await socket.send_text(words[:ECHOED_CHARACTERS])
+    except KeyError:
+        code = 1003  # a binary frame
+    except (TimeoutError, WebSocketDisconnect, RuntimeError):
+        pass
     with contextlib.suppress(RuntimeError):
-        await socket.close(1000)
+        await socket.close(code)
 
 
 @router.get("/s/{name}/now")

@@ -6,6 +6,7 @@ The page plays it; this module only tells. A blinded researcher gets neither mar
 import asyncio
 import json
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any, Final
 
@@ -14,9 +15,9 @@ from sqlalchemy import Connection
 
 from overcooked.constants import EVENT_NAMES
 from overcooked.layout import LayoutError, parse_layout
-from server.play.recorder import EpisodeRecord, TickRecord
+from server.play.recorder import EpisodeRecord, InputRecord, PauseRecord, TickRecord
 from server.play.trace import Trace
-from server.store import decisions, episodes, overview, ticks
+from server.store import decisions, episodes, inputs, overview, ticks
 from server.store.accuracy import wilson
 from server.store.admins import AdminSession
 from server.store.database import Database, DatabaseDown
@@ -78,7 +79,7 @@ def _record(connection: Connection, episode: str, blind: bool) -> str:
         raise BrokenEpisode(f"there is no episode {episode}")
     stored = ticks.of_episode(connection, episode)
     rows, difference = simulate(loaded, stored, blind)
-    spec = loaded.spec
+    spec, held = loaded.spec, episodes.pauses_of(connection, episode)
     found = {
         "game": {
             "episode": episode,
@@ -93,10 +94,8 @@ def _record(connection: Connection, episode: str, blind: bool) -> str:
         },
         "status": loaded.status,
         "rows": rows,
-        "pauses": [
-            {"t": pause.timestep, "reason": pause.reason, "duration_ms": pause.duration_ms}
-            for pause in episodes.pauses_of(connection, episode)
-        ],
+        "pauses": [{"t": pause.timestep, "reason": pause.reason, "duration_ms": pause.duration_ms} for pause in held],
+        "inputs": [input_of(one, spec.tick_ms, held) for one in inputs.of_episode(connection, episode)],
         "checked": {"states": len(stored), "equal": difference is None, "difference": difference},
         "accuracy": [] if blind else _accuracy(stored, spec.watched_seat),
     }
@@ -138,6 +137,19 @@ def row_of(tick: TickRecord, trace: Trace, blind: bool) -> dict[str, Any]:
         "models_ms": round(tick.models_ms, 1),
         "scheduled_ms": tick.scheduled_ms,
     }
+
+
+def input_of(one: InputRecord, tick_ms: int, held: Sequence[PauseRecord] = ()) -> dict[str, Any]:
+    """One input as the page takes it. `t`: the timestep in which it counted, or else in which it arrived."""
+    if one.timestep is not None:
+        t = one.timestep - 1
+    elif one.received_ms is not None:
+        t = max(0, int(one.received_ms // tick_ms))
+    else:  # the game stood still: at the state of the last pause that had begun
+        begun = [pause.timestep for pause in held if pause.started_at.timestamp() * 1000 <= one.received_unix_ms]
+        t = begun[-1] if begun else 0
+    keys = {"seat": one.seat, "seq": one.seq, "held": one.held, "tap": one.tap}
+    return {"t": t, **keys, "outcome": one.outcome, "received_ms": one.received_ms}
 
 
 def _names(bits: int) -> list[str]:
@@ -204,7 +216,8 @@ async def _tell(socket: WebSocket, live: Live, which: tuple[tuple[int, ...], str
         if session.stored and not card.game.busy and session.record is not None and session.trace.timestep > told:
             told = session.trace.timestep
             row = row_of(session.record, session.trace, admin.blind)
-            await socket.send_text(json.dumps({"type": "tick", "row": row}, separators=(",", ":")))
+            new = [input_of(one, session.spec.tick_ms) for one in session.record.inputs]
+            await socket.send_text(json.dumps({"type": "tick", "row": row, "inputs": new}, separators=(",", ":")))
         await asyncio.sleep(LOOK_EVERY_S)
 
 

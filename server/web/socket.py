@@ -30,6 +30,7 @@ TROUBLES_BURST: Final = 10.0
 UNBOUNDED_PER_S: Final = 1e9
 _BUDGETS_KEPT: Final = 10_000
 
+SILENT = 1001
 NOT_TEXT = 1003
 ABUSE = 1008
 TOO_LARGE = 1009
@@ -60,6 +61,7 @@ class PlayerSocket:
     def __init__(self, socket: WebSocket, player: Player) -> None:
         self.player = player
         self.tab = ""
+        self.is_new_page = True
         self.next_url = player.next_url
         self.outlet = Outlet()
         self.reader: asyncio.Task[Any] | None = asyncio.current_task()
@@ -173,7 +175,7 @@ class Sockets:
         try:
             await asyncio.wait({writer, reader}, return_when=asyncio.FIRST_COMPLETED)
             if reader.done():
-                await self._settle(writer, mine)
+                await self._settle(writer, reader, mine)
         finally:
             self._open.pop(mine, None)
             mine.outlet.drop()
@@ -191,9 +193,12 @@ class Sockets:
             one.close(ABUSE, reason)
 
     @staticmethod
-    async def _settle(writer: asyncio.Task[None], mine: PlayerSocket) -> None:
+    async def _settle(writer: asyncio.Task[None], reader: asyncio.Task[None], mine: PlayerSocket) -> None:
         """The last words may still go out, but nobody waits long for a dead peer."""
-        mine.close(1000, "")
+        if not reader.cancelled() and (error := reader.exception()) is not None:
+            log.error("a game socket failed", exc_info=error)
+            mine.close(FAILED, "the server failed")
+        mine.close(1000, "")  # the page has closed it
         await asyncio.wait({writer}, timeout=1.0)
 
     async def _beat(self) -> None:
@@ -202,6 +207,7 @@ class Sockets:
             now = time.monotonic()
             for mine in list(self._open):
                 if mine.outlet.beat(now) and mine.reader is not None:
+                    mine.close(SILENT, "no answer to a ping")
                     mine.reader.cancel()
             if len(self._troubles) > _BUDGETS_KEPT:
                 self._troubles = {who: one for who, one in self._troubles.items() if not one.is_full(now)}
@@ -252,17 +258,16 @@ class Sockets:
 
     async def _hello(self, hello: messages.Hello, game: Game | None, mine: PlayerSocket) -> Game | None:
         player = mine.player
+        mine.tab, mine.is_new_page = hello.tab, hello.last_timestep < 0
         if hello.protocol != messages.PROTOCOL:
             mine.send(messages.Refused("protocol", f"this server speaks protocol {messages.PROTOCOL}: reload the page"))
             mine.close(ABUSE, "another protocol")
         elif player.wish is not None and self._room is not None:
-            mine.tab = hello.tab
             self._room.enter(player.participant, player.wish, mine)
         elif player.episode is None:
             mine.send(messages.Refused("no_game", "no game is to be played now: reload the page"))
             mine.close(NO_GAME, "no game")
         else:
-            mine.tab = hello.tab
             try:
                 return await self._games.join(player.episode, player.seat, mine)
             except NoGame as error:

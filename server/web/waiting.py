@@ -107,7 +107,7 @@ class WaitingRoom:
         now = self._clock.now() / self._clock.speed
         if now - waiter.told_at >= TELL_EVERY_S:
             waiter.told_at = now
-            waiter.connection.send(Waiting(round(self._left_s(waiter), 1)))
+            waiter.connection.send(Waiting(round(self._left_s(waiter) / self._clock.speed, 1)))
 
     def _left_s(self, waiter: _Waiter) -> float:
         waited_s = (self._clock.wall() - waiter.wish.since).total_seconds() * self._clock.speed

@@ -95,7 +95,9 @@ function sort(now) {
 function alerts(all) {
   const urgent = all.filter((card) => card.level).sort(ORDERS.attention);
   const wrong = figures?.alerts ?? [];
-  find('attention').textContent = urgent.length ? `${urgent.length} need${urgent.length === 1 ? 's' : ''} attention` : 'all calm';
+  const open = [[wrong.length, `${wrong.length} alert${wrong.length === 1 ? '' : 's'}`], [urgent.length, `${urgent.length} need${urgent.length === 1 ? 's' : ''} attention`]];
+  const calm = figures ? 'all calm' : ''; // before the first figures nobody knows
+  find('attention').textContent = open.filter(([count]) => count).map(([, words]) => words).join(', ') || calm;
   find('alerts-count').textContent = `${wrong.length + urgent.length} open`;
   const ofServer = wrong.map(({ text, since_s: since }) => make('li', { className: 'bad' }, make('div', { text }), make('time', { text: clock(since) })));
   const rows = ofServer.concat(urgent.slice(0, 12).map((card) => make('li', { className: LEVELS[card.level] },

@@ -25,7 +25,7 @@ const INCOMING = {
   tick: { state: shape(KITCHEN), prediction: listOf(numbers(2)), actions: numbers(2), applied: number, late: flag },
   paused: { reason: text, left_s: number },
   lesson: { key: text, index: number, steps: number, done: flag },
-  ended: { score: number, soups: number, progress: number, passed: flag, next: text },
+  ended: { score: number, soups: number, progress: number, passed: flag, next: text, reason: text },
   ping: { id: number },
   notice: { text },
   refused: { code: text, reason: text },

@@ -37,6 +37,24 @@ function chance(share, lead, was) {
     make('span', { text: share === undefined ? '–' : Math.round(100 * share) }, ...(was ? [make('span', { className: 'sr', text: ', done' })] : [])));
 }
 
+const OUTCOMES = {
+  applied: 'done', released: 'keys let go', replaced: 'not done: a later key took its place', forgotten: 'not done: the game was paused', stood_still: 'not done: the game stood still',
+  unchanged: 'nothing new', repeated: 'not done: a repeat', ended: 'not done: the game was over',
+};
+
+/** Whether an input was sent in vain. */
+export const wasDropped = ({ outcome }) => OUTCOMES[outcome]?.startsWith('not done') ?? false;
+
+/** The inputs of timestep t, used or not: number, keys, what became of them. */
+export function showInputs(list, place, record, t) {
+  place.textContent = t;
+  const here = record.inputs.filter((input) => input.t === t);
+  list.replaceChildren(...(here.length ? here.map((input) => {
+    const keys = [...(input.tap === null ? [] : [`${NAMES[input.tap]} pressed`]), ...(input.held === null ? [] : [`${NAMES[input.held]} held`])];
+    return make('li', { 'data-outcome': input.outcome }, make('b', { text: `#${input.seq}` }), ` ${keys.join(', ') || 'no key held'}: `, make('span', { className: wasDropped(input) ? 'flag warn' : '', text: OUTCOMES[input.outcome] ?? input.outcome }));
+  }) : [make('li', { className: 'soft', text: 'None.' })]));
+}
+
 export function showAccuracy(list, steps) {
   list.replaceChildren(...steps.flatMap(({ share, low, high, n }, step) => [
     make('dt', { text: `Right, step ${step + 1} (n = ${n})` }), make('dd', { text: n ? `${percent(share)} % (${percent(low)}–${percent(high)})` : '–' })]));

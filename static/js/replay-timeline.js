@@ -1,7 +1,7 @@
 // The time lines under the kitchen: the whole episode, and the timesteps around the one shown with what was said and done.
 
 import { make } from './admin.js';
-import { SIGNS, done, said } from './replay-facts.js';
+import { SIGNS, done, said, wasDropped } from './replay-facts.js';
 
 const SVG = 'http://www.w3.org/2000/svg';
 const WIDE = 40;
@@ -81,6 +81,12 @@ export class TimeLine {
       rows.push(lane('keys', 'Person', 'did; shaded: a key', (at) => {
         const next = record.rows[at + 1];
         return { text: SIGNS[next?.actions?.[seat]] ?? '', key: next?.keys.some(([who]) => who === seat) };
+      }));
+    }
+    if (record.inputs.length) {
+      rows.push(lane('keys', 'Inputs', 'boxed: one was not done', (at) => {
+        const here = record.inputs.filter((input) => input.t === at);
+        return { text: here.length || '', miss: here.some(wasDropped) };
       }));
     }
     rows.push(lane('lag', 'Lag', 'tick late, ms', (at) => ({ text: Math.round(record.rows[at].late_ms), late: record.rows[at].late || record.rows[at].late_ms > 50 })));

@@ -2,7 +2,7 @@
 
 import { heard, listen } from './admin.js';
 import { Film, canFilm } from './replay-film.js';
-import { showAccuracy, showChecked, showPrediction } from './replay-facts.js';
+import { showAccuracy, showChecked, showInputs, showPrediction } from './replay-facts.js';
 import { Player } from './replay-player.js';
 import { TimeLine } from './replay-timeline.js';
 import { Renderer } from './render.js';
@@ -37,6 +37,7 @@ function show(t, by) {
   find('scrub').setAttribute('aria-valuetext', `timestep ${t}`);
   find('score').textContent = row.state.score;
   showPrediction(find('probs'), find('prediction-t'), record, t);
+  showInputs(find('inputs'), find('inputs-t'), record, t);
   line.show(record, t);
   canvas.dataset.timestep = t;
 }
@@ -93,10 +94,14 @@ async function load() {
 }
 
 /** A tick of the running game. One that does not follow on what is here means that something was missed. */
-async function grow(row) {
+async function grow(row, inputs) {
   if (row.t < record.rows.length) return;
-  if (row.t > record.rows.length) await load();
-  else record.rows.push(row);
+  if (row.t > record.rows.length) {
+    await load();
+  } else {
+    record.rows.push(row);
+    record.inputs.push(...inputs);
+  }
   extent();
   if (following) player.follow(record.rows.length - 1);
 }
@@ -105,7 +110,7 @@ function follow() {
   listen(`${page.base}/live`, {
     message: (message) => {
       heard();
-      if (message.type === 'tick') grow(message.row);
+      if (message.type === 'tick') grow(message.row, message.inputs ?? []);
       if (message.type === 'status') status(message);
       if (message.type === 'over') over();
     },

@@ -8,7 +8,9 @@ import signal
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 from crowd import LONG_STUDY, Crowd
 from invariants import Holdings, held_against, p99
@@ -19,7 +21,7 @@ from witness import Witness
 
 from models.lane import SPARE_AFTER_S
 from server.store.database import Database
-from server.store.tables import pauses, ticks
+from server.store.tables import episodes, pauses, ticks
 
 
 def children(pid: int) -> list[int]:
@@ -49,6 +51,31 @@ def elsewhere(crowd: Crowd, stood: dict[str, int], after: float) -> list[str]:
     return found
 
 
+Downtime = tuple[datetime, datetime, set[str]]  # killed, opened again, the episodes that had begun
+
+
+def untold(url: str, downtimes: Sequence[Downtime]) -> list[str]:
+    """Interruptions that no pause in the data covers. The server's clock runs faster than the wall's, so that a pause
+    is at least as long as it says."""
+    query = select(pauses.c.episode_id, pauses.c.started_at, pauses.c.duration_ms)
+    over = select(episodes.c.id, episodes.c.ended_at)
+    with Database(url, read_only=True) as database:
+        rows = database.read_now(lambda connection: connection.execute(query).all())
+        ends = dict(database.read_now(lambda connection: connection.execute(over).all()))  # type: ignore[arg-type]
+
+    def covers(row: Any, killed: datetime, opened: datetime) -> bool:
+        lasted = timedelta(milliseconds=row.duration_ms) if row.duration_ms is not None else timedelta(days=1)
+        return row.started_at <= killed and row.started_at.replace(tzinfo=None) + lasted >= opened.replace(tzinfo=None)
+
+    return [
+        f"{episode} stood still from {killed} to {opened}"
+        for killed, opened, begun in downtimes
+        for episode in sorted(begun)
+        if (ends[episode] is None or ends[episode] > killed)
+        and not any(covers(row, killed, opened) for row in rows if row.episode_id == episode)
+    ]
+
+
 async def kills(folder: Path, tries: int, games: int, seed: int = 0, budget_s: float = 1e9) -> Row:
     """Row 1: `kill -9` at random instants, restarted each time; at most `budget_s` seconds of it."""
     chance, ends = random.Random(seed), time.monotonic() + budget_s
@@ -57,6 +84,7 @@ async def kills(folder: Path, tries: int, games: int, seed: int = 0, budget_s: f
     slowest: list[float] = []  # of the games, at each kill
     moving: list[float] = []
     wrong: list[str] = []
+    downtimes: list[Downtime] = []
     done, had = 0, set[int]()
     with RealServer(folder, speed=2.0, study=LONG_STUDY) as server:
         async with Crowd(server.url, games, seed, idle=0.9) as crowd:
@@ -65,8 +93,9 @@ async def kills(folder: Path, tries: int, games: int, seed: int = 0, budget_s: f
                 had.update(children(server.pid))
                 await asyncio.to_thread(server.end, signal.SIGKILL)
                 done += 1
-                stood, began = last_timesteps(server.database), time.monotonic()
+                killed, stood, began = datetime.now(UTC), last_timesteps(server.database), time.monotonic()
                 await asyncio.to_thread(server.start)
+                downtimes.append((killed, datetime.now(UTC), set(stood)))
                 opened.append(time.monotonic() - began)
                 if chance.random() < 0.3 and done < tries:
                     continue  # the next kill comes while games are being taken up
@@ -80,13 +109,16 @@ async def kills(folder: Path, tries: int, games: int, seed: int = 0, budget_s: f
                 wrong += elsewhere(crowd, stood, began)
         await asyncio.to_thread(server.end, signal.SIGTERM)
         found = held_against(server.database, crowd.witnesses, silence_s=10)
+        gaps = untold(server.database, downtimes)
     orphans = sum(map(_is_model_worker, had))
     figure = found.figures() | {"games": games, "elsewhere": len(wrong), "orphans": orphans, "seed": seed}
+    figure |= {"interruptions_untold": gaps[:3]} if gaps else {}
     figure |= {"pages_open_p50_s": rounded(sorted(opened)[len(opened) // 2]), "pages_open_most_s": rounded(max(opened))}
     figure |= {"all_games_back_p50_s": rounded(sorted(slowest)[len(slowest) // 2])} if slowest else {}
     figure |= {"games_back_p99_s": rounded(p99(welcomed)), "games_moving_p99_s": rounded(p99(moving))}
     figure |= {"back_after_open_p99_s": rounded(p99(_after(welcomed, opened)))}
-    return Row(1, "kill -9 of the server", done, found.ok and not wrong and not orphans and found.compared > 0, figure)
+    passed = found.ok and not wrong and not gaps and not orphans and found.compared > 0
+    return Row(1, "kill -9 of the server", done, passed, figure)
 
 
 def _after(moments: Sequence[float], opened: Sequence[float]) -> list[float]:

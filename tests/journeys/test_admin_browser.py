@@ -3,6 +3,7 @@
 import asyncio
 import base64
 import contextlib
+import json
 import re
 import subprocess
 import sys
@@ -13,7 +14,7 @@ from pathlib import Path
 import httpx
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 from real_server import ROOT, SHORT_STUDY, RealServer
 
 from server.bots import Bot
@@ -139,6 +140,9 @@ def test_a_game_is_looked_at_again_and_taken_along(page: Page, server: RealServe
     page.keyboard.press("ArrowRight")
     expect(page.locator("#at")).to_have_text("t 8")
     assert page.url.endswith("#t=8")
+    expect(page.locator("#inputs-t")).to_have_text("8")
+    expect(page.locator("#inputs li").first).to_contain_text("#")  # a bot sends something in every timestep
+    expect(page.locator("#frame th", has_text="Inputs")).to_have_count(1)
     with page.expect_download() as picture:
         page.click("#picture")
     assert Path(picture.value.path()).read_bytes().startswith(b"\x89PNG")
@@ -146,6 +150,27 @@ def test_a_game_is_looked_at_again_and_taken_along(page: Page, server: RealServe
     with page.expect_download() as video:
         page.click("#video")
     assert played(page, Path(video.value.path()).read_bytes()) == 3.0, "15 timesteps of 200 ms"
+
+
+def test_the_live_page_is_not_called_calm_while_an_alert_is_open(page: Page, server: RealServer) -> None:
+    text = "Timesteps come late: 61 ms at the 99th percentile."
+
+    def with_alert(socket: WebSocketRoute) -> None:
+        upstream = socket.connect_to_server()
+
+        def forward(message: str | bytes) -> None:
+            news = json.loads(message)
+            if news["type"] == "figures":
+                news["alerts"] = [{"text": text, "since_s": 5}]
+            socket.send(json.dumps(news))
+
+        upstream.on_message(forward)
+
+    page.route_web_socket(re.compile("/admin/s/short/live$"), with_alert)
+    page.goto(f"{server.url}/admin/s/short")
+    expect(page.locator("#alerts li.bad").first).to_contain_text(text)
+    expect(page.locator("#attention")).to_contain_text("1 alert")
+    expect(page.locator("#attention")).not_to_contain_text("calm")
 
 
 def test_the_live_page_fits_a_phone_also_one_that_is_turned(page: Page, server: RealServer) -> None:

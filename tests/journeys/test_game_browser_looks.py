@@ -275,7 +275,7 @@ def test_without_predictions_the_tutorial_leaves_the_marks_out(chromium: Browser
 def test_the_end_shows_the_result_and_leads_on(chromium: Browser, server: FakeGameServer) -> None:
     with opened(chromium, server) as page:
         start(page, server, kitchen(t=399, **MOMENT))
-        server.send(tick(kitchen(t=400, **MOMENT), NONE), Ended(40, 2, 9.0, True, "/blank"))
+        server.send(tick(kitchen(t=400, **MOMENT), NONE), Ended(40, 2, 9.0, True, "/blank", "horizon"))
         server.drop(1000)
         page.wait_for_selector("#over:visible")
         assert [page.inner_text(f"#over-{name}") for name in ("title", "score", "soups")] == [

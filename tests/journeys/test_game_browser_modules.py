@@ -213,7 +213,7 @@ def every_message() -> list[messages.Outgoing]:
         tick(kitchen(t=1)),
         messages.Paused("lost", 21.5),
         messages.Lesson("fetch", 1, 7, False),
-        messages.Ended(20, 1, 3.0, True, "/s/quick_look/now"),
+        messages.Ended(20, 1, 3.0, True, "/s/quick_look/now", "horizon"),
         messages.Ping(5),
         messages.Notice("Hello"),
         messages.Refused("not_now", "too early"),

@@ -1,6 +1,7 @@
 """Two server processes with one PostgreSQL and one Redis: what one plays, the other's researchers see and reach."""
 
 import asyncio
+import time
 from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
 from typing import Any
@@ -171,7 +172,8 @@ async def test_the_dashboard_of_each_process_says_which_of_them_is_late(pair: Pa
     here, there = pair
     game = running(here)
     assert game is not None
-    here.app.state.games.loop.late_ms.extend([80.0] * 10_000)
+    for _ in range(10_000):
+        here.app.state.games.loop.lateness.add(80.0, time.monotonic() + 60)
 
     def shown(live: LiveServer) -> list[str]:
         return [str(alert["text"]) for alert in live.app.state.alerts.shown("short")]

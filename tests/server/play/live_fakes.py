@@ -120,6 +120,7 @@ class QuietConnection:
 
     def __init__(self, tab: str = "tab-0001") -> None:
         self.tab = tab
+        self.is_new_page = True
         self.next_url = "/s/test/now"
         self.sent: list[Outgoing] = []
         self.closed: int | None = None

@@ -4,6 +4,7 @@ import asyncio
 import time
 from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 
 import pytest
 from live_fakes import MemoryRecorder, QuietConnection, RuleModels, make_spec
@@ -320,6 +321,83 @@ async def test_restart_goes_on_where_the_last_stored_tick_left_it(house: House) 
     assert house.ticks() == 41
     assert [pause.reason for pause in house.recorder.pauses.values()] == ["server", "server"]
     assert all(pause.duration_ms is not None for pause in house.recorder.pauses.values())
+
+
+def taken_up_later(house: House, gap_s: float) -> None:
+    """A new process takes the episodes up so long after the last stored state, without a word from the one before."""
+    house.games = Games(Clock(1.0), house.models, house.recorder, house.load)
+    known = datetime.now(UTC) - timedelta(seconds=gap_s)
+    load = house.load
+
+    async def load_later(episode: str) -> EpisodeRecord | None:
+        record = await load(episode)
+        return None if record is None else replace(record, known_at=known)
+
+    house.games._load = load_later
+
+
+@pytest.mark.parametrize("timestep", [0, 10])
+async def test_the_time_without_a_server_is_a_pause_with_its_length(house: House, timestep: int) -> None:
+    connection = await house.play()
+    await until(lambda: house.ticks() > timestep)
+    killed = house.games
+    killed.loop._over = lambda *_: None
+    await killed.loop.close()  # as a kill does: nothing more is stored
+    house.recorder.ticks_of["e1"] = {n: tick for n, tick in house.recorder.ticks_of["e1"].items() if n <= timestep}
+    assert not house.recorder.pauses
+    taken_up_later(house, 20.0)
+    connection = await house.play(tab="tab-0002")
+    await until(lambda: any(pause.duration_ms is not None for pause in house.recorder.pauses.values()))
+    (pause,) = house.recorder.pauses.values()
+    assert (pause.reason, pause.timestep) == ("server", timestep)
+    assert pause.duration_ms is not None
+    assert 20_000 <= pause.duration_ms < 30_000
+    assert connection.of(m.Countdown)
+    await killed.stop()
+
+
+async def test_an_episode_whose_last_state_is_stored_ends_with_the_interruption_before_its_end(house: House) -> None:
+    await house.play()
+    await until(lambda: "e1" in house.recorder.results)
+    house.recorder.results.clear()
+    taken_up_later(house, 20.0)
+    with pytest.raises(NoGame):
+        await house.play()
+    await until(lambda: "e1" in house.recorder.results)
+    (pause,) = house.recorder.pauses.values()
+    assert pause.duration_ms is not None
+    assert 20_000 <= pause.duration_ms < 30_000
+
+
+async def test_a_wall_clock_that_was_set_back_makes_no_pause_of_less_than_nothing(house: House) -> None:
+    await house.play()
+    await until(lambda: house.ticks() > 3)
+    await house.games.stop()
+    house.recorder.pauses.clear()
+    taken_up_later(house, -3600.0)
+    await house.play()
+    await until(lambda: any(pause.duration_ms is not None for pause in house.recorder.pauses.values()))
+    (pause,) = house.recorder.pauses.values()
+    assert pause.duration_ms is not None
+    assert 0 <= pause.duration_ms < 10_000
+
+
+async def test_the_end_says_why(house: House) -> None:
+    connection = await house.play()
+    await until(lambda: connection.closed)
+    (ended,) = connection.of(m.Ended)
+    assert isinstance(ended, m.Ended)
+    assert ended.reason == "horizon"
+    house.recorder.results.clear()
+    house.recorder.ticks_of.clear()
+    again = await house.play()
+    game = house.games.get("e1")
+    assert game is not None
+    house.games.abort(game, "researcher")
+    await until(lambda: again.closed)
+    (ended,) = again.of(m.Ended)
+    assert isinstance(ended, m.Ended)
+    assert ended.reason == "researcher"
 
 
 async def test_finished_or_unknown_episode_is_no_game(house: House) -> None:

@@ -1,15 +1,20 @@
 """docs/protocol.md describes every message, and its examples are messages."""
 
+import ast
 import re
 from pathlib import Path
+from typing import get_args
 
 import msgspec
 import pytest
 
-from server.play import messages
+from server.play import messages, protocol_tables
+from server.play.budget import BURST, PER_S
 from server.play.holds import NOT_STARTED
 from server.play.recorder import PAUSE_REASONS
 from server.play.tutorial import LESSONS
+from server.web import forms, pages, rates, watch
+from server.web import socket as game_socket
 
 PAGE = (Path(__file__).parents[3] / "docs" / "protocol.md").read_text(encoding="utf-8")
 FROM_BROWSER, FROM_SERVER = PAGE.split("## From the server")
@@ -44,27 +49,72 @@ def test_example_decodes_to_what_it_says(example: str) -> None:
 
 
 def test_every_reason_code_and_lesson_is_named() -> None:
-    for reason in {*PAUSE_REASONS, "partner"} - {NOT_STARTED}:
+    assert set(get_args(messages.PauseReason)) == {*PAUSE_REASONS, "partner"} - {NOT_STARTED}
+    for reason in (*get_args(messages.PauseReason), *get_args(messages.EndReason)):
         assert f"`{reason}`" in PAGE, reason
     for lesson in LESSONS:
         assert f"`{lesson}`" in PAGE, lesson
 
 
-def test_every_code_of_a_refusal_and_of_a_close_is_named() -> None:
-    sources = [
-        Path(__file__).parents[3] / "server" / path for path in ("web/socket.py", "play/game.py", "play/games.py")
-    ]
-    text = "".join(source.read_text(encoding="utf-8") for source in sources)
-    refusals = set(re.findall(r'Refused\("(\w+)"', text))
-    closes = set(re.findall(r"^[A-Z_]+(?:: Final)? = (1\d{3}|4\d{3})\b", text, re.MULTILINE))
-    assert refusals
-    assert {"1008", "4001", "4004"} <= closes
-    for code in refusals:
-        assert f"`{code}`" in PAGE, code
-    for code in closes:
+SERVER = Path(__file__).parents[3] / "server"
+CALLS = [
+    node
+    for path in ("web/socket.py", "web/waiting.py", "play/game.py", "play/games.py", "play/outlet.py", "connections.py")
+    for node in ast.walk(ast.parse((SERVER / path).read_text(encoding="utf-8")))
+    if isinstance(node, ast.Call)
+]
+
+
+def called(name: str, place: int) -> set[str]:
+    """The texts that the server gives to a function in this place; of a formatted text the part before the value."""
+    given = [call.args[place] for call in CALLS if ast.unparse(call.func).split(".")[-1] == name and call.args[place:]]
+    plain = {text.value for text in given if isinstance(text, ast.Constant) and isinstance(text.value, str)}
+    return plain | {ast.literal_eval(text.values[0]) for text in given if isinstance(text, ast.JoinedStr)}
+
+
+def test_every_code_of_a_refusal_is_named() -> None:
+    assert called("Refused", 0) <= set(get_args(messages.RefusalCode))
+    for code in get_args(messages.RefusalCode):
+        assert f"| `{code}` |" in PAGE, code
+
+
+def test_every_code_and_reason_of_a_close_is_named() -> None:
+    text = "".join(
+        (SERVER / path).read_text(encoding="utf-8") for path in ("web/socket.py", "play/game.py", "play/games.py")
+    )
+    codes = set(re.findall(r"^[A-Z_]+(?:: Final)? = (1\d{3}|4\d{3})\b", text, re.MULTILINE))
+    assert {"1001", "1008", "4001", "4004"} <= codes
+    for code in codes:
         assert f"| {code} |" in PAGE, code
+    reasons = (called("close", 1) | called("send_close", 1)) - {""}
+    assert {"too many connections", "no answer to a ping", "too far behind"} <= reasons
+    for reason in reasons:
+        assert f"`{reason}" in PAGE, reason
+
+
+def test_tables_of_fields_are_those_of_the_types() -> None:
+    names_there = re.findall(r"<!-- fields: (\w+) -->", PAGE)
+    assert sorted(names_there) == sorted(protocol_tables.structs())
+    again = "Write them: python -m server.play.protocol_tables"
+    assert protocol_tables.render(PAGE) == PAGE, again
 
 
 def test_limits_are_those_of_the_code() -> None:
-    assert str(messages.MAX_FRAME_BYTES) in PAGE
-    assert "20 messages a second" in PAGE
+    assert f"{messages.MAX_FRAME_BYTES} bytes" in PAGE
+    assert f"{PER_S:g} messages a second" in PAGE
+    assert f"{BURST:g} at once" in PAGE
+    assert f"At most {game_socket.MOST_OF_ONE} sockets of one participant" in PAGE
+    assert f"after {game_socket.MOST_REFUSED} of them" in PAGE
+    echoes = f"first {pages.ECHOED_CHARACTERS} characters of each text frame"
+    assert echoes in PAGE
+    assert f"After {pages.MOST_ECHOES} frames or {pages.CHECK_S} seconds" in PAGE
+    assert f"At most {watch.MOST_GAMES} such games" in PAGE
+    assert f"{forms.LARGEST_FORM_BYTES // 1024} KiB and {forms.MOST_FIELDS} fields" in PAGE
+    assert f"may ask {rates.PER_S:g} times a second" in PAGE
+
+
+def test_every_route_of_a_participant_is_described() -> None:
+    described = PAGE.split("## Before and after a game")[1]
+    for path in ("", "/consent", "/now", "/language", "/withdraw"):
+        assert f"/s/{{study}}{path}`" in described, path
+    assert "`/watch/socket`" in PAGE

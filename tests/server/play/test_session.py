@@ -166,10 +166,10 @@ def test_pause_forgets_keys_and_goes_on_at_the_same_timestep() -> None:
     assert record.scheduled_ms == 200.0
 
 
-def test_keys_pressed_while_paused_are_not_played_later() -> None:
+def test_taps_while_paused_are_not_played_later() -> None:
     session, _ = start(now=0.0)
     session.pause(0, "hidden", 0.1, AT)
-    press(session, 3, EAST, INTERACT, now=1.0)
+    press(session, 3, None, INTERACT, now=1.0)
     session.release(0, 2.0)
     session.count_down(2.0, 5.0)
     record = tick(session)

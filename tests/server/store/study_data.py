@@ -11,7 +11,7 @@ from overcooked.constants import ACTIONS, SOUP_DELIVERY
 from overcooked.layout import load_layout
 from overcooked.score import progress_credit, shaped_reward, sparse_reward
 from overcooked.state import Kitchens
-from server.play.recorder import EpisodeResult, KeyRecord, PauseRecord, TickRecord
+from server.play.recorder import EpisodeResult, InputRecord, KeyRecord, PauseRecord, TickRecord
 from server.play.spec import EpisodeSpec
 from server.store import answers, audit, episodes, events, participants, studies, ticks
 
@@ -69,9 +69,21 @@ def played(episode: str, timesteps: int = 40, seed: int = 0, spec: EpisodeSpec =
                 late_ms=chance.random(),
                 models_ms=chance.random() * 50,
                 late=late,
+                made_unix_ms=1_772_366_400_000.0 + timestep * 200.125,
             )
         )
     return records
+
+
+def sent(record: TickRecord) -> tuple[InputRecord, ...]:
+    """What a browser sent before this tick: a key that counted, a repeat of it, and one while the game stood still."""
+    n = record.timestep
+    first = InputRecord(
+        record.episode, 0, 3 * n + 1, "tab-0001", n, 2, 5, n * 200.5, 1.75e12 + n, n - 0.5, n, "applied"
+    )
+    again = replace(first, number=3 * n + 2, timestep=None, outcome="repeated")
+    tap = replace(first, number=3 * n + 3, seq=n + 1, held=None, received_ms=None, timestep=None, outcome="stood_still")
+    return (first, again, tap) if n else ()
 
 
 def prediction(chance: random.Random) -> tuple[tuple[float, ...], ...]:
@@ -119,7 +131,7 @@ def _play(
     new = episodes.NewEpisode(spec, step, (participant, None), study_id, condition, (None, "ab" * 32), "cd" * 32, "1.0")
     episode = episodes.create(connection, new)
     records = played(episode, timesteps, seed)
-    ticks.insert(connection, records)
+    ticks.insert(connection, [replace(record, inputs=sent(record)) for record in records])
     episodes.pause(connection, PauseRecord(episode, 7, "blur", START + timedelta(seconds=number), 1234.5))
     events.add(connection, events.Event("rtt", START, participant, episode, {"ms": 12.5}))
     episodes.end(connection, result_of(records, spec))

@@ -68,7 +68,25 @@ def test_every_table_is_written_in_both_formats_with_the_same_columns_and_rows(
     assert counts["episodes"] == 6
     assert counts["ticks"] == 6 * 40
     assert counts["answers"] == 3 * (3 + 2 * 2)
+    assert counts["inputs"] == 6 * 40 * 3
     assert counts["pauses"] == 6
+
+
+def test_inputs_are_exported_with_the_timestep_as_ticks_count_it_and_what_became_of_them(
+    filled: Database, exported: Exported
+) -> None:
+    folder = exported()
+    inputs, steps = parquet(folder, "inputs"), parquet(folder, "ticks")
+    applied = inputs.filter(pl.col("outcome") == "applied")
+    joined = applied.join(steps, on=["episode", "timestep"], how="inner")
+    assert joined.height == applied.height == 6 * 40
+    assert (joined["seq"] == joined["key_seq_0"]).all()
+    dropped = inputs.filter(pl.col("outcome") != "applied")
+    assert dropped["timestep"].null_count() == dropped.height
+    assert set(dropped["outcome"]) == {"repeated", "stood_still"}
+    assert inputs.filter(pl.col("outcome") == "stood_still")["received_ms"].null_count() == 6 * 40
+    assert steps["made_at"].null_count() == 0
+    assert str(steps["made_at"].dtype) == "Datetime(time_unit='us', time_zone='UTC')"
 
 
 def test_every_column_is_in_the_codebook_with_type_and_meaning(filled: Database, exported: Exported) -> None:

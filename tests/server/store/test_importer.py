@@ -1,3 +1,4 @@
+import csv
 import filecmp
 import hashlib
 import json
@@ -9,6 +10,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
+from pyarrow import parquet
 from study_data import SPEC, fill, new_participant, played
 
 import kitchenmind
@@ -58,7 +60,7 @@ def test_imported_export_exports_to_the_same_files(export: Path, kept: str, tmp_
     paths = [
         path.relative_to(export) for path in export.rglob("*") if path.parent.name in ("data", "parquet", "studies")
     ]
-    assert len(paths) == 11 + 11 + 3
+    assert len(paths) == 12 + 12 + 3
     same, different, missing = filecmp.cmpfiles(export, tmp_path / "second", map(str, paths), shallow=False)
     assert (different, missing) == ([], [])
     assert len(same) == len(paths)
@@ -73,6 +75,26 @@ def test_imported_ticks_are_the_ticks_that_were_exported(export: Path, url: str,
                 for episode in first.read_now(episodes.of_participant, person.id):
                     assert second.read_now(ticks.of_episode, episode.id) == first.read_now(ticks.of_episode, episode.id)
                     assert second.read_now(episodes.load, episode.id) == first.read_now(episodes.load, episode.id)
+
+
+@pytest.mark.parametrize("kept", ["csv", "parquet"])
+def test_export_of_an_earlier_version_without_inputs_is_imported(export: Path, kept: str, tmp_path: Path) -> None:
+    shutil.rmtree(export / ("parquet" if kept == "csv" else "data"))
+    if kept == "csv":
+        (export / "data" / "description-inputs_data.csv").unlink()
+        path = export / "data" / "description-ticks_data.csv"
+        rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, [name for name in rows[0] if name != "made_at"], extrasaction="ignore")
+            writer.writeheader()
+            writer.writerows(rows)
+    else:
+        (export / "parquet" / "inputs.parquet").unlink()
+        path = export / "parquet" / "ticks.parquet"
+        parquet.write_table(parquet.read_table(path).drop_columns(["made_at"]), path)
+    again = f"sqlite:///{tmp_path}/again.db"
+    assert kitchenmind.main(["import", str(export), "--database", again]) == 0
+    assert kitchenmind.main(["verify", "--database", again]) == 0
 
 
 def test_import_into_a_database_that_has_something_is_refused(

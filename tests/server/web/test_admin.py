@@ -3,7 +3,9 @@
 import asyncio
 import json
 import re
+import time
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from html import unescape
 from pathlib import Path
@@ -21,10 +23,11 @@ from websockets.sync.client import connect
 
 from overcooked.constants import STAY
 from server.play.clock import Clock
-from server.play.recorder import EpisodeResult, TickRecord
+from server.play.lateness import LATELY_S, Lateness
+from server.play.recorder import EpisodeResult, InputRecord, PauseRecord, TickRecord
 from server.play.trace import Trace
 from server.settings import Settings
-from server.store import admins, audit, decisions, episodes, events, participants, ticks
+from server.store import admins, audit, decisions, episodes, events, inputs, participants, ticks
 from server.store.tables import participants as participants_table
 from server.web import actions, admin, crowding, downloads, live, replay
 from server.web.alerts import Alert, Alerts, message_of
@@ -263,6 +266,7 @@ def test_a_blinded_researcher_is_sent_neither_conditions_nor_marks(site: Site) -
     for path in ("/admin/s/small", f"/admin/s/small/person/{participant.id}", f"/admin/s/small/game/{episode}"):
         assert f">{participant.condition}<" not in researcher.get(path).text
     record = researcher.get(f"/admin/s/small/game/{episode}/record.json").json()
+    assert record["inputs"] == []
     assert all(row["prediction"] == [] and row["displayed"] == [] for row in record["rows"])
     assert record["accuracy"] == []
     assert researcher.get("/admin/s/small/consort.svg").text.count("Arm ") == len(
@@ -301,7 +305,9 @@ def test_alerts_are_told_when_they_begin_and_when_they_are_over(site: Site, tmp_
     alerts = Alerts(site.app.state.live, tmp_path / "site.db", lambda alert, over: told.append((alert.key, over)))
     asyncio.run(alerts.look())
     assert told == []
-    site.app.state.live.games.loop.late_ms.extend([3.0] * 50 + [90.0])
+    loop = site.app.state.live.games.loop
+    for late_ms in [3.0] * 50 + [90.0]:
+        loop.lateness.add(late_ms)
     Visitor(site).consent("small")
     person = site.only("small").id
     site.database.write_now(events.add, events.Event("trouble", datetime.now(UTC), person, detail={"text": "a secret"}))
@@ -310,7 +316,7 @@ def test_alerts_are_told_when_they_begin_and_when_they_are_over(site: Site, tmp_
     assert sorted(told) == [("late", False), (f"trouble {person}", False)], "each once"
     assert not any("secret" in alert.text for alert in alerts.open.values())
     assert str(alerts.shown("small")[0]["text"]).startswith("Timesteps come late: 90 ms")
-    site.app.state.live.games.loop.late_ms.clear()
+    loop.lateness = Lateness()
     asyncio.run(alerts.look())
     assert told[-1] == ("late", True)
 
@@ -326,6 +332,27 @@ def test_an_alert_tells_of_people_who_consent_and_do_nothing(site: Site, tmp_pat
     asyncio.run(alerts.look())
     assert list(alerts.open) == ["silent small"]
     assert "have done nothing since" in str(alerts.shown("small")[0]["text"])
+
+
+def test_an_alert_tells_the_newest_figure_and_ends_when_no_tick_was_late_lately(site: Site, tmp_path: Path) -> None:
+    told: list[tuple[str, bool]] = []
+    alerts = Alerts(site.app.state.live, tmp_path / "site.db", lambda alert, over: told.append((alert.key, over)))
+    loop = site.app.state.live.games.loop
+    loop.lateness.add(1274.0)
+    asyncio.run(alerts.look())
+    (first,) = alerts.open.values()
+    loop.lateness = Lateness()
+    loop.lateness.add(1274.0, time.monotonic() - LATELY_S - 1)  # long ago
+    loop.lateness.add(61.0)
+    asyncio.run(alerts.look())
+    (second,) = alerts.open.values()
+    assert ("1274 ms" in first.text, "61 ms" in second.text) == (True, True)
+    assert second.since == first.since, "it is still the same alert"
+    loop.lateness = Lateness()
+    loop.lateness.add(1274.0, time.monotonic() - LATELY_S - 1)  # the last tick there was
+    asyncio.run(alerts.look())
+    assert alerts.open == {}
+    assert told == [("late", False), ("late", True)]
 
 
 def test_of_several_processes_one_tells_what_all_see(site: Site, tmp_path: Path) -> None:
@@ -395,6 +422,22 @@ def test_a_replay_says_whether_every_state_is_the_stored_one(site: Site) -> None
     forged = researcher.get(f"/admin/s/small/game/{episode}/record.json").json()["checked"]
     assert not forged["equal"]
     assert "timestep 7" in forged["difference"]
+
+
+def test_a_replay_has_every_input_at_its_timestep_with_what_became_of_it(site: Site) -> None:
+    episode = played(site)
+    began = datetime(2026, 3, 1, tzinfo=UTC)
+    site.database.write_now(episodes.pause, PauseRecord(episode, 9, "blur", began, 4000.0))
+    one = InputRecord(episode, 0, 1, "tab-0001", 7, 2, 5, 1.5, began.timestamp() * 1000 - 9000, 450.0, 4, "applied")
+    late = replace(one, number=2, seq=8, held=None, received_ms=1010.0, timestep=None, outcome="replaced")
+    stood = replace(late, number=3, seq=9, received_ms=None, received_unix_ms=began.timestamp() * 1000 + 500)
+    site.database.write_now(inputs.insert, [one, late, replace(stood, outcome="stood_still")])
+    found = signed_in(site, "own").get(f"/admin/s/small/game/{episode}/record.json").json()["inputs"]
+    assert [(row["seq"], row["t"], row["held"], row["tap"], row["outcome"]) for row in found] == [
+        (7, 3, 2, 5, "applied"),
+        (8, 5, None, 5, "replaced"),
+        (9, 9, None, 5, "stood_still"),
+    ]
 
 
 def test_the_accuracy_of_a_replay_counts_what_was_done_in_the_timestep_foretold(site: Site) -> None:

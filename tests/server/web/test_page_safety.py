@@ -188,6 +188,12 @@ def test_entry_check_echoes_over_a_websocket_a_few_times(site: Site) -> None:
             assert socket.recv(timeout=5) == "x" * 16
         with pytest.raises(ConnectionClosed):
             socket.recv(timeout=5)
+        assert socket.protocol.close_code == 1000
+    with connect(url) as socket:
+        socket.send(b"binary")
+        with pytest.raises(ConnectionClosed):
+            socket.recv(timeout=5)
+        assert socket.protocol.close_code == 1003
 
 
 def test_entry_check_refuses_other_sites_and_other_studies(site: Site) -> None:

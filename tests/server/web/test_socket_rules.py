@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import logging
 import socket as sockets
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -23,6 +24,7 @@ from server.connections import SparingProtocol
 from server.play import outlet
 from server.play.budget import Budget
 from server.play.clock import Clock
+from server.play.game import Game
 from server.play.games import Games
 from server.play.messages import MAX_FRAME_BYTES
 from server.play.recorder import EpisodeRecord
@@ -195,10 +197,12 @@ BAD = [
     '{"type": "input", "seq": 1, "held": 7, "tap": null, "client_ms": 1}',
     '{"type": "input", "seq": -1, "held": null, "tap": null, "client_ms": 1}',
     '{"type": "input", "seq": 1, "held": null, "tap": 6, "client_ms": 1}',
+    '{"type": "input", "seq": 1, "held": null, "tap": 4, "client_ms": 1}',
     '{"type": "input", "seq": 1, "held": null, "tap": null, "client_ms": NaN}',
     '{"type": "input", "seq": 1, "held": null, "tap": null, "client_ms": 1, "more": 1}',
     '{"type": "input", "seq": "1", "held": null, "tap": null, "client_ms": 1}',
     '{"type": "away", "reason": "bored"}',
+    json.dumps(HELLO | {"tab": "tab-0001\n"}),
     "[" * 500,
 ]
 
@@ -223,6 +227,19 @@ async def test_binary_frames_close_with_1003(served: Served) -> None:
     async with served.connect() as socket:
         await socket.send(b"\x00\x01")
         assert await close_code(socket) == 1003
+
+
+async def test_a_text_frame_that_is_not_utf8_closes_with_1007_without_a_traceback_in_the_log(
+    served: Served, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.DEBUG)
+    async with served.connect() as socket:
+        socket.transport.write(bytes([0x81, 0x80 | 2, 0, 0, 0, 0, 0xFF, 0xFE]))  # past the library, which would refuse
+        async with asyncio.timeout(10):
+            await socket.wait_closed()
+        assert socket.close_code == 1007
+    assert [record for record in caplog.records if record.exc_info] == []
+    assert "not UTF-8" in caplog.text
 
 
 async def test_oversized_frames_close_with_1009(served: Served) -> None:
@@ -373,6 +390,50 @@ async def test_peer_that_answers_nothing_is_given_up_and_its_game_pauses(
         assert game is not None
         assert not game.connections
         assert not game.session.moving
+        assert await close_code(socket) == 1001, "the page connects again: 1000 would say that the episode is over"
+        assert socket.close_reason == "no answer to a ping"
+
+
+async def test_an_input_that_is_sent_again_after_a_lost_connection_moves_once(served: Served) -> None:
+    press = {"type": "input", "seq": 5, "held": None, "tap": 2, "client_ms": 1.0}
+    async with served.connect() as socket:
+        await play(socket)
+        await say(socket, **press)
+        while (await hear(socket, "tick"))["applied"] != 5:
+            pass
+    async with served.connect() as socket:
+        await say(socket, **HELLO, last_timestep=1)
+        await hear(socket, "welcome")
+        await say(socket, type="ready")
+        await hear(socket, "countdown")
+        await hear(socket, "tick")
+        moved = await hear(socket, "tick")  # the game moves
+        await say(socket, **press)
+        for _ in range(6):
+            tick = await hear(socket, "tick")
+        assert tick["state"]["t"] > moved["state"]["t"]
+        assert tick["applied"] == 5
+    keys = [key.seq for record in served.recorder.ticks_of["episode-of-ann"].values() for key in record.keys]
+    assert keys == [5]
+
+
+async def test_times_are_told_in_the_time_of_the_page(served: Served) -> None:
+    async with served.connect() as socket:  # the clock of these games is ten times as fast
+        await say(socket, **HELLO)
+        assert (await hear(socket, "welcome"))["tick_ms"] == 20
+        await say(socket, type="ready")
+        assert (await hear(socket, "countdown"))["seconds"] == pytest.approx(0.3)
+        await hear(socket, "tick")
+        await say(socket, type="away", reason="blur")
+        assert 0 < (await hear(socket, "paused"))["left_s"] <= 3
+
+
+async def test_a_fault_of_the_server_closes_with_1011(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    async with served.connect() as socket:
+        await play(socket)
+        monkeypatch.setattr(Game, "receive", lambda *_: 1 / 0)
+        await say(socket, type="away", reason="blur")
+        assert await close_code(socket) == 1011
 
 
 async def test_database_away_at_the_handshake_asks_the_page_to_come_back(served: Served) -> None:

@@ -1,0 +1,29 @@
+"""How late the timesteps of the last minute began. What is older says nothing about now and is not told."""
+
+import time
+from collections import deque
+from typing import Final
+
+LATELY_S: Final = 60.0
+_KEPT: Final = 10_000
+
+
+class Lateness:
+    """Of the last ticks, each with the (real) moment at which it began."""
+
+    def __init__(self) -> None:
+        self._ticks: deque[tuple[float, float]] = deque(maxlen=_KEPT)  # (moment, ms), oldest first
+
+    def add(self, late_ms: float, at: float | None = None) -> None:
+        """A tick began now, or at this moment of `time.monotonic()`."""
+        self._ticks.append((time.monotonic() if at is None else at, late_ms))
+
+    def last(self, within_s: float = LATELY_S, most: int = _KEPT) -> list[float]:
+        """The lateness in ms of at most so many ticks, sorted; empty where none was made in this time."""
+        since = time.monotonic() - within_s
+        found: list[float] = []
+        for at, late_ms in reversed(self._ticks):
+            if at < since or len(found) == most:
+                break
+            found.append(late_ms)
+        return sorted(found)

@@ -1,0 +1,45 @@
+"""Nothing is compiled once pages can be opened: the first game on a fresh machine would stand still for it."""
+
+from pathlib import Path
+
+import numba
+import pytest
+from live_server import LiveServer
+from real_server import RealServer
+
+from overcooked.layout import layout_names, load_layout, parse_layout
+from server.bots import Bot
+
+ONE_POT = "XXPXX\nO1 2O\nXDSXX"
+THREE_POTS = "XPPPX\nO1 2O\nXDSXX"
+
+
+def compiled(folder: Path) -> list[str]:
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*.nb[ic]"))
+
+
+async def test_the_first_game_with_an_empty_compiler_cache_compiles_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache = tmp_path / "numba"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(cache))
+    with RealServer(tmp_path) as server:
+        before = compiled(cache)
+        assert any("rules.step" in name for name in before)
+        journal = await Bot(server.url, "short", 1).walk()  # a tutorial in a kitchen with one pot, and episodes
+        assert len(journal.ended) >= 2
+        assert compiled(cache) == before
+
+
+def test_kernels_see_every_kitchen_as_the_same_types() -> None:
+    layouts = [load_layout(name) for name in layout_names()] + [parse_layout(text) for text in (ONE_POT, THREE_POTS)]
+    assert {len(layout.pots) for layout in layouts} == {1, 2, 3}
+    for name in ("tiles", "pots", "counters", "starts", "static_planes"):
+        assert len({str(numba.typeof(getattr(layout, name))) for layout in layouts}) == 1, name
+
+
+def test_every_template_is_compiled_before_the_first_page(tmp_path: Path) -> None:
+    with LiveServer(tmp_path) as live:
+        environment = live.app.state.web.templates
+        assert environment.cache is not None
+        assert {name for _, name in environment.cache} == set(environment.list_templates())
