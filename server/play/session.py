@@ -17,6 +17,7 @@ from server.play import messages, overlay, partner
 from server.play.holds import NOT_STARTED, Holder, Holds
 from server.play.keys import Arrival, Keys
 from server.play.recorder import ENDED, EpisodeRecord, EpisodeResult, InputRecord, KeyRecord, PauseRecord, TickRecord
+from server.play.trace import ReplayMismatch as ReplayMismatch
 from server.play.trace import Step, Trace
 from server.play.tutorial import Tutor
 
@@ -24,10 +25,6 @@ Phase = Literal["waiting", "countdown", "running", "paused", "ended"]
 VIEWER: Final = -1  # the "seat" of a participant who watches two agents
 COUNTDOWN_S: Final = 3
 _STILL: Final = Step((STAY, STAY), (0, 0), (0, 0), (0, 0))
-
-
-class ReplayMismatch(Exception):
-    """The stored actions do not lead to the stored state: the record is damaged and must not be played on."""
 
 
 class Session:

@@ -27,6 +27,10 @@ class Step:
     events: tuple[int, int]  # bits, overcooked.constants.EVENT_NAMES
 
 
+class ReplayMismatch(Exception):
+    """The stored actions do not lead to the stored state: the record is damaged and must not be played on."""
+
+
 class Trace:
     """All states from the start to now; `timestep` is the index of the current one. A horizon of 0 means endless."""
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import pyarrow as pa
-from sqlalchemy import Connection, or_, select
+from sqlalchemy import Connection, Label, or_, select
 
 from server.store import codebook, displays, exported_ticks
 from server.store.export import schema
@@ -23,37 +23,28 @@ def over(connection: Connection, study_ids: Sequence[int], most: int = 2000) -> 
     return [(row[0], row[1], row[2]) for row in connection.execute(query.order_by(_e.ended_at.desc()).limit(most))]
 
 
+_OF_EPISODES = (
+    "participant_0", "participant_1", "agent_0", "agent_1", "agent_name", "condition", "kind", "layout",
+    "number", "status", "score", "progress", "watched_seat", "tick_ms",
+)  # fmt: skip
+
+
+def _failed() -> Label[int]:
+    """The number of attention checks that a participant failed."""
+    return attention_counts()[1].label("attention_failed")
+
+
 def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pa.Table]:
     """The export's tables with these episodes, and all that their participants answered."""
-    own = [
-        _e[name]
-        for name in (
-            "participant_0",
-            "participant_1",
-            "agent_0",
-            "agent_1",
-            "agent_name",
-            "condition",
-            "kind",
-            "layout",
-        )
-    ]
-    own += [_e[name] for name in ("number", "status", "score", "progress", "watched_seat", "tick_ms")]
+    own = [_e[name] for name in _OF_EPISODES]
     broken = displays.violations(connection, chosen)
     found = connection.execute(select(_e.id.label("episode"), *own).where(_e.id.in_(chosen))).mappings().all()
     played = [dict(row) | {"display_violations": broken.get(row["episode"], 0)} for row in found]
     people = {row[f"participant_{seat}"] for row in played for seat in (0, 1)} - {None}
-    of_people = select(
-        _p.id.label("participant"),
-        studies.c.key.label("study"),
-        _p.condition,
-        _p.status,
-        attention_counts()[1].label("attention_failed"),
-    )
+    of_people = select(_p.id.label("participant"), studies.c.key.label("study"), _p.condition, _p.status, _failed())
     of_people = of_people.join_from(participants, studies).where(_p.id.in_(people))
-    said = select(_a.participant_id, _a.episode_id, _a.question_key, _a.value, _a.attention).where(
-        _a.participant_id.in_(people)
-    )
+    said = select(_a.participant_id, _a.episode_id, _a.question_key, _a.value, _a.attention)
+    said = said.where(_a.participant_id.in_(people))
     held = select(pauses.c.episode_id.label("episode"), pauses.c.reason, pauses.c.duration_ms)
     named = ("participant", "episode", "question", "value", "value_type", "attention")
     told = [

@@ -273,7 +273,7 @@ async def test_postgresql_that_went_away_is_down_and_then_goes_on_by_itself() ->
 @pytest.mark.parametrize(
     ("address", "message"),
     [
-        ("sqlite://data/x.db", r"has two slashes\. Write sqlite:///data/x\.db"),
+        ("sqlite://folder/x.db", r"has two slashes\. Write sqlite:///folder/x\.db"),
         ("sqlite://x.db", r"has two slashes\. Write sqlite:///x\.db"),
         ("sqlite://somebody@host/x.db", "has two slashes"),
         ("sqlite:///has?query.db", r"a \? ends the name of the file\. Write %3F"),
