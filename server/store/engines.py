@@ -11,9 +11,11 @@ from typing import IO, Any, Final
 from urllib.parse import quote
 
 from sqlalchemy import Connection, Engine, create_engine, event, text
-from sqlalchemy.engine import URL, make_url
-from sqlalchemy.exc import ArgumentError, DBAPIError
+from sqlalchemy.engine import URL
+from sqlalchemy.exc import DBAPIError
 from sqlalchemy.pool import QueuePool
+
+from server.store.addresses import normal_url as normal_url
 
 BUSY_TIMEOUT_S = 30
 CONNECT_TIMEOUT_S = 5
@@ -33,7 +35,6 @@ _ADVISORY_LOCK = 0x6B69_7463_6865_6E01  # any constant will do, as long as it ne
 _TURN_LOCK = 0x6B69_7463_6865_6E02
 _OVERWRITE = "overwrite deleted content"
 ONE_WRITER = "SQLite takes one writing process: several need PostgreSQL."
-_ADDRESSES = "Use sqlite:///file.db or postgresql://user@host/name."
 _SQLITE_DOWN = {
     sqlite3.SQLITE_BUSY,
     sqlite3.SQLITE_LOCKED,
@@ -56,35 +57,6 @@ class DatabaseDown(Exception):
 
 class DatabaseInUse(DatabaseDown):
     """Another server has this database open."""
-
-
-def normal_url(url: str) -> URL:
-    """The address with its driver. Raises ValueError for one that is neither SQLite in a file nor PostgreSQL."""
-    try:
-        parsed = make_url(url)
-    except ArgumentError:
-        raise ValueError(f"{url!r} is no database address. {_ADDRESSES}") from None
-    backend = parsed.get_backend_name()
-    if backend == "postgresql":
-        return parsed.set(drivername="postgresql+psycopg")
-    if backend != "sqlite":
-        raise ValueError(f"{backend} is not supported. {_ADDRESSES}")
-    return _sqlite_url(parsed, url)
-
-
-def _sqlite_url(parsed: URL, written: str) -> URL:
-    """The address of a SQLite file, without anything that SQLAlchemy would drop or SQLite would not open."""
-    if parsed.host is not None or parsed.username is not None:
-        meant = f"sqlite:///{written.partition('://')[2]}"
-        raise ValueError(f"{written} has two slashes. Write {meant} (three), or four before an absolute path.")
-    if "?" in written:
-        raise ValueError(f"{written}: a ? ends the name of the file. Write %3F if it is part of the name.")
-    if parsed.database in (None, "", ":memory:"):
-        raise ValueError("a database in memory would lose every game. Use sqlite:///file.db.")
-    path = Path(str(parsed.database)).absolute()
-    if path.is_dir():
-        raise ValueError(f"{path} is a folder. Give a file in it: sqlite:///{parsed.database.rstrip('/')}/file.db.")
-    return parsed.set(drivername="sqlite", database=str(path))
 
 
 def is_down(error: BaseException) -> bool:

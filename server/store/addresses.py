@@ -1,0 +1,37 @@
+"""Database addresses: which ones can be used, and what to write instead of the others."""
+
+from pathlib import Path
+
+from sqlalchemy.engine import URL, make_url
+from sqlalchemy.exc import ArgumentError
+
+_ADDRESSES = "Use sqlite:///file.db or postgresql://user@host/name."
+
+
+def normal_url(url: str) -> URL:
+    """The address with its driver. Raises ValueError for one that is neither SQLite in a file nor PostgreSQL."""
+    try:
+        parsed = make_url(url)
+    except ArgumentError:
+        raise ValueError(f"{url!r} is no database address. {_ADDRESSES}") from None
+    backend = parsed.get_backend_name()
+    if backend == "postgresql":
+        return parsed.set(drivername="postgresql+psycopg")
+    if backend != "sqlite":
+        raise ValueError(f"{backend} is not supported. {_ADDRESSES}")
+    return _sqlite_url(parsed, url)
+
+
+def _sqlite_url(parsed: URL, written: str) -> URL:
+    """The address of a SQLite file, without anything that SQLAlchemy would drop or SQLite would not open."""
+    if parsed.host is not None or parsed.username is not None:
+        meant = f"sqlite:///{written.partition('://')[2]}"
+        raise ValueError(f"{written} has two slashes. Write {meant} (three), or four before an absolute path.")
+    if "?" in written:
+        raise ValueError(f"{written}: a ? ends the name of the file. Write %3F if it is part of the name.")
+    if parsed.database in (None, "", ":memory:"):
+        raise ValueError("a database in memory would lose every game. Use sqlite:///file.db.")
+    path = Path(str(parsed.database)).absolute()
+    if path.is_dir():
+        raise ValueError(f"{path} is a folder. Give a file in it: sqlite:///{parsed.database.rstrip('/')}/file.db.")
+    return parsed.set(drivername="sqlite", database=str(path))
