@@ -75,8 +75,8 @@ class Order(Part):
 class Predictor(Part):
     """What watches the partner."""
 
-    form: Literal["window", "stream"] = "window"
-    """The paper's window of ten steps, or the one that keeps a running memory."""
+    form: Literal["window", "stream"] = "stream"
+    """stream: keeps a running memory; bundled for the bundled agents. window: the paper's ten steps, to be trained."""
     steps_shown: Annotated[int, Field(ge=1, le=3)] = 3
     confidence_opacity: bool = False
     """Draw a step the paler, the less sure the predictor is."""

@@ -10,7 +10,8 @@ import pytest
 
 import kitchenmind
 from models.model_paths import WEIGHTS
-from server.study.loader import load_study
+from server.cast import cast_of
+from server.study.loader import load_study, parse_study
 from server.study.plan import Study
 from server.study.steps import steps
 from server.study_check import stage_problems
@@ -262,3 +263,12 @@ def test_schema_describes_every_key_of_a_study(capsys: pytest.CaptureFixture[str
     assert schema["$defs"]["ChoiceQuestion"]["properties"]["key"]["description"] == "Names the answer in the data."
     assert schema["additionalProperties"] is False
     assert "null" not in schema["$defs"]["Text"]
+
+
+def test_a_study_that_names_no_form_of_predictor_gets_one_that_is_bundled() -> None:
+    text = (STUDIES / "quick_look.yaml").read_text(encoding="utf-8")
+    without = re.sub(r"(?m)^predictor: .*\n", "", text)
+    assert without != text
+    cast = cast_of([parse_study(without)])
+    assert ("coordination_ring", "sp_predictor_stream") in cast.predictors
+    assert cast.missing == ()

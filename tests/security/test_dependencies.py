@@ -1,5 +1,6 @@
 """The list of dependencies is true to what is installed, and every licence is one that a laboratory can live with."""
 
+import ast
 import tomllib
 from pathlib import Path
 
@@ -35,3 +36,26 @@ def test_our_own_dependencies_are_pinned_to_one_version(extra: str) -> None:
 def test_extras_are_all_looked_at() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert set(list_dependencies.EXTRAS) == {"serve", *project["optional-dependencies"]}
+
+
+# Packages that others load by name, and where.
+LOADED_BY_NAME = {"uvloop": "uvicorn, as `loop`", "websockets": "uvicorn, as `ws`"}
+IMPORTED_AS = {"argon2-cffi": "argon2", "markdown-it-py": "markdown_it", "pyyaml": "yaml"}
+
+
+def test_whatever_a_server_installs_is_imported_somewhere() -> None:
+    imported = {
+        name.split(".")[0]
+        for file in (ROOT / package for package in ("overcooked", "models", "training", "analysis", "server"))
+        for path in file.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for name in _imports(node)
+    }
+    names = {pin.name for pin in list_dependencies.wanted()["serve"]} - LOADED_BY_NAME.keys()
+    assert {name for name in names if IMPORTED_AS.get(name, name.replace("-", "_")) not in imported} == set()
+
+
+def _imports(node: ast.AST) -> list[str]:
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    return [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
