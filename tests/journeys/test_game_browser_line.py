@@ -128,7 +128,7 @@ def test_a_message_of_the_researcher_is_shown_as_text(chromium: Browser, server:
         assert page.inner_text("#notice-text") == "<b>Lunch</b> at noon"
         page.click("#notice button")
         assert page.is_hidden("#notice")
-        assert page.evaluate("document.activeElement.className") == "stage"
+        assert page.evaluate("document.activeElement.classList.contains('stage')"), "dimmed or not"
 
 
 def test_errors_of_the_page_reach_the_server_once_each_and_a_few_at_most(
