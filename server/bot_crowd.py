@@ -166,12 +166,16 @@ def _arrival(crowd: Crowd, number: int) -> str:
     parameter = crowd.study.recruitment.person_parameter if crowd.study is not None else None
     if crowd.study is None or parameter is None:
         return ""
-    values: Mapping[str, Any] = {parameter: _person(crowd.study, f"bot-{crowd.seed}-{number}")}
+    values: Mapping[str, Any] = {parameter: _person(crowd.study, f"bot-{crowd.seed}-{number}", number)}
     return "?" + urlencode(dict(values) | dict.fromkeys(crowd.study.recruitment.extra_parameters, "simulated"))
 
 
-def _person(study: Study, name: str) -> str:
-    """An id as the recruiter's look, the same for the same name."""
+def _person(study: Study, name: str, number: int) -> str:
+    """An id as the recruiter's look, another for every number. Raises ValueError where none of ours looks like that."""
     digest = hashlib.sha256(name.encode()).hexdigest()
-    candidates = (name, digest[:24], f"A{digest[:13].upper()}", str(int(digest[:8], 16)))
-    return next((one for one in candidates if study.recruitment.person_of(one) is not None), name)
+    count = int(digest[:8], 16)
+    candidates = (name, digest[:24], f"A{digest[:13].upper()}", f"bot{count}", str(count), f"{number + 1:03d}")
+    for one in candidates:
+        if study.recruitment.person_of(one) is not None:
+            return one
+    raise ValueError(f"bots have no id that fits person_pattern: {study.recruitment.person_pattern!r}. Try without it.")

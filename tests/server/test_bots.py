@@ -235,7 +235,10 @@ def test_bots_refuse_a_public_server_that_would_take_them_for_people(
 
 @pytest.mark.parametrize(
     "recruitment",
-    [{"source": "prolific"}, {"source": "mturk"}, {"source": "sona"}, {"person": "seat", "person_pattern": "[0-9]+"}],
+    [
+        *({"source": each} for each in ("prolific", "mturk", "sona")),
+        *({"person": "seat", "person_pattern": each} for each in ("[0-9]+", "[0-9]{3}", "[a-z]+[0-9]*")),
+    ],
 )
 def test_bots_come_with_ids_that_look_like_the_recruiter_s(recruitment: dict[str, str]) -> None:
     study = load_study(SCRIPTED).study.model_copy(update={"recruitment": Recruitment(**recruitment)})  # type: ignore[arg-type]
