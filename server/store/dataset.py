@@ -203,7 +203,7 @@ Each table is {files}:
 - In `ticks`, the row of timestep t has the state before (`state_hash`), what was predicted and displayed then for the
   timesteps t, t+1 and t+2, and what was done in t. So `predicted_1` is right where it equals `action_S` of the same
   row, S being the episode's `watched_seat`; `predicted_2` is about the next row, `predicted_3` about the one after.
-- `inputs` has every key message that arrived in an episode, with the timestep in which it counted or the reason why it did
+- `inputs` has every key message that arrived in an episode, with the timestep in which it counted or why it did
   not (`outcome`). `ticks` names only the one that decided the action (`key_seq_S`).
 - What was predicted is recorded in every condition, also where nothing was shown (`episodes.shown`).
 - An episode's states are not stored: `kitchenmind verify` simulates them from `spec` and the actions, and compares the
