@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import polars as pl
 
+from analysis.names import listed
 from analysis.results import Result
 from analysis.tables import Export
 
@@ -66,3 +67,14 @@ def _counts(step: str, table: pl.DataFrame, conditions: Sequence[str], unit: str
         Result("exclusions", step, condition=name, estimate=float(count), n=count, unit=unit, note=reason)
         for name, count in counts.items()
     ]
+
+
+def versions_notice(export: Export) -> str:
+    """That several versions of the study are analysed together, and how to choose one; empty if it is one."""
+    if len(export.versions) < 2:
+        return ""
+    parts = [f"version {version} ({count} participants)" for version, count in export.versions.items()]
+    return (
+        f"This data set holds several versions of the study, analysed together: {listed(parts)}. "
+        "To analyse one of them, add --study-version and its number."
+    )

@@ -31,6 +31,7 @@ ACCENT = "#b8501f"
 FILLS = {"none": (SOFT, CARD, ""), "random": ("#7a5195", CARD, "////"), "tom": ("#12737a", "#12737a", "")}
 OTHERS = (("#9a6400", CARD, "...."), ("#9a6400", CARD, "xxxx"), ("#004a99", CARD, "----"), ("#004a99", "#004a99", ""))
 WIDTH_IN = 8.6
+DPI = 300
 Drawn = ParamSpec("Drawn")
 STYLE = {
     "font.family": "DejaVu Sans",
@@ -59,7 +60,7 @@ STYLE = {
 def save(figure: Figure, folder: Path, name: str) -> str:
     """Writes name.svg and name.png (300 dpi) and returns the SVG to put into a page, its ids made unique by name."""
     with rc_context({**STYLE, "svg.hashsalt": name}):  # type: ignore[arg-type, dict-item, unused-ignore]
-        figure.savefig(folder / f"{name}.png", dpi=300, facecolor=CARD)
+        figure.savefig(folder / f"{name}.png", dpi=DPI, facecolor=CARD)
         stream = StringIO()
         figure.savefig(stream, format="svg", transparent=True, metadata={"Date": None, "Title": name})
     svg = stream.getvalue()

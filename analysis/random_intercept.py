@@ -15,6 +15,7 @@ from scipy import optimize
 Array = NDArray[np.float64]
 GRID = np.linspace(-14, 14, 57)  # logarithms of the ratio
 NOTHING = 1e-12  # a variance that is this small a part of the whole is rounding
+ROUNDING = 1e-9  # and so is a standard deviation that is this small a part of the largest value
 
 
 class FitError(ValueError):
@@ -90,9 +91,11 @@ class Profile:
     def __init__(self, data: Data, restricted: bool) -> None:
         self.data, self.restricted = data, restricted
         self._sizes, self._sums = data.sizes, data.sums(data.x)
-        self._total = data.sums(data.y[:, None])[:, 0]
-        self._xx, self._xy = data.x.T @ data.x, data.x.T @ data.y
-        self._rest = data.y - data.x @ np.linalg.lstsq(data.x, data.y)[0]  # the same likelihood, without cancellation
+        self._xx = data.x.T @ data.x
+        # What ordinary least squares leaves has the same likelihood as y, and no large mean to lose digits to.
+        self._start = np.asarray(np.linalg.lstsq(data.x, data.y)[0], dtype=np.float64)
+        self._rest = data.y - data.x @ self._start
+        self._total, self._xy = data.sums(self._rest[:, None])[:, 0], data.x.T @ self._rest
         self.count = len(data.y) - (data.x.shape[1] if restricted else 0)
 
     def along(self, ratios: Array) -> Array:
@@ -100,11 +103,10 @@ class Profile:
         weights = ratios[:, None] / (1 + ratios[:, None] * self._sizes)  # (ratios, people)
         squares = np.einsum("pi,pj->pij", self._sums, self._sums).reshape(len(self._sums), -1)
         inner = self._xx - (weights @ squares).reshape(-1, *self._xx.shape)
-        total, cross = self.data.sums(self._rest[:, None])[:, 0], self.data.x.T @ self._rest
-        right = cross - (weights * total) @ self._sums
+        right = self._xy - (weights * self._total) @ self._sums
         beta = np.linalg.solve(inner, right[:, :, None])[:, :, 0]
-        rest = total - beta @ self._sums.T  # (ratios, people)
-        plain = self._rest @ self._rest - 2 * beta @ cross + np.einsum("ri,ij,rj->r", beta, self._xx, beta)
+        rest = self._total - beta @ self._sums.T  # (ratios, people)
+        plain = self._rest @ self._rest - 2 * beta @ self._xy + np.einsum("ri,ij,rj->r", beta, self._xx, beta)
         scale = (plain - (weights * rest**2).sum(axis=1)) / self.count
         value = self.count * (np.log(2 * math.pi * scale) + 1)
         value += np.log1p(ratios[:, None] * self._sizes).sum(axis=1)
@@ -119,13 +121,15 @@ class Profile:
         right = self._xy - self._sums.T @ (weights * self._total)
         beta = np.asarray(np.linalg.solve(inner, right), dtype=np.float64)
         rest = self._total - self._sums @ beta
-        plain = self.data.y - self.data.x @ beta
+        plain = self._rest - self.data.x @ beta
         inverse = np.asarray(np.linalg.inv(inner), dtype=np.float64)
-        return beta, inverse, float(plain @ plain - (weights * rest**2).sum())
+        return self._start + beta, inverse, float(plain @ plain - (weights * rest**2).sum())
 
     def __call__(self, ratio: float) -> float:
         """Log-likelihood at its maximum over everything but the ratio."""
         _, inverse, squares = self.solve(ratio)
+        if squares <= 0:
+            return -math.inf
         value = self.count * (math.log(2 * math.pi * squares / self.count) + 1)
         value += float(np.log1p(ratio * self._sizes).sum())
         if self.restricted:
@@ -141,7 +145,7 @@ def fit(data: Data, restricted: bool = True) -> Fit:
         raise FitError("there are too few episodes for so many effects")
     total = float(data.y.var())
     profile = Profile(data, restricted)
-    if total == 0 or profile.solve(0.0)[2] <= NOTHING * total * len(data.y):
+    if math.sqrt(total) <= ROUNDING * np.abs(data.y).max() or profile.solve(0.0)[2] <= NOTHING * total * len(data.y):
         raise FitError("nothing varies beside the effects")
     ratio = best_ratio(profile)
     beta, inverse, squares = profile.solve(ratio)

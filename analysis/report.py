@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 
 from analysis import figures, names, questionnaires, wording
 from analysis.compare import repeats
+from analysis.exclusions import versions_notice
 from analysis.results import Result, select, write_results
 from analysis.study import Analysis, Options, analyse, smallest_condition
 from analysis.tables import COLUMNS, LAYOUTS, Export, read_export, table_file
@@ -140,17 +141,6 @@ def _environment() -> Environment:
     )
     environment.tests["computed"] = lambda value: not math.isnan(value)
     return environment
-
-
-def versions_notice(export: Export) -> str:
-    """That several versions of the study are analysed together, and how to choose one; empty if it is one."""
-    if len(export.versions) < 2:
-        return ""
-    parts = [f"version {version} ({count} participants)" for version, count in export.versions.items()]
-    return (
-        f"This data set holds several versions of the study, analysed together: {names.listed(parts)}. "
-        "To analyse one of them, add --study-version and its number."
-    )
 
 
 def _flagged(analysis: Analysis) -> pl.DataFrame:

@@ -110,10 +110,13 @@ def _check(arguments: argparse.Namespace, person_sd: float, residual_sd: float, 
 def _from_export(folder: Path, arguments: argparse.Namespace) -> Plan:
     """How reward varied in a pilot."""
     from analysis import measures, mixed
+    from analysis.exclusions import versions_notice
     from analysis.study import MEASURE, smallest_condition
     from analysis.tables import read_export
 
     export = read_export(folder, arguments.study, arguments.study_version)
+    if notice := versions_notice(export):
+        print(f"kitchenmind power: {notice}", file=sys.stderr)
     episodes = measures.analysed(measures.episode_measures(export), export.participants)
     model = mixed.fit(episodes, MEASURE, export.conditions)
     variance = model.variance

@@ -34,7 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Writes the report; 2 with a reason for a folder that is no export."""
-    from analysis.report import versions_notice, write_report
+    from analysis.exclusions import versions_notice
+    from analysis.report import write_report
     from analysis.study import Options
     from analysis.tables import ExportError
 
