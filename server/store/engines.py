@@ -262,10 +262,13 @@ def empty_log(connection: Connection) -> None:
 def _lock_file(url: URL) -> IO[str]:
     """Held while the server lives; the system lets go of it when the process dies, however it dies."""
     path = Path(f"{url.database}.lock")
+    was_there = path.exists()
     try:
         private_files.make_database(Path(str(url.database)), path)
         file = path.open("a+", encoding="utf-8")
     except OSError as error:
+        if not was_there:
+            path.unlink(missing_ok=True)  # no trace of an address that does not work
         raise DatabaseDown(f"cannot open {error.filename or path}: {error.strerror}") from error
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -79,8 +79,8 @@ def export(
             from server.store import trajectories  # simulates: the rules are compiled for it only
 
             summary.rows[trajectories.FOLDER] = trajectories.write(chosen, making)
-        dataset.write_about(making, versions, summary.columns, formats)
         tombstones.write(making, tombstones.every(connection))
+        dataset.write_about(making, versions, summary.columns, formats)  # last: it lists the hashes of all files
         making.replace(out)
     except BaseException:
         shutil.rmtree(making, ignore_errors=True)

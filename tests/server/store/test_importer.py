@@ -16,6 +16,7 @@ from study_data import SPEC, fill, new_participant, played
 import kitchenmind
 from server.store import answers, arrivals, decisions, episodes, events, participants, studies, ticks
 from server.store.database import Database
+from server.store.import_checks import write_sums
 from server.store.withdrawal import withdraw
 
 
@@ -92,6 +93,7 @@ def test_export_of_an_earlier_version_without_inputs_is_imported(export: Path, k
         (export / "parquet" / "inputs.parquet").unlink()
         path = export / "parquet" / "ticks.parquet"
         parquet.write_table(parquet.read_table(path).drop_columns(["made_at"]), path)
+    write_sums(export)
     again = f"sqlite:///{tmp_path}/again.db"
     assert kitchenmind.main(["import", str(export), "--database", again]) == 0
     assert kitchenmind.main(["verify", "--database", again]) == 0
