@@ -89,8 +89,8 @@ def _asked(analysis: Analysis) -> list[Result]:
     return sorted(first.values(), key=lambda row: order.index(row.question))
 
 
-def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> str:
-    """The whole page as one HTML text that asks the network for nothing."""
+def _environment() -> Environment:
+    """The template's surroundings: every value is escaped, numbers and names are written as in a paper."""
     environment = Environment(
         loader=FileSystemLoader(HERE),
         autoescape=select_autoescape(["html", "j2"]),
@@ -111,28 +111,35 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
         question=questionnaires.title,
     )
     environment.tests["computed"] = lambda value: not math.isnan(value)
+    return environment
+
+
+def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> str:
+    """The whole page as one HTML text that asks the network for nothing."""
 
     def rows(**wanted: object) -> list[Result]:
         return select(analysis.rows, **wanted)
 
-    return environment.get_template(
-        "report.html.j2"
-    ).render(
-        a=analysis,
-        rows=rows,
-        main_tests=_main_tests(analysis),
-        questionnaire_rows=_asked(analysis),
-        repeated=repeats(analysis.episodes),
-        draws=options.draws,
-        versions=versions_notice(analysis.export),
-        figures={name: Markup(svg) for name, svg in drawn.items()},  # noqa: S704
-        css=Markup((HERE / "report.css").read_text(encoding="utf-8")),  # noqa: S704
-        findings=[Markup(text) for text in wording.findings(analysis)],  # noqa: S704
-        sentences=[Markup(text) for text in wording.sentences(analysis)],  # noqa: S704
-        flagged=_flagged(analysis),
-        own_grids=[name for name in analysis.layouts if name in LAYOUTS[1:]],
-        provenance=_provenance(analysis, options),
-        simulated=_simulated(analysis.export),
+    return (
+        _environment()
+        .get_template("report.html.j2")
+        .render(
+            a=analysis,
+            rows=rows,
+            main_tests=_main_tests(analysis),
+            questionnaire_rows=_asked(analysis),
+            repeated=repeats(analysis.episodes),
+            draws=options.draws,
+            versions=versions_notice(analysis.export),
+            figures={name: Markup(svg) for name, svg in drawn.items()},  # noqa: S704
+            css=Markup((HERE / "report.css").read_text(encoding="utf-8")),  # noqa: S704
+            findings=[Markup(text) for text in wording.findings(analysis)],  # noqa: S704
+            sentences=[Markup(text) for text in wording.sentences(analysis)],  # noqa: S704
+            flagged=_flagged(analysis),
+            own_grids=[name for name in analysis.layouts if name in LAYOUTS[1:]],
+            provenance=_provenance(analysis, options),
+            simulated=_simulated(analysis.export),
+        )
     )
 
 
