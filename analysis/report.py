@@ -89,6 +89,31 @@ def _asked(analysis: Analysis) -> list[Result]:
     return sorted(first.values(), key=lambda row: order.index(row.question))
 
 
+def _environment() -> Environment:
+    """The template's surroundings: every value is escaped, numbers and names are written as in a paper."""
+    environment = Environment(
+        loader=FileSystemLoader(HERE),
+        autoescape=select_autoescape(["html", "j2"]),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(
+        number=names.number,
+        signed=names.signed,
+        degrees=names.degrees,
+        p=names.p_value,
+        p_equals=names.p_equals,
+        layout=names.layout_title,
+        agent=names.agent_title,
+        condition=names.condition_title,
+        contrast=names.contrast_title,
+        question=questionnaires.title,
+    )
+    environment.tests["computed"] = lambda value: not math.isnan(value)
+    return environment
+
+
 def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> str:
     """The whole page as one HTML text that asks the network for nothing."""
 
@@ -117,30 +142,6 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
             displays=_displays(analysis.export),
         )
     )
-
-
-def _environment() -> Environment:
-    environment = Environment(
-        loader=FileSystemLoader(HERE),
-        autoescape=select_autoescape(["html", "j2"]),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters.update(
-        number=names.number,
-        signed=names.signed,
-        degrees=names.degrees,
-        p=names.p_value,
-        p_equals=names.p_equals,
-        layout=names.layout_title,
-        agent=names.agent_title,
-        condition=names.condition_title,
-        contrast=names.contrast_title,
-        question=questionnaires.title,
-    )
-    environment.tests["computed"] = lambda value: not math.isnan(value)
-    return environment
 
 
 def _flagged(analysis: Analysis) -> pl.DataFrame:
