@@ -29,7 +29,7 @@ OWN = shlex.join([sys.executable, str(ROOT / "kitchenmind.py")])
 STUDY = SHORT_STUDY.replace("tutorial, ", "").replace("horizon: 60", "horizon: 25")
 STUDY = STUDY.replace(", {name: random, predictor: random}, {name: none, predictor: none}", "")
 STUDY = STUDY.replace(
-    "agents: [{name: planner}]", "agents: [{name: sp}]\npredictor: {form: stream}"
+    "agents: [{name: planner, predictor: sp_predictor_stream}]", "agents: [{name: sp}]\npredictor: {form: stream}"
 )  # production wants weights
 
 

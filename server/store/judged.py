@@ -31,7 +31,8 @@ _OF_EPISODES = (
 
 def _failed() -> Label[int]:
     """The number of attention checks that a participant failed."""
-    return attention_counts()[1].label("attention_failed")
+    failed: Label[int] = attention_counts()[1].label("attention_failed")
+    return failed
 
 
 def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pa.Table]:

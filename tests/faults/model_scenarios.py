@@ -22,7 +22,8 @@ HERE = Path(__file__).parent
 async def troubled(folder: Path, model: str, seconds: float, games: int = 3) -> Row:
     """All partners are played by `model` of troubled_models."""
     study = LONG_STUDY.replace(
-        "agents: [{name: planner}]", f'agents: [{{name: mine, model: "troubled_models:{model}", predictor: random}}]'
+        "agents: [{name: planner, predictor: sp_predictor_stream}]",
+        f'agents: [{{name: mine, model: "troubled_models:{model}", predictor: random}}]',
     )
     path = os.pathsep.join(filter(None, [str(HERE), os.environ.get("PYTHONPATH")]))
     with (

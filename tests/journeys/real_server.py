@@ -25,7 +25,7 @@ consent:
   sections: [{title: {en: What happens}, body: {en: You play.}}]
   boxes: [{en: I agree.}]
 conditions: [{name: tom, predictor: tom}, {name: random, predictor: random}, {name: none, predictor: none}]
-agents: [{name: planner}]
+agents: [{name: planner, predictor: sp_predictor_stream}]
 layouts: [{name: coordination_ring, title: {en: Ring}}, {name: matrix, title: {en: Matrix}}]
 game: {horizon: 60}
 questionnaires:

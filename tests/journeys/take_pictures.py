@@ -20,7 +20,10 @@ MOMENTS = range(90, 330, 20)
 STUDY = study(
     400,
     ("flow: [introduction, tutorial, episodes, thanks]", "flow: [episodes, thanks]"),
-    ("agents: [{name: planner}]", "agents: [{name: sp}]\npredictor: {form: stream, steps_shown: 3}"),
+    (
+        "agents: [{name: planner, predictor: sp_predictor_stream}]",
+        "agents: [{name: sp}]\npredictor: {form: stream, steps_shown: 3}",
+    ),
     ("title: {en: Ring}", "title: {en: Coordination Ring}"),
 )
 

@@ -17,7 +17,9 @@ from server.store.tables import episodes
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(240)]
 PHONE = {"width": 390, "height": 844}
 STUDY = (
-    SHORT_STUDY.replace("[{name: planner}]", "[{name: person, human: true, predictor: random}]")
+    SHORT_STUDY.replace(
+        "[{name: planner, predictor: sp_predictor_stream}]", "[{name: person, human: true, predictor: random}]"
+    )
     .replace("horizon: 60", "horizon: 60, pause: {each_s: 60, episode_s: 240}")
     .replace("flow: [introduction, tutorial, episodes, thanks]", "flow: [introduction, episodes, thanks]")
     .replace(", {name: random, predictor: random}, {name: none, predictor: none}", "")

@@ -15,7 +15,7 @@ from server.store.tables import episodes, participants
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(240)]
 
 
-STUDY = SHORT_STUDY.replace("{name: planner}", "{name: planner, predictor: random}")
+STUDY = SHORT_STUDY.replace("predictor: sp_predictor_stream}", "predictor: random}")
 
 
 @pytest.fixture(scope="module")

@@ -219,7 +219,9 @@ def test_people_who_play_with_people_need_one_process(
     tmp_path: Path, postgres: PostgresServer, redis: RedisServer
 ) -> None:
     name = postgres.new_database()
-    study = STUDY.replace("{name: planner}", "{name: other, human: true, predictor: random}")
+    study = STUDY.replace(
+        "{name: planner, predictor: sp_predictor_stream}", "{name: other, human: true, predictor: random}"
+    )
     study = study.replace("conditions:", "order: {rule: fixed}\nconditions:")
     live = LiveServer(tmp_path, study=study, database=postgres.url(name), redis=redis.url)
     with pytest.raises(StudyError, match="must reach the same process"):
