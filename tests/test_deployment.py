@@ -54,6 +54,7 @@ def test_compose_file_is_the_set_up_of_several_processes() -> None:
         "secret": "kVx2-9TbQfLz7WmRs4cYhJp3nGd8uEaC",
         "public_url": "https://lab.example.org",
         "trusted_proxies": own["trusted_proxies"].partition(":-")[2].removesuffix("}"),
+        "new_per_address": own["new_per_address"].partition(":-")[2].removesuffix("}"),
     }
     settings = Settings(**filled, _env_file=None)
     (network,) = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["networks"]["default"]["ipam"]["config"]

@@ -5,7 +5,7 @@ import os
 import sqlite3
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, Final
 from urllib.parse import quote
@@ -268,7 +268,8 @@ def _lock_file(url: URL) -> IO[str]:
         file = path.open("a+", encoding="utf-8")
     except OSError as error:
         if not was_there:
-            path.unlink(missing_ok=True)  # no trace of an address that does not work
+            with suppress(OSError):
+                path.unlink()  # no trace of an address that does not work
         raise DatabaseDown(f"cannot open {error.filename or path}: {error.strerror}") from error
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

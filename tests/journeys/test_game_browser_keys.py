@@ -151,7 +151,7 @@ def test_no_key_counts_before_the_start_or_after_the_end(chromium: Browser, serv
         start(page, server)
         page.keyboard.press("ArrowUp")
         server.wait_for(lambda server: len(server.inputs()) == 2)
-        server.send(Ended(0, 0, 0.0, True, "/blank"))
+        server.send(Ended(0, 0, 0.0, True, "/blank", "horizon"))
         page.wait_for_selector("[data-phase=ended]")
         page.keyboard.press("ArrowUp")
         settled(page, server)

@@ -293,7 +293,7 @@ def test_the_end_shows_the_result_and_leads_on(chromium: Browser, server: FakeGa
 def test_the_end_leads_nowhere_outside(chromium: Browser, server: FakeGameServer) -> None:
     with opened(chromium, server) as page:
         start(page, server, kitchen(t=399, **MOMENT))
-        server.send(Ended(0, 0, 0.0, False, "https://elsewhere.example/x"))
+        server.send(Ended(0, 0, 0.0, False, "https://elsewhere.example/x", "horizon"))
         page.wait_for_selector("#over:visible")
         assert page.inner_text("#over-title") == "The round has ended"
         assert page.get_attribute("#over-next", "href") == "/"
@@ -346,7 +346,7 @@ def test_axe_finds_nothing_in_any_state(chromium: Browser, server: FakeGameServe
         check(page, "reconnecting")
         server.refusing = False
         server.wait_for(lambda server: server.hellos == 2)
-        server.send(Ended(40, 2, 0.0, True, "/blank"))
+        server.send(Ended(40, 2, 0.0, True, "/blank", "horizon"))
         page.wait_for_selector("#over:visible")
         check(page, "ended")
         server.send(Superseded())

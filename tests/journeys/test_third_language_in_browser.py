@@ -179,7 +179,7 @@ def test_no_state_of_the_game_cuts_a_word_off(chromium: Browser, size: dict[str,
         look(f"paused {reason}", "#pause:visible")
     server.send(Paused("database", 0.0))
     look("database", "#banner:visible")
-    server.send(Ended(40, 2, 0.0, True, "/blank"))
+    server.send(Ended(40, 2, 0.0, True, "/blank", "horizon"))
     look("over", "#over:visible")
     context.close()
     server.close()
