@@ -1,4 +1,4 @@
-"""What figures were measured on: the processor, what it can do that decides speed here, and the GPU if there is one."""
+"""What figures were measured on: the processor, its features that decide speed here, and the GPU if there is one."""
 
 import os
 import platform
@@ -39,3 +39,7 @@ def _gpu() -> list[str]:
     except ImportError:
         return []
     return [torch.cuda.get_device_name(0)] if torch.cuda.is_available() else []
+
+
+if __name__ == "__main__":
+    print(described())

@@ -20,12 +20,14 @@ QUICK = {
     "engine": ["--quick", "--json"],
     "export": ["--people", "10", "--json"],
     "faults": ["--quick", "--json"],
+    "gpu": ["--seconds", "1", "--json"],
     "limits": ["--states", "60", "--json"],
     "participant": ["--json"],
     "predictor": ["--seconds", "0.1", "--json"],
+    "processor": [],
     "serve": ["--games", "1", "4", "--window-s", "3", "--json"],
     "store": ["--quick", "--json"],
-    "training": ["--seeds", "1", "--json"],
+    "training": ["--seeds", "1", "--seconds", "1", "--json"],
     "write_path": ["--games", "40", "--processes", "2", "--timesteps", "10", "--json"],
 }
 specification = importlib.util.spec_from_file_location("faults_benchmark", ROOT / "benchmarks" / "faults.py")
