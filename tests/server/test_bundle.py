@@ -259,7 +259,7 @@ def test_a_bundle_runs_code_that_is_not_in_it_only_if_it_was_allowed(
     package = tmp_path / "somebodys_package"
     package.mkdir()
     (package / "__init__.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w').close()\n")
-    (package / "agent.py").write_text((package / "__init__.py").read_text())
+    (package / "agent.py").write_text((package / "__init__.py").read_text() + "class Agent: ...\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     model = "somebodys_package.agent:Agent"
     path = tmp_path / "study.zip"
@@ -270,7 +270,7 @@ def test_a_bundle_runs_code_that_is_not_in_it_only_if_it_was_allowed(
         making.open_bundle(path, ["other:Agent"])
     assert making.open_bundle(path, [model]).file.study.name == "quick_look"
     assert not (tmp_path / "ran").exists(), "to look at a bundle runs nothing of it"
-    (package / "agent.py").write_text("# another one\n")
+    (package / "agent.py").write_text("class Agent: ...  # another one\n")
     with pytest.raises(BundleRefused, match="weights of"):
         making.open_bundle(path, [model])
 
