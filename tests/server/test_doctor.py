@@ -130,12 +130,13 @@ def test_a_changed_byte_in_the_weights_is_found(
     where: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     agent = Path("coordination_ring") / "sp"
-    shutil.copytree(ROOT / "models" / "weights" / agent, where / agent)
+    for layout in ("coordination_ring", "matrix"):
+        shutil.copytree(ROOT / "models" / "weights" / layout / "sp", where / layout / "sp")
     monkeypatch.setattr(cast, "WEIGHTS", where)
     text = STUDY.read_text("utf-8").replace("{name: planner, predictor", "{name: sp, predictor")
     study = where / "small.yaml"
     study.write_text(text, encoding="utf-8")
-    assert "1 agents" in run(capsys=capsys, study=study)[1]["weights"]
+    assert "2 agents" in run(capsys=capsys, study=study)[1]["weights"]
     weights = bytearray((where / agent / "weights.safetensors").read_bytes())
     weights[-1] ^= 1
     (where / agent / "weights.safetensors").write_bytes(weights)
