@@ -22,7 +22,7 @@ class Connection(Protocol):
     """One socket of one participant, as the game sees it. Neither call waits."""
 
     tab: str
-    is_new_page: bool  # it knows no state of the game yet: it counts its inputs from the start
+    is_new_page: bool  # it has no state of the game yet and counts its inputs from the start
     next_url: str  # where the participant goes on after the episode
 
     def send(self, message: Outgoing) -> None: ...

@@ -42,7 +42,7 @@ const OUTCOMES = {
   unchanged: 'nothing new', repeated: 'not done: a repeat', ended: 'not done: the game was over',
 };
 
-/** Whether an input was sent in vain. */
+/** Whether an input was sent without effect. */
 export const wasDropped = ({ outcome }) => OUTCOMES[outcome]?.startsWith('not done') ?? false;
 
 /** The inputs of timestep t, used or not: number, keys, what became of them. */

@@ -135,7 +135,7 @@ def test_the_clock_of_a_simulated_browser_goes_as_the_game_s_however_fast_that_i
         rows = database.read_now(lambda connection: connection.execute(columns).all())
     pressed = [(timestep, ms) for timestep, *both in rows for ms in both if ms is not None]
     assert pressed
-    tick_ms = 200 / float(QUICK["KITCHENMIND_SPEED"])  # what the page is told: it knows nothing of a faster game
+    tick_ms = 200 / float(QUICK["KITCHENMIND_SPEED"])  # the page is told the length of a timestep on its own clock
     assert [(timestep, ms) for timestep, ms in pressed if ms % tick_ms or ms >= tick_ms * timestep] == []
 
 
