@@ -27,24 +27,33 @@ AGENTS, FORMS = ("sp", "fcp"), ("stream", "window")
 LENDER, CLONES = "features", "clones"
 
 
-def predictor_tasks(layout: Layout, partners: Sequence[str], lender: str, settings: Mapping[str, Any]) -> list[Task]:
+def predictor_tasks(
+    layout: Layout,
+    partners: Sequence[str],
+    lender: str,
+    settings: Mapping[str, Any],
+    extras: bool = True,
+    ship: bool = True,
+) -> list[Task]:
     """Games, predictors and their shipping for both targets of a kitchen, inputs first. `partners` (the population, and
     a crowd that is only trained on) and `lender` are names of tasks that leave checkpoints; `settings` change the
-    configs for all forms, or in a table for one."""
+    configs for all forms, or in a table for one. Without `extras` the games are those with the paper's 31 partners;
+    with `ship` the predictors also replace those in models/weights."""
     tasks = []
-    if layout.name == RECORDED:
+    if extras and layout.name == RECORDED:
         clones = {name: [asdict(config), asdict(mode)] for name, (config, mode) in companions().items()}
         tasks.append(Task(layout.name, CLONES, _clone, clones, (), 2.0))
         partners = (*partners, CLONES)
     for agent in AGENTS:
         chosen, games = f"choose_{agent}", f"games_{agent}"
         inputs: tuple[str, ...] = (chosen, *partners)
-        tasks.append(Task(layout.name, games, partial(_collect, layout, agent), asdict(Plan()), inputs))
+        plan = asdict(Plan()) if extras else {**asdict(Plan()), "extras": False}
+        tasks.append(Task(layout.name, games, partial(_collect, layout, agent, extras), plan, inputs))
         for form in FORMS:
             configs = _configs(form, settings)
             facts = {"network": asdict(configs[0]), "training": asdict(configs[1])}
             inputs = (games, chosen, lender) if configs[0].eyes == "cnn" else (games, chosen)
-            action = partial(_train, layout, agent, configs)
+            action = partial(_train, layout, agent, configs, ship)
             tasks.append(Task(layout.name, f"predictor_{agent}_{form}", action, facts, inputs, 10.0))
     return tasks
 
@@ -64,10 +73,10 @@ def _clone(work: Work) -> None:
     make_companions(work.folder)
 
 
-def _collect(layout: Layout, agent: str, work: Work) -> None:
+def _collect(layout: Layout, agent: str, extras: bool, work: Work) -> None:
     target = _target(work, layout, agent)
     folders = [folder for _, folder in _inputs(work, "population")]
-    partners = with_itself_and_extras(target, load_population(folders, layout), layout)
+    partners = with_itself_and_extras(target, load_population(folders, layout), layout, extras)
     crowd = {f"{name}_{k}": folder / str(k) for name, folder in _inputs(work, "crowd") for k in SKILLS}
     clones = {name: at / name for _, at in _inputs(work, CLONES) for name in companions()}
     partners += load_extras({**crowd, **clones}, layout)
@@ -78,8 +87,8 @@ def _inputs(work: Work, prefix: str) -> list[tuple[str, Path]]:
     return [(name, folder) for name, folder in work.inputs.items() if name.startswith(prefix)]
 
 
-def _train(layout: Layout, agent: str, configs: Configs, work: Work) -> None:
-    """Trains a predictor and leaves it in <folder>/predictor and among the shipped weights."""
+def _train(layout: Layout, agent: str, configs: Configs, ship: bool, work: Work) -> None:
+    """Trains a predictor and leaves it in <folder>/predictor and, if wanted, among the shipped weights."""
     games = work.inputs[f"games_{agent}"] / "games"
     lender: Path | None = next((folder / "100" for _, folder in _inputs(work, LENDER)), None)
     network, training = configs
@@ -89,5 +98,6 @@ def _train(layout: Layout, agent: str, configs: Configs, work: Work) -> None:
     counts = {"updates": trainer.update, "training games": len(trainer.train)}
     how = {**counts, **partners_met(read_manifest(games)), **work.task.settings}
     test = load_episodes(games, TEST, layout, trained.eyes)
-    for folder in (work.folder / "predictor", predictor_folder(layout, agent, network.form)):
+    shipped = [predictor_folder(layout, agent, network.form)] if ship else []
+    for folder in (work.folder / "predictor", *shipped):
         write_predictor(folder, trained, layout, _target(work, layout, agent), test, how)

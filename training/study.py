@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-_ONLY_HERE = ("run", "games", "log.txt", "progress", "task_done")  # what a finished task needs no more
+_ONLY_HERE = ("run", "run_*", "games", "log.txt", "progress", "task_done")  # what a finished task needs no more
 Settings = Mapping[str, Any]
 Report = Callable[[float], None]  # the share of the task that is done
 Action = Callable[["Work"], None]

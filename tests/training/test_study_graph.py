@@ -5,7 +5,9 @@ from typing import Any
 
 import pytest
 
-from training.cast import STUDY_LAYOUTS, foretelling_tasks, load_preset, study_tasks
+from training.cast import STUDY_LAYOUTS, agent_tasks, foretelling_tasks, load_preset, study_tasks
+from training.config import ConfigError
+from training.runlog import open_run
 from training.study import Graph, Task, Work
 
 
@@ -69,7 +71,7 @@ def test_every_preset_makes_a_whole_cast_for_every_kitchen(name: str, tmp_path: 
     for layout in STUDY_LAYOUTS:
         graph = Graph(study_tasks(layout, preset), tmp_path)
         names = [task.name for task in graph.tasks.values()]
-        assert names[-1] == "weights"
+        assert names[-1] == ("weights" if preset.ship else "choose_fcp")
         assert sum(task.startswith("population") for task in names) == 2 * preset.population
         last = f"population_sp_{preset.population}"
         for task in graph.tasks.values():
@@ -107,3 +109,43 @@ def test_finished_tasks_travel_in_a_folder_and_only_with_the_same_settings(tmp_p
     _finish(same)
     assert done == ["c", "d"]
     assert (same.folder("x/c") / "made").read_text() == "cba"
+
+
+def _preset(folder: Path, text: str) -> str:
+    path = folder / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("population = 1\ntargets = 1\nleast_rewards = 1.0", "least_rewards = 1.0. Known: population, targets"),
+        ("population = 1\ntargets = 1\nextras = 0", "extras = 0. Write a bool"),
+        ("population = 1", "targets missing"),
+    ],
+)
+def test_a_preset_with_a_wrong_setting_says_which(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        load_preset(_preset(tmp_path, text))
+
+
+def test_a_run_that_learned_nothing_is_trained_again_with_another_seed(tmp_path: Path) -> None:
+    text = (
+        "population = 1\ntargets = 1\nleast_reward = 1e6\n[population_sp]\ntimesteps = 1600\ngames = 8\nsnapshots = 2"
+    )
+    (task, *_) = agent_tasks("coordination_ring", load_preset(_preset(tmp_path, text)))
+    graph = Graph([task], tmp_path)
+    graph.run(task.label)
+    folder = graph.folder(task.label)
+    assert [open_run(folder / run).settings["seed"] for run in ("run", "run_2", "run_3")] == [1, 1001, 2001]
+    graph.keep(task.label, tmp_path / "kept")
+    assert sorted(path.name for path in (tmp_path / "kept" / task.label).iterdir()) == ["100", "35", "70", "key"]
+
+
+def test_the_published_recipe_uses_the_31_partners_of_the_paper(tmp_path: Path) -> None:
+    for name, wanted in (("published", False), ("cpu", None)):
+        tasks = foretelling_tasks("coordination_ring", load_preset(name))
+        (games,) = (task for task in tasks if task.name == "games_sp")
+        assert games.settings.get("extras") is wanted
+        assert ("clones" in games.inputs) is (name == "cpu")
