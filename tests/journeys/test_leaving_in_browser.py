@@ -14,8 +14,9 @@ from server.store.database import Database
 from server.store.tables import metadata
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(240)]
-# What says nothing about anybody: arrivals count opened links, a tombstone is the salted hash of a random id.
-KEPT = {"studies", "withdrawals", "tombstones", "audit", "arrivals"}
+# What says nothing about anybody: arrivals count opened links, a tombstone is the salted hash of a random id, the audit
+# log and its head name researchers only.
+KEPT = {"studies", "withdrawals", "tombstones", "audit", "audit_head", "arrivals"}
 
 
 @pytest.fixture(scope="module")

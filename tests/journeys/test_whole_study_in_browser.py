@@ -1,6 +1,7 @@
 """The whole way from the link to the code in a browser, every setting changed: by keyboard alone, by touch alone."""
 
 from collections.abc import Iterator
+from uuid import uuid4
 
 import pytest
 from game_page import DESKTOP, PHONE, screenshot
@@ -24,6 +25,12 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealServer]:
         yield running
 
 
+@pytest.fixture
+def recruitment_id() -> str:
+    """Somebody new at each try: whoever has begun goes on where they left, without the page of consent."""
+    return f"p{uuid4().hex[:12]}"
+
+
 def stored(server: RealServer, person: str) -> tuple[participants.Participant, list[str], list[str]]:
     """Who came by that link, how their games ended, and what happened to them."""
 
@@ -39,10 +46,10 @@ def stored(server: RealServer, person: str) -> tuple[participants.Participant, l
         return found
 
 
-def test_the_whole_study_by_keyboard_alone(chromium: Browser, server: RealServer) -> None:
+def test_the_whole_study_by_keyboard_alone(chromium: Browser, server: RealServer, recruitment_id: str) -> None:
     page = chromium.new_context(viewport=DESKTOP, locale="en-GB").new_page()
     person = KeyboardOnly(page)
-    titles = walk(person, f"{server.url}/s/every_setting?PID=keys&WAVE=1")
+    titles = walk(person, f"{server.url}/s/every_setting?PID={recruitment_id}&WAVE=1")
     assert titles.count("game") == 5
     assert titles[-1] == "Thank you for cooking with us"
     assert page.inner_text("#code") == "DONE77"
@@ -51,23 +58,23 @@ def test_the_whole_study_by_keyboard_alone(chromium: Browser, server: RealServer
     )
     assert "PID" not in page.url
     assert person.unseen == []
-    me, games, happened = stored(server, "keys")
+    me, games, happened = stored(server, recruitment_id)
     assert (me.status, me.language, me.completion_code in page.content()) == ("completed", "en", True)
     assert games == ["tutorial done"] + ["episode done"] * 4
     assert "attention_failed" not in happened
     page.context.close()
 
 
-def test_the_whole_study_by_touch_alone_in_chinese(chromium: Browser, server: RealServer) -> None:
+def test_the_whole_study_by_touch_alone_in_chinese(chromium: Browser, server: RealServer, recruitment_id: str) -> None:
     page = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True, locale="zh-CN").new_page()
     person = TouchOnly(page)
-    titles = walk(person, f"{server.url}/s/every_setting?PID=touch&WAVE=2")
+    titles = walk(person, f"{server.url}/s/every_setting?PID={recruitment_id}&WAVE=2")
     assert titles.count("game") == 5
     assert page.get_attribute("html", "lang") == "zh"
     assert page.inner_text("#code") == "DONE77"
     assert person.small == []
     screenshot(page, "thanks-phone-zh")
-    me, games, _ = stored(server, "touch")
+    me, games, _ = stored(server, recruitment_id)
     assert (me.status, me.language) == ("completed", "zh")
     assert games == ["tutorial done"] + ["episode done"] * 4
     page.context.close()
