@@ -4,6 +4,11 @@ import os
 from zlib import crc32
 
 import pytest
+from hypothesis import HealthCheck, settings
+
+# A machine with much else to do is slow to draw examples: no fault of the code under test.
+settings.register_profile("any_machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any_machine")
 
 for library in (
     "OMP_NUM_THREADS",
@@ -17,7 +22,6 @@ for library in (
 # Files are handed out whole, in this order: what takes minutes first, so that no worker is left with it at the end,
 # then the rest well mixed, so that the browsers of several files do not run at the same time.
 LONG_FIRST = (
-    "test_style.py",
     "test_game_browser_real.py",
     "test_study_run.py",
     "test_bots.py",
