@@ -23,6 +23,7 @@ _PLAIN_ADDRESS = re.compile(
     r"https?://(?P<host>[A-Za-z0-9](?:[A-Za-z0-9.-]*[A-Za-z0-9])?|\[[0-9A-Fa-f:.]+\])(?::(?P<port>[0-9]{1,5}))?/?"
 )
 _WIDEST_PROXY = {4: 8, 6: 16}  # bits that a network of proxies must fix, at least
+_IPV4_IN_IPV6 = ipaddress.IPv6Network("::ffff:0:0/96")  # how a socket of both kinds names IPv4 addresses
 
 
 class Settings(BaseSettings):
@@ -167,5 +168,11 @@ def _check_proxies(trusted: str) -> None:
             network = ipaddress.ip_network(one)
         except ValueError:
             raise ValueError(f"{one!r} is not an address or a network. {remedy}") from None
-        if network.prefixlen < _WIDEST_PROXY[network.version]:
+        if _is_too_wide(network):
             raise ValueError(f"{one} is too wide: almost everybody could claim any address. {remedy}")
+
+
+def _is_too_wide(network: ipaddress.IPv4Network | ipaddress.IPv6Network) -> bool:
+    if isinstance(network, ipaddress.IPv6Network) and network.overlaps(_IPV4_IN_IPV6):
+        return network.prefixlen - _IPV4_IN_IPV6.prefixlen < _WIDEST_PROXY[4]
+    return network.prefixlen < _WIDEST_PROXY[network.version]

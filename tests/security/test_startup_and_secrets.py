@@ -69,6 +69,8 @@ def settings(**values: object) -> Settings:
                 "0.0.0.0/0",
                 "::/0",
                 "0.0.0.0/1,128.0.0.0/1",
+                "::ffff:0:0/96",
+                "::/16",
                 "172.28.57.1/24",
                 "proxy",
                 "",
@@ -101,7 +103,7 @@ def test_production_starts_with_a_secret_and_tls_in_front() -> None:
 )
 def test_production_takes_random_secrets(make: Callable[[], str]) -> None:
     secret = make()
-    proxies = "127.0.0.1, ::1, 172.28.57.0/24, 10.0.0.0/8"
+    proxies = "127.0.0.1, ::1, 172.28.57.0/24, 10.0.0.0/8, ::ffff:10.0.0.0/104, fd00::/64"
     taken = settings(
         mode="production", secret=secret, public_url=f"{PUBLIC}:8443/", metrics_token=secret, trusted_proxies=proxies
     )
