@@ -27,7 +27,7 @@ def episode_measures(export: Export) -> pl.DataFrame:
     episodes = export.episodes.with_columns(reward=pl.col("score") + pl.col("progress"))
     for table in (of_ticks, longest_idle(ticks), pushing(ticks), lag(ticks), accuracy_of_episodes(ticks)):
         episodes = episodes.join(table, on="episode", how="left")
-    hidden = export.pauses.filter(pl.col("reason").is_in(["hidden", "blur"]))
+    hidden = _without_server_failures(export.pauses).filter(pl.col("reason").is_in(["hidden", "blur"]))
     hidden = hidden.group_by("episode").agg(hidden_ms=pl.col("duration_ms").cast(pl.Float64).sum())
     failed = export.participants.select("participant", pl.col("attention_failed").cast(pl.Int64))
     episodes = episodes.join(failed, on="participant", how="left", maintain_order="left")
@@ -41,6 +41,17 @@ def episode_measures(export: Export) -> pl.DataFrame:
         )
         .drop("hidden_ms", "longest_idle")
     )
+
+
+def _without_server_failures(pauses: pl.DataFrame) -> pl.DataFrame:
+    """Return the pauses without absences during which the server failed: these end exactly when the pause `server`
+    begins, and nobody knows how much of them was the person's."""
+    if "started_at" not in pauses.columns:
+        return pauses
+    start = pl.col("started_at").dt.timestamp("us")
+    server = pauses.filter(pl.col("reason") == "server").select("episode", end_us=start)
+    lasted_us = (pl.col("duration_ms").cast(pl.Float64) * 1000).round().cast(pl.Int64)
+    return pauses.with_columns(end_us=start + lasted_us).join(server, on=["episode", "end_us"], how="anti")
 
 
 def analysed(episodes: pl.DataFrame, participants: pl.DataFrame) -> pl.DataFrame:

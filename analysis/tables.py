@@ -64,10 +64,10 @@ class Export:
     participants: participant, condition, status, excluded, and study_version where the export has it. withdrawals:
     condition. episodes: episode, participant, condition, layout, agent, number, score, progress, status, excluded,
     tick_ms. answers: participant, episode, question, value (only what was stored as a number, never text that looks
-    like one). pauses: episode, reason, duration_ms. ticks: episode, timestep, person and partner
-    (actions of this timestep), predicted_1..3 (the partner's most probable actions in this timestep and the next two),
-    late, and the person's key_client_ms and key_received_ms. `excluded` is the researcher's reason, empty for what is
-    analysed. Tutorials and watched games are left out.
+    like one). pauses: episode, reason, duration_ms, and started_at where the export has it. ticks: episode, timestep,
+    person and partner (actions of this timestep), predicted_1..3 (the partner's most probable actions in this timestep
+    and the next two), late, and the person's key_client_ms and key_received_ms. `excluded` is the researcher's reason, empty
+    for what is analysed. Tutorials and watched games are left out.
     """
 
     folder: Path
@@ -151,7 +151,7 @@ def export_of(raw: Mapping[str, pl.DataFrame], folder: Path, study: str, version
         episodes,
         _answers(raw["answers"]).join(played, on="episode", how="semi"),
         _ticks(raw["ticks"].join(played, on="episode", how="semi"), episodes),
-        raw["pauses"].join(played, on="episode", how="semi"),
+        _pauses(raw["pauses"]).join(played, on="episode", how="semi"),
         _about(folder, study, version) if study else {},
         version,
     )
@@ -270,6 +270,13 @@ def _ticks(table: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
         pl.col("late").cast(pl.Boolean),
         *[at(False, key).cast(pl.Float64).alias(key) for key in keys],
     ).sort("episode", "timestep")
+
+
+def _pauses(table: pl.DataFrame) -> pl.DataFrame:
+    """Pauses with `started_at` as a time, where they have it: in CSV it is text."""
+    if table.schema.get("started_at") != pl.String:
+        return table
+    return table.with_columns(pl.col("started_at").str.to_datetime(time_unit="us", time_zone="UTC", strict=False))
 
 
 def _about(folder: Path, study: str, version: int | None) -> dict[str, Any]:

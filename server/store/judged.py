@@ -46,7 +46,7 @@ def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pa.Table]
     of_people = of_people.join_from(participants, studies).where(_p.id.in_(people))
     said = select(_a.participant_id, _a.episode_id, _a.question_key, _a.value, _a.attention)
     said = said.where(_a.participant_id.in_(people))
-    held = select(pauses.c.episode_id.label("episode"), pauses.c.reason, pauses.c.duration_ms)
+    held = select(pauses.c.episode_id.label("episode"), pauses.c.reason, pauses.c.started_at, pauses.c.duration_ms)
     named = ("participant", "episode", "question", "value", "value_type", "attention")
     told = [
         dict(zip(named, (*row[:3], *value_text(row[3]), row[4]), strict=True))

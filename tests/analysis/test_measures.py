@@ -1,13 +1,16 @@
 """Measures of an episode, counted by hand on a few timesteps."""
 
+import shutil
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 import polars as pl
 import pytest
 
 from analysis import accuracy, measures
 from analysis.results import select
-from analysis.tables import Export
+from analysis.tables import Export, read_export
 
 N, S, E, W, STAY, INTERACT = range(6)
 
@@ -93,6 +96,34 @@ def test_hidden_time_is_a_share_of_the_time_that_the_episode_took(planted: Expor
     found = measures.episode_measures(replace(planted, pauses=pauses))
     assert found["hidden_share"][0] == pytest.approx(4000 / (60 * 200 + 4000))
     assert found["hidden_share"][1] == 0
+
+
+@pytest.mark.parametrize("kind", ["parquet", "csv"])
+def test_an_absence_during_which_the_server_failed_is_not_held_against_the_person(
+    kind: str, planted: Export, planted_folder: Path, tmp_path: Path
+) -> None:
+    """A pause that was on at a crash ends exactly when the pause of the next server begins."""
+    folder = shutil.copytree(planted_folder, tmp_path / "data")
+    for old in list(folder.rglob("*pauses*")):
+        old.unlink()
+    began = datetime(2026, 1, 2, 3, 4, 5, 678901, UTC)
+    first, second = planted.episodes["episode"][0], planted.episodes["episode"][1]
+    rows = [
+        (first, "blur", began, 19607.57),
+        (first, "server", began + timedelta(milliseconds=19607.57), 9.714),
+        (first, "hidden", began + timedelta(minutes=1), 3000.0),
+        (second, "blur", began, 1000.0),
+        (second, "server", began + timedelta(milliseconds=1000, microseconds=1), 50.0),  # ended by a stop, not cut off
+    ]
+    table = pl.DataFrame(rows, schema=["episode", "reason", "started_at", "duration_ms"], orient="row")
+    if kind == "csv":
+        table.with_columns(pl.col("started_at").dt.strftime("%Y-%m-%d %H:%M:%S%.6fZ")).write_csv(folder / "pauses.csv")
+    else:
+        table.write_parquet(folder / "pauses.parquet")
+    found = measures.episode_measures(read_export(folder))
+    shares = dict(found.select("episode", "hidden_share").iter_rows())
+    assert shares[first] == pytest.approx(3000 / (60 * 200 + 3000))
+    assert shares[second] == pytest.approx(1000 / (60 * 200 + 1000))
 
 
 def test_only_finished_episodes_of_people_who_finished_count(planted: Export) -> None:
