@@ -35,8 +35,22 @@ def stage_problems(file: StudyFile) -> Iterator[Problem]:
         yield from _model_problems(file, sound)
 
 
+def _variant_problems(study: Study) -> Iterator[Problem]:
+    """Predictors written with a variant: `sp_predictor_stream@60` would be made worse without a word in conditions
+    that promise the predictor itself."""
+    places: list[tuple[Path, Agent]] = [(("agents", index), one) for index, one in enumerate(study.agents)]
+    places += [(("waiting_room", "agent"), study.waiting_room.agent), (("tutorial", "agent"), study.tutorial.agent)]
+    for place, agent in places:
+        name = agent.predictor or ""
+        if name != without_variant(name):
+            remedy = "Name the predictor alone. A condition with `predictor: degraded` and `accuracy` makes it worse."
+            yield Problem((*place, "predictor"), f"{name!r} asks for a variant of a predictor", remedy)
+
+
 def missing_problems(file: StudyFile, cast: Cast) -> Iterator[Problem]:
-    """Agents and predictors that this machine does not have, each at its place in the file."""
+    """Agents and predictors that this machine does not have, or that no study may name, each at its place in the
+    file."""
+    yield from _variant_problems(file.study)
     told = set()
     for place, layout, model in _models(file.study):
         reason = cast.lacks(layout, model)
@@ -107,7 +121,7 @@ def _unfit(place: Path, layout: Layout, model: str, cast: Cast) -> Problem | Non
         if place[-1] == "predictor":  # of a network, how much worse it can be made is told by _degraded_problems
             load_predictor(model if base in WITHOUT_WEIGHTS else base, layout)
         else:
-            load_agent(base, layout)
+            load_agent(cast.paths.located(model), layout)
     except (ValueError, OSError) as error:
         return Problem(place, f"{model!r} cannot be used on {layout.name}: {error}".rstrip("."), "Name another.")
     return None
@@ -121,8 +135,9 @@ def doubts(file: StudyFile) -> Iterator[Problem]:
         return
     for index, agent in enumerate(study.agents):
         place: Path = ("agents", index, "predictor")
-        if agent.predictor == "random":
-            reason = "a condition shows what the predictor says, and `random` knows nothing: its marks never change"
+        if agent.predictor in WITHOUT_WEIGHTS and agent.predictor != agent.catalogue_name:
+            what = "knows nothing" if agent.predictor == "random" else "knows the scripted guide only"
+            reason = f"a condition shows what the predictor says, and `{agent.predictor}` {what}"
             yield Problem(place, reason, "Is that intended? Name a predictor that was trained for it.", warning=True)
         for layout in study.layouts if not agent.human else ():
             name = predictor_of(study, agent, study.conditions[0]) or ""

@@ -128,6 +128,9 @@ def test_check_says_what_a_good_study_is(path: Path, capsys: pytest.CaptureFixtu
             "there is no Python module",
         ),
         ("{name: sp, predictor: 'http://127.0.0.1:9/x'}", "agents.0.predictor", "cannot be asked over HTTP"),
+        ("{name: sp, predictor: sp_predictor_stream@60}", "agents.0.predictor", "asks for a variant of a predictor"),
+        ("{name: sp, predictor: sp_predictor_stream@greedy}", "agents.0.predictor", "asks for a variant"),
+        ("{name: mine, model: sp@60, predictor: random}", "agents.0.model", "'sp@60' cannot be used"),
     ],
 )
 def test_check_refuses_agents_and_predictors_that_cannot_play(
@@ -167,6 +170,7 @@ def test_models_are_found_from_the_folder_of_the_study_whatever_the_current_one(
     ("agent", "question"),
     [
         ("{name: sp, predictor: random}", "`random` knows nothing"),
+        ("{name: sp, predictor: guide}", "`guide` knows the scripted guide only"),
         ("{name: sp, predictor: fcp_predictor_stream}", "trained to predict another agent than sp"),
     ],
 )
