@@ -1,9 +1,9 @@
-"""The cast of the published study, measured: how well the agents cook, and how well each predictor foretells its agent.
+"""Measure the agents and predictors that studies use: points with partners, accuracy of the predictions.
 
-    python benchmarks/cast.py            measures the agents and the predictors with a cloned human, prints the tables
-    python benchmarks/cast.py --write    also keeps the figures in benchmarks/cast.json and puts the tables in README.md
+    python benchmarks/results.py            measures agents and predictors (also with a cloned human), prints the tables
+    python benchmarks/results.py --write    also writes benchmarks/results.json, docs/results.md and the table in README.md
 
-What a predictor does on its test partners stands on its card; `kitchenmind evaluate predictor --all` measures it again.
+The accuracy on test partners is read from the predictors' cards; `kitchenmind evaluate predictor --all` measures it again.
 """
 
 import argparse
@@ -22,8 +22,9 @@ from models.catalogue import WEIGHTS, agent_sha256  # noqa: E402
 from overcooked.layout import load_layout  # noqa: E402
 
 ROOT = Path(__file__).parent.parent
-FIGURES, README = Path(__file__).with_suffix(".json"), ROOT / "README.md"
-BEGIN, END = "<!-- tables of benchmarks/cast.py -->", "<!-- end of the tables -->"
+FIGURES = Path(__file__).with_suffix(".json")
+README, DOCUMENT = ROOT / "README.md", ROOT / "docs" / "results.md"
+BEGIN, END = "<!-- tables of benchmarks/results.py -->", "<!-- end of the tables -->"
 LAYOUTS = ("coordination_ring", "double_rings", "double_counters", "matrix", "clear_division")
 AGENTS = ("sp", "fcp")
 HUMAN, PLANNER = "human_bc", "planner"
@@ -34,26 +35,27 @@ PUBLISHED = {  # the paper's accuracy (%), mean of the three steps, in the order
     ("fcp", "with humans"): (86.60, 78.34, 76.51, 76.97, 83.13),
 }
 WARNING = """\
-Ours beside the paper's, in kind and not to the digit: only Coordination Ring is the published grid, the other four are
-drawn here after its pictures; every agent was trained here, on far fewer timesteps, and acts nearly always decided, so
-that it is easier to foretell (see the ceiling). Accuracy is measured on partner agents that no predictor was trained or
-stopped on."""
+Not directly comparable with the paper: only Coordination Ring is the published grid, the other four are drawn after its
+pictures; all agents were trained here, on fewer timesteps, and act almost deterministically, which makes them easier to
+predict (see the ceiling). Accuracy is measured with partner agents that were used neither for training nor for choosing
+when to stop."""
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--write", action="store_true", help="keep the figures and put the tables in README.md")
+    parser.add_argument("--write", action="store_true", help="write the figures and the tables")
     parser.add_argument("--quick", action="store_true", help="one short game of each: a rough look, not to be kept")
     arguments = parser.parse_args()
     if arguments.quick and arguments.write:
         parser.error("--quick measures too little to be kept: leave out --write.")
     figures = measured(arguments.quick)
-    tables = rendered(shipped_entries(), figures)
-    print(tables)
+    entries = shipped_entries()
+    print(rendered(entries, figures))
     if arguments.write:
         FIGURES.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
-        text = README.read_text(encoding="utf-8")
-        README.write_text(f"{text.partition(BEGIN)[0]}{tables}{text.partition(END)[2]}", encoding="utf-8")
+        for path, tables in ((README, summary(entries, figures)), (DOCUMENT, rendered(entries, figures))):
+            text = path.read_text(encoding="utf-8")
+            path.write_text(f"{text.partition(BEGIN)[0]}{tables}{text.partition(END)[2]}", encoding="utf-8")
 
 
 def measured(quick: bool = False) -> dict[str, Any]:
@@ -105,11 +107,31 @@ def shipped_entries() -> list[dict[str, Any]]:
     return [json.loads(config.read_text(encoding="utf-8"))["measured"] for config in configs]
 
 
+def summary(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) -> str:
+    """The table in README.md, markers included."""
+    by_cell = _by_cell(entries)
+    rows = []
+    for agent in AGENTS:
+        cells = [by_cell[layout, agent, "stream"] for layout in LAYOUTS]
+        ours = [f"{entry['accuracy']['mean']:.1f} ({entry['ceiling_step1']:.0f})" for entry in cells]
+        rows.append([f"{agent.upper()}: accuracy in % (ceiling of step 1)", *ours])
+        rows.append(["the paper's", *(f"{value:.1f}" for value in PUBLISHED[agent, "offline"])])
+    points = [row for row in _points(figures["agents"]) if "held-out" in row[0]]
+    return "\n".join([BEGIN, *_table(_head(), [*rows, *([f"{name}: points", *cells] for name, *cells in points)]), END])
+
+
+def _by_cell(entries: Sequence[Mapping[str, Any]]) -> dict[tuple[str, str, str], Mapping[str, Any]]:
+    return {(entry["layout"], entry["agent"], entry["form"]): entry for entry in entries}
+
+
+def _head() -> list[str]:
+    return ["", *(name.replace("_", " ").title() for name in LAYOUTS)]
+
+
 def rendered(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) -> str:
-    """The tables as they stand in README.md, markers included."""
-    by_cell = {(entry["layout"], entry["agent"], entry["form"]): entry for entry in entries}
-    titles = [name.replace("_", " ").title() for name in LAYOUTS]
-    head = ["", *titles]
+    """The tables in docs/results.md, markers included."""
+    by_cell = _by_cell(entries)
+    head = _head()
     rows = [row for agent in AGENTS for row in _rows(agent, by_cell)]
     return "\n".join(
         [

@@ -1,4 +1,4 @@
-"""The tables of the README are what the shipped cards and the kept figures say, of the agents that are shipped."""
+"""The tables in README.md and docs/results.md show the figures of the bundled agents and predictors."""
 
 import importlib.util
 import json
@@ -11,14 +11,14 @@ from overcooked.layout import load_layout
 from training.evaluate_agents import Player, measured
 
 ROOT = Path(__file__).parent.parent.parent
-spec = importlib.util.spec_from_file_location("cast_benchmark", ROOT / "benchmarks" / "cast.py")
-cast = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(cast)
+spec = importlib.util.spec_from_file_location("results_benchmark", ROOT / "benchmarks" / "results.py")
+results = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(results)
 
-FIGURES = json.loads(cast.FIGURES.read_text(encoding="utf-8"))
-ENTRIES = cast.shipped_entries()
-CELLS = [(layout, agent) for layout in cast.LAYOUTS for agent in cast.AGENTS]
-REMEDY = "Run: python benchmarks/cast.py --write"
+FIGURES = json.loads(results.FIGURES.read_text(encoding="utf-8"))
+ENTRIES = results.shipped_entries()
+CELLS = [(layout, agent) for layout in results.LAYOUTS for agent in results.AGENTS]
+REMEDY = "Run: python benchmarks/results.py --write"
 
 
 def points(layout, agent):
@@ -31,9 +31,10 @@ def served(layout, agent):
     )
 
 
-def test_the_readme_shows_the_figures_of_what_is_shipped():
-    assert cast.rendered(ENTRIES, FIGURES) in cast.README.read_text(encoding="utf-8"), REMEDY
-    assert cast.shipped_agents() == FIGURES["sha256"], REMEDY
+def test_the_documents_show_the_figures_of_the_bundled_agents():
+    assert results.rendered(ENTRIES, FIGURES) in results.DOCUMENT.read_text(encoding="utf-8"), REMEDY
+    assert results.summary(ENTRIES, FIGURES) in results.README.read_text(encoding="utf-8"), REMEDY
+    assert results.shipped_agents() == FIGURES["sha256"], REMEDY
 
 
 @pytest.mark.parametrize(("layout", "agent"), CELLS)
@@ -45,7 +46,7 @@ def test_every_predictor_was_made_for_the_agent_that_is_shipped(layout, agent):
 @pytest.mark.parametrize(("layout", "agent"), CELLS)
 def test_predictions_are_better_than_published_near_the_ceiling_and_honest(layout, agent):
     entry = served(layout, agent)
-    published = cast.PUBLISHED[agent, "offline"][cast.LAYOUTS.index(layout)]
+    published = results.PUBLISHED[agent, "offline"][results.LAYOUTS.index(layout)]
     assert entry["accuracy"]["mean"] > published
     assert entry["accuracy"]["step1"] >= 0.9 * entry["ceiling_step1"]
     assert entry["accuracy"]["mean"] > max(entry["baselines"].values())
