@@ -66,8 +66,8 @@ class Export:
     tick_ms. answers: participant, episode, question, value (only what was stored as a number, never text that looks
     like one). pauses: episode, reason, duration_ms, and started_at where the export has it. ticks: episode, timestep,
     person and partner (actions of this timestep), predicted_1..3 (the partner's most probable actions in this timestep
-    and the next two), late, and the person's key_client_ms and key_received_ms. `excluded` is the researcher's reason, empty
-    for what is analysed. Tutorials and watched games are left out.
+    and the next two), late, and the person's key_client_ms and key_received_ms. `excluded` is the researcher's
+    reason, empty for what is analysed. Tutorials and watched games are left out.
     """
 
     folder: Path
