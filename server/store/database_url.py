@@ -6,6 +6,7 @@ from sqlalchemy.engine import URL, make_url
 from sqlalchemy.exc import ArgumentError
 
 _ADDRESSES = "Use sqlite:///file.db or postgresql://user@host/name."
+_IN_PASSWORDS = "In a password, write / as %2F, @ as %40 and : as %3A."
 
 
 def normal_url(url: str) -> URL:
@@ -13,10 +14,11 @@ def normal_url(url: str) -> URL:
     try:
         parsed = make_url(url)
     except (ArgumentError, ValueError):  # their texts, and the address itself, may hold a password
-        remedy = "In a password, write / as %2F, @ as %40 and : as %3A."
-        raise ValueError(f"the database address cannot be understood. {_ADDRESSES} {remedy}") from None
+        raise ValueError(f"the database address cannot be understood. {_ADDRESSES} {_IN_PASSWORDS}") from None
     backend = parsed.get_backend_name()
     if backend == "postgresql":
+        if "@" in f"{parsed.host or ''}{parsed.database or ''}":  # then a piece of the password was read as the host
+            raise ValueError(f"the database address has more than one @. {_ADDRESSES} {_IN_PASSWORDS}")
         return parsed.set(drivername="postgresql+psycopg")
     if backend != "sqlite":
         raise ValueError(f"{backend} is not supported. {_ADDRESSES}")

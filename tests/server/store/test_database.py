@@ -157,6 +157,8 @@ def test_address_of_something_else_is_refused_with_the_remedy(address: str) -> N
         "kitchenmind:hunter2@host/name",
         "postgresql://kitchenmind:1hunter2@host:port/name",
         "mysql://root:hunter2@host/name",
+        "postgresql://ada:first@hunter2@host/name",
+        "postgresql://ada:first@hunter2/more@host/name",
     ],
 )
 def test_address_that_is_not_understood_is_not_shown_as_it_may_hold_a_password(address: str) -> None:
