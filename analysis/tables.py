@@ -201,11 +201,8 @@ def _read_table(folder: Path, name: str) -> pl.DataFrame:
     except (pl.exceptions.PolarsError, OSError) as error:
         why = str(error).splitlines()[0]
         raise ExportError(f"{path} cannot be read as a table: {why}. Export the study again.") from None
-    for column in COLUMNS[name]:
-        if column not in table.columns:
-            raise ExportError(
-                f"{path} has no column {column}. Export the study again with this version of kitchenmind."
-            )
+    if missing := [column for column in COLUMNS[name] if column not in table.columns]:
+        raise ExportError(f"{path} has no column {missing[0]}. Export the study again with this version.")
     return table.with_columns(pl.col(column).cast(pl.String) for column in IDENTIFIERS if column in table.columns)
 
 

@@ -1,9 +1,10 @@
 """Measure the agents and predictors that studies use: points with partners, accuracy of the predictions.
 
-    python benchmarks/results.py            measures agents and predictors (also with a cloned human), prints the tables
-    python benchmarks/results.py --write    also writes benchmarks/results.json, docs/results.md and the table in README.md
+    python benchmarks/results.py            measures agents and predictors, prints the tables
+    python benchmarks/results.py --write    also writes results.json, docs/results.md and README.md
 
-The accuracy on test partners is read from the predictors' cards; `kitchenmind evaluate predictor --all` measures it again.
+The accuracy on test partners is read from the predictors' cards; `kitchenmind evaluate predictor --all` measures it
+again.
 """
 
 import argparse

@@ -66,10 +66,10 @@ def load_preset(name: str) -> Preset:
         raise ConfigError(f"there is no preset {name!r}. Known: {known}.")
     settings = tomllib.loads(path.read_text(encoding="utf-8"))
     numbers = {key: value for key, value in settings.items() if not isinstance(value, dict)}
-    known = {"population": int, "targets": int, "least_reward": float, "extras": bool, "ship": bool}
+    types = {"population": int, "targets": int, "least_reward": float, "extras": bool, "ship": bool}
     for key, value in numbers.items():
-        if type(value) is not known.get(key):
-            words = f"Write a {known[key].__name__}" if key in known else f"Known: {', '.join(known)} and tables"
+        if type(value) is not types.get(key):
+            words = f"Write a {types[key].__name__}" if key in types else f"Known: {', '.join(types)} and tables"
             raise ConfigError(f"{path}: {key} = {value!r}. {words}.")
     if missing := {"population", "targets"} - set(numbers):
         raise ConfigError(f"{path}: {' and '.join(sorted(missing))} missing. Write, e.g., population = 5.")
