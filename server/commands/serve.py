@@ -199,7 +199,7 @@ def _server(app: "FastAPI", settings: "Settings", announced: bool = True) -> "uv
     import uvicorn
 
     from server.connections import PatientProtocol, SparingProtocol
-    from server.play.messages import MAX_FRAME_BYTES
+    from server.play.messages import MAX_READ_BYTES
 
     class Server(uvicorn.Server):
         """Tells the address once it can be opened; pauses all games before it closes their sockets."""
@@ -224,7 +224,7 @@ def _server(app: "FastAPI", settings: "Settings", announced: bool = True) -> "uv
             lifespan="off",
             http=PatientProtocol,
             ws=SparingProtocol,  # type: ignore[arg-type] # uvicorn does with it what any protocol can
-            ws_max_size=MAX_FRAME_BYTES,
+            ws_max_size=MAX_READ_BYTES,
             ws_per_message_deflate=False,
             ws_ping_interval=None,
             access_log=False,

@@ -11,6 +11,7 @@ from msgspec import Meta, Struct
 
 PROTOCOL = 1
 MAX_FRAME_BYTES = 1024
+MAX_READ_BYTES = 4 * MAX_FRAME_BYTES  # more is never read: the websocket library closes the socket, in its own words
 
 Count = Annotated[int, Meta(ge=0)]
 Seconds = Annotated[float, Meta(ge=0)]

@@ -26,7 +26,7 @@ from server.play.budget import Budget
 from server.play.clock import Clock
 from server.play.game import Game
 from server.play.games import Games
-from server.play.messages import MAX_FRAME_BYTES
+from server.play.messages import MAX_FRAME_BYTES, MAX_READ_BYTES
 from server.play.recorder import EpisodeRecord
 from server.store.database import DatabaseDown
 from server.web import socket as game_socket
@@ -83,7 +83,7 @@ async def serving(made: Served) -> AsyncIterator[Served]:
     config = uvicorn.Config(
         made.app,
         ws=SparingProtocol,  # type: ignore[arg-type] # as `kitchenmind serve`
-        ws_max_size=MAX_FRAME_BYTES,
+        ws_max_size=MAX_READ_BYTES,
         ws_per_message_deflate=False,
         ws_ping_interval=None,
         log_level="error",
@@ -242,10 +242,13 @@ async def test_a_text_frame_that_is_not_utf8_closes_with_1007_without_a_tracebac
     assert "not UTF-8" in caplog.text
 
 
-async def test_oversized_frames_close_with_1009(served: Served) -> None:
+@pytest.mark.parametrize(("size", "reason"), [(2000, f"a frame has at most {MAX_FRAME_BYTES} bytes"), (5000, None)])
+async def test_oversized_frames_close_with_1009(served: Served, size: int, reason: str | None) -> None:
+    """In the words of the protocol up to what is read at all, in the library's beyond."""
     async with served.connect() as socket:
-        await socket.send(json.dumps(HELLO | {"tab": "x" * 2000}))
+        await socket.send(json.dumps(HELLO | {"tab": "x" * size}))
         assert await close_code(socket) == 1009
+        assert reason is None or socket.close_reason == reason
 
 
 async def test_flood_closes_with_1008_for_this_participant_only(served: Served) -> None:
