@@ -7,6 +7,7 @@ from starlette.requests import HTTPConnection
 
 HERE: Final = frozenset({"127.0.0.1", "::1"})  # simulated participants and the tests come from there
 _OF_ONE_SITE: Final = 64  # bits of an IPv6 address that a provider gives to one customer; the rest is theirs to change
+_OF_A_LARGE_SITE: Final = 48  # what a provider gives at most: 65,536 such networks for one customer
 
 
 def address_of(connection: HTTPConnection) -> str:
@@ -26,3 +27,12 @@ def address_of(connection: HTTPConnection) -> str:
     if address.is_loopback:
         return str(address)
     return str(ipaddress.IPv6Network((int(address), _OF_ONE_SITE), strict=False))
+
+
+def site_of(address: str) -> str | None:
+    """Return the largest IPv6 network that one customer may have around what `address_of` gave, None for IPv4."""
+    try:
+        network = ipaddress.IPv6Network(address)
+    except ValueError:
+        return None
+    return str(network.supernet(new_prefix=_OF_A_LARGE_SITE)) if network.prefixlen == _OF_ONE_SITE else None

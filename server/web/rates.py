@@ -14,7 +14,7 @@ from fastapi import HTTPException
 from starlette.requests import HTTPConnection
 
 from server.play.budget import Budget
-from server.web.addresses import HERE, address_of
+from server.web.addresses import HERE, address_of, site_of
 from server.web.auth import token_of
 
 PER_S: Final = 10.0  # of one participant
@@ -23,6 +23,7 @@ ADDRESS_PER_S: Final = 100.0  # of all behind one address
 ADDRESS_BURST: Final = 2000.0
 _MOST_REMEMBERED: Final = 10_000
 _HOUR_S: Final = 3600.0
+_LARGE_SITE: Final = 4  # addresses' worth of new participants that a whole IPv6 site may bring
 
 
 class Rates:
@@ -53,7 +54,7 @@ class TurnedAway:
 class _Reservation:
     """A place that was taken from a budget; `waiting`: how many requests with the same page are on their way."""
 
-    budget: Budget
+    budgets: list[Budget]
     waiting: int = 1
     used: bool = False
 
@@ -82,16 +83,25 @@ class NewPlaces:
             self._reserved[page].waiting += 1
             return True
         now = time.monotonic()
-        budget = self._budgets.setdefault(address, Budget(now, 1.0, self.an_hour / _HOUR_S, float(self.an_hour)))
-        self._budgets.move_to_end(address)
-        if len(self._budgets) > _MOST_REMEMBERED:
-            self._budgets.popitem(last=False)
-        if budget.spend(now):
-            self._reserved[page] = _Reservation(budget)
+        budgets, site = [self._budget(address, self.an_hour, now)], site_of(address)
+        if site is not None:
+            budgets.append(self._budget(site, _LARGE_SITE * self.an_hour, now))
+        spent = [budget for budget in budgets if budget.spend(now)]
+        if len(spent) == len(budgets):
+            self._reserved[page] = _Reservation(budgets)
             return True
+        for budget in spent:
+            budget.refund()
         turned = self._turned_away.setdefault(study, TurnedAway())
         turned.people, turned.last_s = turned.people + 1, now
         return False
+
+    def _budget(self, network: str, an_hour: int, now: float) -> Budget:
+        budget = self._budgets.setdefault(network, Budget(now, 1.0, an_hour / _HOUR_S, float(an_hour)))
+        self._budgets.move_to_end(network)
+        if len(self._budgets) > _MOST_REMEMBERED:
+            self._budgets.popitem(last=False)
+        return budget
 
     def settle(self, page: str, used: bool) -> None:
         """Give the reserved place back unless somebody new came of it."""
@@ -103,7 +113,8 @@ class NewPlaces:
         if reservation.waiting == 0:
             del self._reserved[page]
             if not reservation.used:
-                reservation.budget.refund()
+                for budget in reservation.budgets:
+                    budget.refund()
 
     def turned_away(self, study: str) -> int:
         """Return how many were turned away lately; 0 once an hour has passed without one."""

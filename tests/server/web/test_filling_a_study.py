@@ -97,6 +97,16 @@ def test_a_place_comes_back_with_time_and_not_before(monkeypatch: pytest.MonkeyP
     assert places.turned_away("study") == 0
 
 
+def test_the_networks_of_one_ipv6_site_share_a_budget_and_neighbours_have_their_own() -> None:
+    places = NewPlaces(2)
+    let_in = [places.reserve(f"2001:db8:1:{n:x}::/64", "study", f"{n}") for n in range(40)]
+    assert let_in == [True] * 8 + [False] * 32
+    assert places.reserve("2001:db8:2:1::/64", "study", "neighbour")
+    places.settle("0", used=False)
+    assert places.reserve("2001:db8:1:30::/64", "study", "after one gave up")
+    assert not places.reserve("2001:db8:1:31::/64", "study", "and no more")
+
+
 @pytest.mark.parametrize(("an_hour", "counts_local"), [(0, True), (1, False)])
 def test_no_limit_and_the_own_machine(an_hour: int, counts_local: bool) -> None:
     places = NewPlaces(an_hour, counts_local)
