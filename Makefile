@@ -19,7 +19,7 @@ help:
 	@echo "make serve      kitchenmind at http://127.0.0.1:8000 (ARGS=... are passed on)"
 	@echo "make test       everything that must hold before a change goes in"
 	@echo "make test-slow  the long proofs"
-	@echo "make lint       style and types only; make format puts the style right"
+	@echo "make lint       style, spelling and types; make format puts the style right"
 	@echo "make bench      the measured figures"
 	@echo "make audit      known weaknesses of the dependencies (asks PyPI)"
 	@echo "make gallery    docs/gallery: a whole simulated study, its dashboard and report"
@@ -40,6 +40,7 @@ test-slow: .venv/.test
 lint: .venv/.test
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
+	$(BIN)/codespell
 	$(BIN)/mypy
 
 format: .venv/.test

@@ -22,6 +22,8 @@ ALLOWED = re.compile(
 )
 # What torch's builds for graphics cards bring along, another set for each; the build for processors brings none of it.
 OF_GRAPHICS_CARDS = re.compile(r"(nvidia|cuda)-.*|triton")
+# Programs that only `make lint` runs: no part of what is built or passed on, so their licence does not reach it.
+ONLY_RUN = {"codespell"}
 # What does not say its licence in words that a program finds; read in the package itself.
 SAID_ELSEWHERE = {"axe-playwright-python": "MIT", "mlcroissant": "Apache-2.0"}
 

@@ -24,7 +24,8 @@ def test_everything_that_is_installed_with_us_is_listed_with_its_pin() -> None:
 
 
 def test_no_licence_is_missing_or_forbids_what_we_do() -> None:
-    assert [name for name, (_, licence) in listed().items() if not list_dependencies.ALLOWED.search(licence)] == []
+    reaching = {name: licence for name, (_, licence) in listed().items() if name not in list_dependencies.ONLY_RUN}
+    assert [name for name, licence in reaching.items() if not list_dependencies.ALLOWED.search(licence)] == []
 
 
 @pytest.mark.parametrize("extra", list_dependencies.EXTRAS)
