@@ -63,7 +63,7 @@ export class Overlay {
     const tutorial = game?.kind === 'tutorial';
     const kind = tutorial ? (ended.passed ? 'passed' : 'again') : ended.passed ? 'episode' : game?.partner === 'human' ? 'parted' : 'stopped';
     this.find('#over-title').textContent = this.text(`over.${kind}.title`);
-    this.find('#over-text').textContent = this.text(`over.${kind}.text`);
+    this.find('#over-text').textContent = this.text(kind === 'episode' && ended.soups > 0 ? 'over.episode.served' : `over.${kind}.text`);
     this.find('#over-score').textContent = ended.score;
     this.find('#over-soups').textContent = ended.soups;
     const link = this.find('#over-next');

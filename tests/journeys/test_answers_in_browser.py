@@ -134,8 +134,8 @@ def test_a_number_in_wide_digits_is_stored(site: Site, page: Page) -> None:
         ("share", "1,200", "“1,200” can be read in two ways."),
         ("years", "1.200", "“1.200” can be read in two ways."),
         ("years", "1 200", "leave out thousands separators"),
-        ("years", "30.5", "Please write a whole number."),
-        ("years", "6000", "Please write a number from 0 to 5000."),
+        ("years", "30.5", "Please enter a whole number."),
+        ("years", "6000", "Please enter a number from 0 to 5000."),
     ],
 )
 def test_a_number_that_is_not_taken_says_why_before_it_is_sent(page: Page, field: str, text: str, words: str) -> None:

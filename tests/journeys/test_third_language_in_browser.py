@@ -195,6 +195,6 @@ def test_the_file_alone_makes_the_language(site: Site, chromium: Browser) -> Non
     page.goto(f"{site.url}/s/small")
     page.get_by_role("link", name=longer("English")).click()
     page.wait_for_url(f"**lang={LANGUAGE}*")
-    assert longer("I agree, start") in shown(page)
-    assert "I agree, start" not in shown(page).replace(longer("I agree, start"), "")
+    assert longer("I agree – start") in shown(page)
+    assert "I agree – start" not in shown(page).replace(longer("I agree – start"), "")
     page.context.close()

@@ -144,7 +144,7 @@ def test_stranger_with_a_made_up_cookie_is_led_to_consent(site: Site, cookie: st
 def test_address_that_leads_nowhere_is_a_page_with_a_way_home(site: Site, path: str) -> None:
     page = Visitor(site).get(path)
     assert page.status_code == 404
-    assert "There is nothing at this address" in page.text
+    assert "Page not found" in page.text
     assert 'href="/"' in page.text
 
 

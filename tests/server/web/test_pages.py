@@ -160,7 +160,7 @@ def test_answers_after_an_episode_belong_to_that_episode(site: Site) -> None:
         ({"mood": []}, "Please choose a number from 1 to 7."),
         ({"pick": "coffee"}, "Please choose one of the answers."),
         ({"many": ["a", "b", "c"]}, "Please choose between 1 and 2 of the answers."),
-        ({"years": "17"}, "Please write a number from 18 to 99."),
+        ({"years": "17"}, "Please enter a number from 18 to 99."),
         ({"words": "x" * 21}, "Please write at most 20 characters; these are 21."),
         ({"rank__x": "1"}, "Please give every place from 1 to 3 once."),
     ],
