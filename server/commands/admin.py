@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
 T = TypeVar("T")
-_ROLES = "watch: see; act: also step in; own: also accounts"
+_ROLES = "watch: see; act: also intervene; own: also accounts"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

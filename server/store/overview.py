@@ -37,7 +37,7 @@ class Person:
     last_seen_at: datetime
     completed_at: datetime | None
     troubles: int
-    excluded: int  # exclusions that hold
+    excluded: int  # active exclusions
 
 
 @dataclass(frozen=True)

@@ -124,7 +124,7 @@ async def step_in(
             await web.database.write(decisions.exclude, game.participant_id, game.id, why, admin.name)
             detail["reason"], said = ": ".join(filter(None, why)), "excluded"
         case _:
-            raise HTTPException(404, "there is no such deed")
+            raise HTTPException(404, "unknown action")
     await _note(web, admin, f"{deed} game", detail | {"done": said != "gone"})
     return back_to(_back(form), said)
 
@@ -156,7 +156,7 @@ async def decide(
             await web.database.write(participants.seen, person.id)
             said = "extended"
         case _:
-            raise HTTPException(404, "there is no such deed")
+            raise HTTPException(404, "unknown action")
     await _note(web, admin, f"{deed} participant", detail | {"done": said != "gone"})
     return back_to(_back(form), said)
 

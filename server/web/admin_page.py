@@ -32,7 +32,7 @@ SAID = {
     "removed": "The account is removed.",
     "deleted": "The participant is deleted. The audit log says so; only the count of those who left remains.",
     "nobody_found": "There is no participant with this id or code in this study.",
-    "gone": "Nothing was done: that is over already.",
+    "gone": "No action taken: the game or visit has already ended.",
 }
 
 

@@ -30,7 +30,7 @@ function keyFigures({ arms: all, here, minutes, machine: server, accuracy: hits 
   value('k-dropped', sum('dropped'), `of ${consented}`);
   find('k-dropped-note').textContent = consented ? `${percent(sum('dropped') / consented)} %` : '';
   value('k-minutes', minutes ? minutes[1].toFixed(0) : '–', 'min');
-  find('k-minutes-note').textContent = minutes ? `middle half ${minutes[0].toFixed(0)}–${minutes[2].toFixed(0)}` : 'nobody is through yet';
+  find('k-minutes-note').textContent = minutes ? `middle half ${minutes[0].toFixed(0)}–${minutes[2].toFixed(0)}` : 'nobody has finished yet';
   value('k-late', server.late_ms ? server.late_ms[1].toFixed(1) : '–', 'ms');
   find('k-late-note').textContent = server.late_ms ? `median ${server.late_ms[0].toFixed(1)} ms` : 'no tick yet';
   value('k-accuracy', hits.overall ? percent(hits.overall[0]) : '–', '%');
@@ -98,7 +98,7 @@ function personRow(row, study, card) {
   const notes = [];
   if (card?.level) notes.push(make('span', { className: `flag ${card.level === 2 ? 'bad' : 'warn'}`, text: card.flag }));
   if (row.excluded) notes.push(make('span', { className: 'flag bad', text: 'excluded' }));
-  for (const [proposal, words] of [['drop', 'to drop'], ['look', 'to look at']]) {
+  for (const [proposal, words] of [['drop', 'to drop'], ['look', 'to review']]) {
     if (row.quality[proposal]) notes.push(make('span', { className: `flag ${proposal === 'drop' ? 'bad' : 'warn'}`, text: `${row.quality[proposal]} ${words}` }));
   }
   if (row.troubles) notes.push(make('span', { className: 'flag warn', text: `${row.troubles} browser error${row.troubles === 1 ? '' : 's'}` }));
