@@ -4,11 +4,9 @@ WORKDIR /app
 ENV PYTHONUNBUFFERED=1 PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 RUN useradd --create-home kitchenmind && mkdir /app/var && chown kitchenmind /app/var
 
-# The dependencies alone first: they change seldom. Build with --build-arg PIP_EXTRA_INDEX_URL=... to take torch's CPU build.
-ARG PIP_EXTRA_INDEX_URL=
+# The dependencies alone first: they change seldom. Serving needs no torch.
 COPY pyproject.toml ./
 RUN python -c "import tomllib as t; print(*t.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" > dependencies.txt \
-    && pip install "$(grep '^torch==' dependencies.txt)" \
     && pip install --requirement dependencies.txt
 
 COPY --chown=kitchenmind . .

@@ -79,17 +79,21 @@ clean:
 	  echo "Python cannot make a virtual environment here (on Debian and Ubuntu: apt-get install python3-venv)." >&2; exit 2; }
 
 .venv/.serving: pyproject.toml | .venv/bin/python
-	@echo "Installing torch and what else the server needs into .venv (about a minute, once) ..."
-	@$(PIP) $(TORCH)
+	@echo "Installing what the server needs into .venv (half a minute, once) ..."
 	@$(PIP) --editable .
 	@touch $@
 
-.venv/.complete: .venv/.serving
+.venv/.torch: .venv/.serving
+	@echo "Installing torch ..."
+	@$(PIP) $(TORCH)
+	@touch $@
+
+.venv/.complete: .venv/.torch
 	@echo "Installing what training and analysis need ..."
 	@$(PIP) --editable ".[training,analysis]"
 	@touch $@
 
-.venv/.test: .venv/.serving
+.venv/.test: .venv/.torch
 	@echo "Installing what the tests need ..."
 	@$(PIP) --editable ".[training,analysis,test]"
 	@touch $@

@@ -1,6 +1,6 @@
-"""A small agent at work: the `mlp` network in numpy, quick for the few rows of a tick. No torch; knows no training."""
+"""Our agents at work: the networks of `models.policy` in numpy, quick for the few rows of a tick. No torch."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -8,25 +8,22 @@ from numpy.typing import NDArray
 
 from models.checkpoint import Checkpoint, CheckpointError
 from models.columns import varying_columns
+from models.convolutions_numpy import Floats, NumpyConvolutions
 from models.network_config import LEAK, NetworkConfig
 from models.protocols import Observations, Policy, Probabilities
 from overcooked.layout import Layout, parse_layout
 
+_CONVOLUTIONS = "features.convolutions."
 
-class MlpAtWork:
-    """`models.policy.MlpPolicy` without its value: a `Policy`. Raises KeyError for weights that are missing."""
 
-    def __init__(self, config: NetworkConfig, tensors: Mapping[str, NDArray[Any]], layout: Layout) -> None:
-        self._columns, largest = varying_columns(layout)
-        names = [*(f"head.layers.{k}" for k in range(len(config.hidden))), "head.policy"]
-        self._layers = [
-            (np.ascontiguousarray(tensors[f"{name}.weight"].T, np.float32), tensors[f"{name}.bias"]) for name in names
-        ]
-        first, bias = self._layers[0]
-        self._layers[0] = (first / largest[:, None], bias)
+class NumpyPolicy:
+    """A `Policy`: `features` (rows, size) of the observations, then fully connected layers."""
+
+    def __init__(self, features: Callable[[Observations], Floats], layers: list[tuple[Floats, Floats]]) -> None:
+        self._features, self._layers = features, layers
 
     def probabilities(self, observations: Observations) -> Probabilities:
-        x = observations.reshape(len(observations), -1)[:, self._columns].astype(np.float32)
+        x = self._features(observations)
         *hidden, (last, last_bias) = self._layers
         for weight, bias in hidden:
             x = x @ weight
@@ -34,21 +31,43 @@ class MlpAtWork:
             np.maximum(x, LEAK * x, out=x)
         logits = x @ last + last_bias
         logits -= logits.max(1, keepdims=True)
-        law = np.exp(logits)
-        return np.asarray(law / law.sum(1, keepdims=True), np.float32)
+        exponentials = np.exp(logits)
+        return np.asarray(exponentials / exponentials.sum(1, keepdims=True), np.float32)
 
 
 def policy_at_work(checkpoint: Checkpoint) -> tuple[Policy, Layout]:
     """The agent in a checkpoint, ready to be asked, and the layout it was trained on. Raises CheckpointError."""
     config = checkpoint.config
     try:
-        if config["network"]["kind"] == "mlp":
-            layout = parse_layout(config["grid"], config["layout"])
-            settings = NetworkConfig(**{**config["network"], "hidden": tuple(config["network"]["hidden"])})
-            return MlpAtWork(settings, checkpoint.tensors, layout), layout
-    except (KeyError, TypeError, ValueError) as error:
+        layout = parse_layout(config["grid"], config["layout"])
+        settings = NetworkConfig(**{**config["network"], "hidden": tuple(config["network"]["hidden"])})
+        kind = {"mlp": _mlp, "cnn": _cnn}[settings.kind]
+        return kind(settings, checkpoint.tensors, layout), layout
+    except (KeyError, TypeError, ValueError, IndexError) as error:
         raise CheckpointError(f"{checkpoint.folder}: this is no agent that I understand ({error}).") from error
-    from models.policy import NetworkPolicy, network_of  # convolutions are torch's
 
-    network, layout, _ = network_of(checkpoint)
-    return NetworkPolicy(network), layout
+
+def _mlp(config: NetworkConfig, tensors: Mapping[str, NDArray[Any]], layout: Layout) -> NumpyPolicy:
+    """Reads the entries that can change, each divided by its largest value."""
+    columns, largest = varying_columns(layout)
+    layers = _layers(config, tensors)
+    first, bias = layers[0]
+    layers[0] = (first / largest[:, None], bias)
+    return NumpyPolicy(lambda seen: seen.reshape(len(seen), -1)[:, columns].astype(np.float32), layers)
+
+
+def _cnn(config: NetworkConfig, tensors: Mapping[str, NDArray[Any]], layout: Layout) -> NumpyPolicy:
+    of_features = [name for name in tensors if name.startswith(_CONVOLUTIONS)]
+    mine = {name.removeprefix(_CONVOLUTIONS): tensors[name] for name in of_features}
+    features, layers = NumpyConvolutions(mine, layout.width, layout.height), _layers(config, tensors)
+    if features.size != len(layers[0][0]):
+        raise ValueError(f"the convolutions give {features.size} features, the next layer takes {len(layers[0][0])}")
+    return NumpyPolicy(features, layers)
+
+
+def _layers(config: NetworkConfig, tensors: Mapping[str, NDArray[Any]]) -> list[tuple[Floats, Floats]]:
+    names = [*(f"head.layers.{k}" for k in range(len(config.hidden))), "head.policy"]
+    return [
+        (np.ascontiguousarray(tensors[f"{name}.weight"].T, np.float32), np.asarray(tensors[f"{name}.bias"], np.float32))
+        for name in names
+    ]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from models.attention import look_around, look_back, norm
 from models.checkpoint import Checkpoint, CheckpointError, load_checkpoint
 from models.columns import varying_columns
+from models.convolutions_numpy import NumpyConvolutions
 from models.network_config import ROTARY_BASE, PredictorConfig
 from models.protocols import HISTORY, STEPS, Observations, Predictions, Predictor
 from overcooked.constants import ACTIONS
@@ -195,28 +196,16 @@ class _Eyes:
 
 def _eyes(config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], layout: Layout) -> _Eyes:
     if config.eyes == "cnn":
-        return _lent_eyes(config, tensors, layout)
+        return _lent_eyes(tensors, layout)
     columns, largest = varying_columns(layout)
     return _Eyes(lambda seen: seen.reshape(len(seen), -1)[:, columns].astype(np.float32), np.float32(1) / largest)
 
 
-def _lent_eyes(config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], layout: Layout) -> _Eyes:
-    """Convolutions are torch's."""
-    import torch
-
-    from models.policy import ConvolutionalFeatures
-
-    features = ConvolutionalFeatures(layout.width, layout.height, config.filters).eval().requires_grad_(False)
-    of_eyes = "eyes.convolutions."
+def _lent_eyes(tensors: Mapping[str, NDArray[Any]], layout: Layout) -> _Eyes:
+    of_eyes = "eyes.convolutions.convolutions."
     mine = {name.removeprefix(of_eyes): array for name, array in tensors.items() if name.startswith(of_eyes)}
-    features.load_state_dict({name: torch.from_numpy(array) for name, array in mine.items()})
-
-    def look(observations: Observations) -> Floats:
-        with torch.inference_mode():
-            seen: Floats = features(torch.from_numpy(np.ascontiguousarray(observations))).numpy()
-        return seen
-
-    return _Eyes(look, np.ones(features.size, np.float32))
+    features = NumpyConvolutions(mine, layout.width, layout.height)
+    return _Eyes(features, np.ones(features.size, np.float32))
 
 
 def at_work(config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], layout: Layout) -> Predictor:
