@@ -15,7 +15,7 @@ ROOT = Path(__file__).parent.parent.parent
 QUICK = {
     "agent_modes": ["--quick"],
     "browser": ["--seconds", "1", "--json"],
-    "cast": ["--quick"],
+    "results": ["--quick"],
     "dashboard": ["--games", "4", "--window-s", "2", "--turns", "1", "--json"],
     "engine": ["--quick", "--json"],
     "export": ["--people", "10", "--json"],
