@@ -498,7 +498,7 @@ def test_a_freed_place_is_given_to_the_next(site: Site) -> None:
     researcher.get(page)
     assert "free again" in researcher.post(f"{page}/release", note="left the room", next=page).text
     assert site.only("small").status == "returned"
-    assert "over already" in researcher.post(f"{page}/release", note="again", next=page).text
+    assert "already ended" in researcher.post(f"{page}/release", note="again", next=page).text
 
 
 def test_an_export_is_refused_in_blind_mode_and_else_is_the_command_s(site: Site) -> None:

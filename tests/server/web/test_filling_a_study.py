@@ -147,7 +147,7 @@ def test_a_place_is_held_briefly_until_something_is_done(site: Site) -> None:
         person.submit("small", **EVERYTHING)
     assert Visitor(site).consent("small").status_code == 409
     answer = silent.get("/s/small/now")
-    assert "your place was given to somebody else" in answer.text
+    assert "your place was given to another participant" in answer.text
     statuses = [one.status for one in site.everybody("small")]
     assert sorted(statuses) == ["active", "active", "active", "timed_out"], "the other has not asked yet"
     assert [one.position for one in site.everybody("small") if one.position] == [1, 1]
@@ -169,7 +169,7 @@ def test_who_sends_the_first_page_late_leaves_if_there_is_none(site: Site) -> No
     for _ in range(2):
         Visitor(site).consent("small")
     late.submit("small", **EVERYTHING)
-    assert "your place was given to somebody else" in late.page.text
+    assert "your place was given to another participant" in late.page.text
     assert site.everybody("small")[0].status == "timed_out"
 
 
