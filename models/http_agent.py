@@ -61,10 +61,10 @@ class HttpAgent:
             self._connection.sock = _TimedSocket(plain)
         self._connection.sock.deadline = deadline
         self._connection.request("POST", self._path, body, {"Content-Type": "application/json"})
-        response = self._connection.getresponse()
-        if response.status != http.client.OK:
-            raise BlackBoxError(f"{self._url} answered {response.status}.")
-        answer: bytes = response.read(LARGEST_ANSWER_BYTES + 1)
+        with self._connection.getresponse() as response:
+            if response.status != http.client.OK:
+                raise BlackBoxError(f"{self._url} answered {response.status}.")
+            answer: bytes = response.read(LARGEST_ANSWER_BYTES + 1)
         if len(answer) > LARGEST_ANSWER_BYTES:
             raise BlackBoxError(f"{self._url} answered with more than {LARGEST_ANSWER_BYTES:,} bytes.")
         return answer
