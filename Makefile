@@ -7,7 +7,7 @@ PIP := $(BIN)/python -m pip install --quiet --no-compile
 PYTEST_WORKERS ?= 3
 # A real browser or server that was too slow once is no verdict: only time-outs are tried again, everything else fails.
 AGAIN := --reruns 2 --only-rerun Timeout
-# Set on some machines and in many images, it would have every process here compile its imports anew: 10 s instead of 2.
+# Set on some machines and in many images, it makes every process compile its imports again: 10 s instead of 2.
 unexport PYTHONDONTWRITEBYTECODE
 # Alone and first, so that pip takes the build that suits the machine and not what another package would draw in.
 TORCH := $(shell sed -n 's/.*"\(torch==[^"]*\)".*/\1/p' pyproject.toml)

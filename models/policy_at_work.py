@@ -1,4 +1,4 @@
-"""Our agents at work: the networks of `models.policy` in numpy, quick for the few rows of a tick. No torch."""
+"""Agents for serving: the networks of `models.policy` in numpy, fast for the few rows of a timestep, without torch."""
 
 from collections.abc import Callable, Mapping
 from typing import Any

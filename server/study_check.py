@@ -136,7 +136,7 @@ def doubts(file: StudyFile) -> Iterator[Problem]:
     for index, agent in enumerate(study.agents):
         place: Path = ("agents", index, "predictor")
         if agent.predictor in WITHOUT_WEIGHTS and agent.predictor != agent.catalogue_name:
-            what = "knows nothing" if agent.predictor == "random" else "knows the scripted guide only"
+            what = "guesses at random" if agent.predictor == "random" else "knows the scripted guide only"
             reason = f"a condition shows what the predictor says, and `{agent.predictor}` {what}"
             yield Problem(place, reason, "Is that intended? Name a predictor that was trained for it.", warning=True)
         for layout in study.layouts if not agent.human else ():

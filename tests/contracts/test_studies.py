@@ -169,7 +169,7 @@ def test_models_are_found_from_the_folder_of_the_study_whatever_the_current_one(
 @pytest.mark.parametrize(
     ("agent", "question"),
     [
-        ("{name: sp, predictor: random}", "`random` knows nothing"),
+        ("{name: sp, predictor: random}", "`random` guesses at random"),
         ("{name: sp, predictor: guide}", "`guide` knows the scripted guide only"),
         ("{name: sp, predictor: fcp_predictor_stream}", "trained to predict another agent than sp"),
     ],

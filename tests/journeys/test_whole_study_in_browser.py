@@ -27,7 +27,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealServer]:
 
 @pytest.fixture
 def recruitment_id() -> str:
-    """Somebody new at each try: whoever has begun goes on where they left, without the page of consent."""
+    """A new participant for each try: one who has begun continues where they stopped, without the consent page."""
     return f"p{uuid4().int % 10**12}"
 
 
