@@ -14,7 +14,7 @@ RUN pip install --no-deps --editable .
 USER kitchenmind
 RUN python -c "import numpy as np; from overcooked.layout import load_layout as l; from overcooked.state import Kitchens as K; \
     k = K.start(l('coordination_ring')); k.step(np.zeros((1, 2), np.int8), np.zeros((1, 2), np.int32)); k.encode(); \
-    from models.worker import Worker as W; from models.wire import Load as L; \
+    from models.inference.worker import Worker as W; from models.inference.wire import Load as L; \
     W(L((), (('coordination_ring', 'sp_predictor_stream'),)))"
 
 VOLUME /app/var

@@ -11,7 +11,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "replay": ("overcooked.replay", "re-simulate action logs to states"),
     "train": ("training.commands.train", "train agents, predictors, or the whole cast"),
     "collect": ("training.commands.collect", "collect the trajectories that a predictor learns from"),
-    "agent": ("models.agent_check", "check an agent or a predictor before a study uses it"),
+    "agent": ("models.agents.check", "check an agent or a predictor before a study uses it"),
     "evaluate": ("training.commands.evaluate", "measure agents and predictors"),
     "serve": ("server.commands.serve", "serve a study"),
     "doctor": ("server.commands.doctor", "is this machine ready to serve? port, disk, TLS, secret, database, weights"),

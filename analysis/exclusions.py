@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import polars as pl
 
-from analysis.names import listed
+from analysis.formatting import listed
 from analysis.results import Result
 from analysis.tables import Export
 

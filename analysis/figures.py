@@ -21,7 +21,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from scipy import stats
 
-from analysis.names import agent_title, condition_title, layout_title, stars
+from analysis.formatting import agent_title, condition_title, layout_title, stars
 from analysis.power import Power
 from analysis.results import Result, select
 

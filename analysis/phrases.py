@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 from markupsafe import escape
 
-from analysis import names, questionnaires
-from analysis.names import degrees, listed, number, p_equals
+from analysis import formatting, questionnaires
+from analysis.formatting import degrees, listed, number, p_equals
 from analysis.results import Result
 
 ALPHA = 0.05
@@ -17,17 +17,17 @@ ALPHA = 0.05
 
 def agent(name: str) -> str:
     """An agent's name as HTML."""
-    return str(escape(names.agent_title(name)))
+    return str(escape(formatting.agent_title(name)))
 
 
 def layout(name: str) -> str:
     """A layout's name as HTML."""
-    return str(escape(names.layout_title(name)))
+    return str(escape(formatting.layout_title(name)))
 
 
 def condition(name: str) -> str:
     """What a condition shows, as HTML: ToM predictions."""
-    return str(escape(names.condition_phrase(name)))
+    return str(escape(formatting.condition_phrase(name)))
 
 
 def question(key: str) -> str:

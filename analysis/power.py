@@ -24,7 +24,7 @@ IN_MEMORY = 10_000_000  # rewards at a time
 
 
 @dataclass(frozen=True)
-class Design:
+class PowerDesign:
     """Two conditions that are compared, and where reward varies (standard deviations in points)."""
 
     person_sd: float
@@ -50,7 +50,9 @@ class Power:
         return float(np.sqrt(self.people * (1 - self.people) / self.studies))
 
 
-def simulate(design: Design, effect: float, participants: int, studies: int, generator: np.random.Generator) -> Values:
+def simulate(
+    design: PowerDesign, effect: float, participants: int, studies: int, generator: np.random.Generator
+) -> Values:
     """Rewards around their expectation: (studies, 2 conditions, participants, episodes), the second with the effect."""
     shape = (studies, 2, participants)
     rewards = generator.normal(0, design.residual_sd, (*shape, design.episodes))
@@ -77,7 +79,7 @@ def found_after_correction(p: Values, alpha: float) -> NDArray[np.bool_]:
     return np.asarray(p <= bound[..., None])
 
 
-def power(design: Design, effect: float, participants: int, studies: int = STUDIES, seed: int = 1) -> Power:
+def power(design: PowerDesign, effect: float, participants: int, studies: int = STUDIES, seed: int = 1) -> Power:
     """How often `studies` simulated studies find the effect; the same numbers for the same seed."""
     sign = [1] if effect < 0 else []
     generator = np.random.default_rng([seed, participants, abs(round(effect * 1000)), *sign])
@@ -95,7 +97,7 @@ def power(design: Design, effect: float, participants: int, studies: int = STUDI
 
 
 def curve(
-    design: Design, effects: Sequence[float], sizes: Sequence[int] = SIZES, studies: int = STUDIES, seed: int = 1
+    design: PowerDesign, effects: Sequence[float], sizes: Sequence[int] = SIZES, studies: int = STUDIES, seed: int = 1
 ) -> list[Power]:
     """The power of every effect at every number of participants in a condition."""
     return [power(design, effect, size, studies, seed) for effect in effects for size in sizes]
@@ -110,7 +112,7 @@ def write_points(points: Sequence[Power], path: Path) -> None:
         writer.writerows([[getattr(point, name) for name in names] for point in points])
 
 
-def exact(design: Design, effect: float, participants: int) -> float:
+def exact(design: PowerDesign, effect: float, participants: int) -> float:
     """The power of the two-sided t-test over participants' means, from the noncentral t distribution."""
     spread = math.sqrt(design.person_sd**2 + design.residual_sd**2 / design.episodes)
     shift = abs(effect) / (spread * math.sqrt(2 / participants))
@@ -120,7 +122,7 @@ def exact(design: Design, effect: float, participants: int) -> float:
     return float(below + 1 - missed)  # both are nan only where they are 0 to all digits: far from the bound
 
 
-def participants_needed(design: Design, effect: float, wanted: float = WANTED) -> int | None:
+def participants_needed(design: PowerDesign, effect: float, wanted: float = WANTED) -> int | None:
     """The smallest number of participants in each condition at which the t-test over people has the wanted power; none
     where that takes more than MOST."""
     if exact(design, effect, MOST) < wanted:
@@ -132,13 +134,13 @@ def participants_needed(design: Design, effect: float, wanted: float = WANTED) -
     return high
 
 
-def sizes_for(design: Design, effects: Sequence[float], participants: int) -> list[int]:
+def sizes_for(design: PowerDesign, effects: Sequence[float], participants: int) -> list[int]:
     """Sizes at which to simulate: the usual ones, the study's own, and those at which the wanted power is reached."""
     needed = [participants_needed(design, effect) for effect in effects]
     return sorted({*SIZES, participants, *(size for size in needed if size is not None and 2 <= size <= DRAWN)})
 
 
-def sentence(design: Design, points: Sequence[Power], effect: float, participants: int) -> str:
+def sentence(design: PowerDesign, points: Sequence[Power], effect: float, participants: int) -> str:
     """What a methods section says about it."""
     point = next(point for point in points if point.effect == effect and point.participants == participants)
     needed = participants_needed(design, effect)

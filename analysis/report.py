@@ -1,6 +1,6 @@
 """`kitchenmind report`: an export folder in; one HTML page that can be mailed, figures and results.csv out.
 
-Puts together, computes nothing: the numbers come from study.py, the words from wording.py.
+Puts together, computes nothing: the numbers come from study.py, the words from apa_text.py.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoes
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from analysis import figures, names, questionnaires, wording
+from analysis import apa_text, figures, formatting, questionnaires
 from analysis.compare import repeats
 from analysis.exclusions import versions_notice
 from analysis.results import Result, select, write_results
@@ -99,15 +99,15 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters.update(
-        number=names.number,
-        signed=names.signed,
-        degrees=names.degrees,
-        p=names.p_value,
-        p_equals=names.p_equals,
-        layout=names.layout_title,
-        agent=names.agent_title,
-        condition=names.condition_title,
-        contrast=names.contrast_title,
+        number=formatting.number,
+        signed=formatting.signed,
+        degrees=formatting.degrees,
+        p=formatting.p_value,
+        p_equals=formatting.p_equals,
+        layout=formatting.layout_title,
+        agent=formatting.agent_title,
+        condition=formatting.condition_title,
+        contrast=formatting.contrast_title,
         question=questionnaires.title,
     )
     environment.tests["computed"] = lambda value: not math.isnan(value)
@@ -133,8 +133,8 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
             versions=versions_notice(analysis.export),
             figures={name: Markup(svg) for name, svg in drawn.items()},  # noqa: S704
             css=Markup((HERE / "report.css").read_text(encoding="utf-8")),  # noqa: S704
-            findings=[Markup(text) for text in wording.findings(analysis)],  # noqa: S704
-            sentences=[Markup(text) for text in wording.sentences(analysis)],  # noqa: S704
+            findings=[Markup(text) for text in apa_text.findings(analysis)],  # noqa: S704
+            sentences=[Markup(text) for text in apa_text.sentences(analysis)],  # noqa: S704
             flagged=_flagged(analysis),
             own_grids=[name for name in analysis.layouts if name in LAYOUTS[1:]],
             provenance=_provenance(analysis, options),
@@ -168,7 +168,7 @@ def _simulated(export: Export) -> bool:
 def _provenance(analysis: Analysis, options: Options) -> dict[str, str]:
     export = analysis.export
     people = analysis.episodes.unique("participant")["condition"]
-    arms = [f"{int((people == name).sum())} {names.condition_title(name)}" for name in analysis.conditions]
+    arms = [f"{int((people == name).sum())} {formatting.condition_title(name)}" for name in analysis.conditions]
     flow = {row.test: row.n for row in select(analysis.rows, section="exclusions", condition="all", unit="episodes")}
     return {
         "Data set": f"sha256 {fingerprint(export.folder)[:32]}…",

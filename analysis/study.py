@@ -6,7 +6,18 @@ from pathlib import Path
 
 import polars as pl
 
-from analysis import accuracy, assumptions, cards, compare, exclusions, measures, mixed, power, quality, questionnaires
+from analysis import (
+    accuracy,
+    assumptions,
+    cards,
+    compare,
+    data_quality,
+    exclusions,
+    measures,
+    mixed,
+    power,
+    questionnaires,
+)
 from analysis import ranks as ranking
 from analysis.groups import ALL, cells
 from analysis.results import Result
@@ -64,7 +75,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         raise ExportError(f"The export has no layout {unknown[0]}. It has: {', '.join(layouts)}.")
     answers = questionnaires.answers_on(export.answers, episodes, chosen)
     model = mixed.fit(episodes, MEASURE, conditions)
-    design = Design(conditions, layouts, agents, main_contrast(conditions))
+    design = AnalysisDesign(conditions, layouts, agents, main_contrast(conditions))
     rows = [
         *exclusions.flow(export, every, episodes),
         *reward_rows(episodes, design, options),
@@ -84,7 +95,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         design.contrast,
         tuple(chosen),
         episodes,
-        quality.verdicts(every, export.answers),
+        data_quality.verdicts(every, export.answers),
         model,
         tuple(powers),
         (*rows, *_power_rows(powers)),
@@ -92,7 +103,7 @@ def analyse(export: Export, options: Options) -> Analysis:
 
 
 @dataclass(frozen=True)
-class Design:
+class AnalysisDesign:
     """What is compared, and where."""
 
     conditions: tuple[str, ...]
@@ -101,7 +112,7 @@ class Design:
     contrast: tuple[str, str] | None
 
 
-def reward_rows(episodes: pl.DataFrame, design: Design, options: Options) -> list[Result]:
+def reward_rows(episodes: pl.DataFrame, design: AnalysisDesign, options: Options) -> list[Result]:
     """Means and tests of reward."""
     conditions, layouts, agents = design.conditions, design.layouts, design.agents
     both = [(layout, ALL) for layout in layouts] if len(agents) > 1 else []
@@ -113,7 +124,7 @@ def reward_rows(episodes: pl.DataFrame, design: Design, options: Options) -> lis
     ]
 
 
-def reward_tests(episodes: pl.DataFrame, design: Design, draws: int, seed: int) -> list[Result]:
+def reward_tests(episodes: pl.DataFrame, design: AnalysisDesign, draws: int, seed: int) -> list[Result]:
     """The tests of reward that headlines and sentences speak of, with the published ones beside them."""
     rows = [
         *ranking.kruskal_wallis(episodes, MEASURE, design.conditions, design.agents, draws, seed),
@@ -147,7 +158,7 @@ def _powers(
     if model.variance is None or model.variance.residual_sd == 0 or size < 2:
         return []
     each = round(episodes.height / episodes["participant"].n_unique())
-    design = power.Design(model.variance.person_sd, model.variance.residual_sd, each)
+    design = power.PowerDesign(model.variance.person_sd, model.variance.residual_sd, each)
     sizes = power.sizes_for(design, options.effects, size)
     return power.curve(design, options.effects, sizes, options.power_studies, options.seed)
 

@@ -10,11 +10,11 @@ import argparse
 import numpy as np
 import torch
 
-from models.catalogue import WEIGHTS, load_agent
-from models.policy import NetworkPolicy, load_network
+from models.agents.catalogue import WEIGHTS, load_agent
+from models.networks.policy import NetworkPolicy, load_network
 from models.protocols import Mode
 from overcooked.layout import load_layout
-from training.evaluate_agents import Games, Player, play, with_itself
+from training.evaluate_agents import EvaluatedAgent, PlayedGames, play, with_itself
 
 MODES = (
     Mode(1.0, 8, 0.0),
@@ -43,20 +43,20 @@ def main() -> None:
     strangers = [NetworkPolicy(load_network(folder)) for folder in folders]
     print("mode (temperature, after, mix)     self  strangers  certainty   stuck  longest jam")
     for mode in MODES[:2] if arguments.quick else MODES:
-        me = Player(policy, mode)
+        me = EvaluatedAgent(policy, mode)
         own = with_itself(layout, me, own_games)
-        others = [play(layout, (me, Player(stranger, mode)), games, 0) for stranger in strangers]
-        others += [play(layout, (Player(stranger, mode), me), games, 1) for stranger in strangers]
+        others = [play(layout, (me, EvaluatedAgent(stranger, mode)), games, 0) for stranger in strangers]
+        others += [play(layout, (EvaluatedAgent(stranger, mode), me), games, 1) for stranger in strangers]
         name = f"{mode.temperature:g}, {mode.stuck_after}, {mode.stuck_mix:g}"
         print(f"{name:32}{own.scores.mean():7.1f}{_points(others):11.1f}{_certainty(others):11.3f}", end="")
         print(f"{np.mean([games.stuck for games in others]):8.1%}{max(games.longest_jam for games in others):13d}")
 
 
-def _points(games: list[Games]) -> float:
+def _points(games: list[PlayedGames]) -> float:
     return float(np.mean([some.scores.mean() for some in games]))
 
 
-def _certainty(games: list[Games]) -> float:
+def _certainty(games: list[PlayedGames]) -> float:
     """Of the agent in the first seat: where the agent sat there (the first half)."""
     return float(np.mean([some.certainty for some in games[: len(games) // 2]]))
 

@@ -28,7 +28,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks"), str(ROOT / "tests" / "journ
 from conftest import CHROMIUM_ARGUMENTS  # noqa: E402
 from serve import Player, Server, cpu_s, lateness_ms, to_the_game  # noqa: E402
 
-from server.bots import Bot  # noqa: E402
+from server.bots.participant import Bot  # noqa: E402
 
 _EPISODE = re.compile(r'"episode":"([^"]+)"')
 _TIMESTEP = re.compile(r'"state":\{"t":(\d+)')

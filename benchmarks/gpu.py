@@ -22,16 +22,16 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolve() != ROOT / "benchmarks")]
 
 from benchmarks.processor import described  # noqa: E402
-from models.network_config import PredictorConfig  # noqa: E402
-from models.predictor import PredictorNetwork  # noqa: E402
+from models.networks.config import PredictorConfig  # noqa: E402
+from models.networks.predictor import PredictorNetwork  # noqa: E402
 from overcooked.layout import Layout, load_layout  # noqa: E402
 from training.compute import request  # noqa: E402
 from training.config import agent_config, network_config  # noqa: E402
 from training.dataset import Episodes  # noqa: E402
 from training.fast_path import choose_compute  # noqa: E402
-from training.ppo import Trainer  # noqa: E402
+from training.ppo import PpoTrainer  # noqa: E402
 from training.predictor_config import TrainingConfig  # noqa: E402
-from training.train_predictor import Trainer as PredictorTrainer  # noqa: E402
+from training.train_predictor import PredictorTrainer as PredictorTrainer  # noqa: E402
 
 LAYOUT = "matrix"
 _KITCHENS, _AGENTS, _TIMESTEPS = 5, 17, 10_000_000  # of the published recipe
@@ -64,7 +64,7 @@ def _agent_rate(layout: Layout, games: int, seconds: float) -> dict[str, Any]:
     config = agent_config("cnn")
     config = replace(config, games=games, minibatch=config.minibatch * max(1, games // config.games))
     compute, measured = choose_compute(network_config(config), layout)
-    trainer = Trainer(config, layout, 0, compute=compute)
+    trainer = PpoTrainer(config, layout, 0, compute=compute)
     trainer.iteration()
     began, before = time.perf_counter(), trainer.timesteps
     while time.perf_counter() - began < seconds:

@@ -16,19 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.acting import distribution
-from models.catalogue import Agent, load_agent
+from models.agents.catalogue import LoadedAgent, load_agent
 from models.protocols import STEPS, Mode, Observations, Policy, Probabilities
 from overcooked.constants import ACTIONS, HORIZON, PLAYERS
 from overcooked.layout import Layout, load_layout
 from overcooked.state import Kitchens
-from training.collect import Partner, Plan, Target, games_with
+from training.collect import CollectionPlan, Partner, Target, games_with
 
 LIKELY = 0.003  # courses less likely than this, of one timestep, are not followed
 Ints = NDArray[np.integer]
 
 
 def law_ahead(
-    kitchens: Kitchens, agents: tuple[Agent, Agent], seat: Ints, stuck: Ints, timesteps: int
+    kitchens: Kitchens, agents: tuple[LoadedAgent, LoadedAgent], seat: Ints, stuck: Ints, timesteps: int
 ) -> Probabilities:
     """(games, 6): the first agent's action law `timesteps` from now, it in `seat` (games,), `stuck` (games, 2)."""
     games, seen = np.arange(kitchens.games), kitchens.encode()
@@ -62,7 +62,7 @@ def limits(layout: Layout, agent: str, partner: str, states: int) -> list[float]
     """The best accuracy (%) of each of the three steps, over `states` timesteps of their games."""
     agents = load_agent(agent, layout), load_agent(partner, layout)
     target = Target(agent, *agents[0])
-    games = games_with(layout, target, Partner(partner, partner, "extra", *agents[1]), Plan(trajectories=2))
+    games = games_with(layout, target, Partner(partner, partner, "extra", *agents[1]), CollectionPlan(trajectories=2))
     seat = np.repeat(games["seat"][:, None], games["timestep"].shape[1], 1).astype(np.int64)
     early = np.flatnonzero(games["timestep"] < HORIZON - STEPS)
     chosen = np.random.default_rng(0).choice(early, min(states, len(early)), replace=False)

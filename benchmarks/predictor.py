@@ -13,9 +13,9 @@ os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
 import numpy as np
 import torch
 
-from models.network_config import PredictorConfig
-from models.predictor import PredictorNetwork
-from models.predictor_at_work import at_work
+from models.inference.predictor_numpy import at_work
+from models.networks.config import PredictorConfig
+from models.networks.predictor import PredictorNetwork
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
 

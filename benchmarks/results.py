@@ -19,7 +19,7 @@ os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
 # `training.py` beside this file bears a package's name: Python must look for that one elsewhere.
 sys.path[:] = [folder for folder in sys.path if Path(folder).resolve() != Path(__file__).resolve().parent]
 
-from models.catalogue import WEIGHTS, agent_sha256  # noqa: E402
+from models.agents.catalogue import WEIGHTS, agent_sha256  # noqa: E402
 from overcooked.layout import load_layout  # noqa: E402
 
 ROOT = Path(__file__).parent.parent
@@ -64,24 +64,26 @@ def measured(quick: bool = False) -> dict[str, Any]:
     agents that was."""
     import torch
 
-    from models.catalogue import load_agent
-    from models.checkpoint import load_checkpoint
-    from models.predictor import predictor_network
+    from models.agents.catalogue import load_agent
+    from models.networks.checkpoint import load_checkpoint
+    from models.networks.predictor import predictor_network
     from training.choose import evaluate_shipped
-    from training.collect import Plan
-    from training.evaluate_agents import Player
+    from training.collect import CollectionPlan
+    from training.evaluate_agents import EvaluatedAgent
     from training.evaluate_agents import measured as measured_agent
     from training.evaluate_predictor import evaluate
     from training.population import load_target
-    from training.ship_predictor import population_folder, unseen_games
+    from training.publish_predictor import population_folder, unseen_games
 
     torch.set_num_threads(1)
     layouts = [load_layout(name) for name in LAYOUTS]
     size = {"episodes": 1, "timesteps": 20} if quick else {}
-    planners = [measured_agent(layout, PLANNER, Player(*load_agent(PLANNER, layout)), (), **size) for layout in layouts]
+    planners = [
+        measured_agent(layout, PLANNER, EvaluatedAgent(*load_agent(PLANNER, layout)), (), **size) for layout in layouts
+    ]
     ring, with_human = load_layout("coordination_ring"), []
     plan = (
-        Plan(1, 40) if quick else Plan(trajectories=20)
+        CollectionPlan(1, 40) if quick else CollectionPlan(trajectories=20)
     )  # one partner only: with five, another seed moves the figure by two points
     for folder in sorted((WEIGHTS / ring.name).glob("*_predictor_*")):
         agent, _, form = folder.name.partition("_predictor_")

@@ -27,7 +27,7 @@ from websockets.exceptions import ConnectionClosed
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from server.bots import Bot  # noqa: E402
+from server.bots.participant import Bot  # noqa: E402
 
 STUDY = """
 name: load

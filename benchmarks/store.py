@@ -21,11 +21,11 @@ from typing import Any
 
 import numpy as np
 
+from server.export.writer import export
+from server.play.episode_spec import EpisodeSpec
 from server.play.recorder import EpisodeResult, KeyRecord, TickRecord
-from server.play.spec import EpisodeSpec
 from server.store import episodes, participants, studies
 from server.store.database import Database
-from server.store.export import export
 from server.store.migrate import migrate
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -32,7 +32,7 @@ from overcooked.layout import load_layout  # noqa: E402
 from training.compute import request  # noqa: E402
 from training.config import AgentConfig, agent_config, network_config  # noqa: E402
 from training.fast_path import choose_compute  # noqa: E402
-from training.ppo import Trainer  # noqa: E402
+from training.ppo import PpoTrainer  # noqa: E402
 
 LAYOUT = "coordination_ring"
 RATED = ("coordination_ring", "matrix")
@@ -70,7 +70,7 @@ def _rate(name: str, config: AgentConfig, layout: str, seconds: float) -> dict[s
     """Timesteps per second of CPU: the median iteration, so a busy machine does not count."""
     grid = load_layout(layout)
     compute, measured = choose_compute(network_config(config), grid)
-    trainer = Trainer(config, grid, 0, compute=compute)
+    trainer = PpoTrainer(config, grid, 0, compute=compute)
     trainer.iteration()
     times = []
     end = time.perf_counter() + seconds
@@ -87,7 +87,7 @@ def _rate(name: str, config: AgentConfig, layout: str, seconds: float) -> dict[s
 def _time_to_wanted(config: AgentConfig, seed: int) -> dict[str, Any]:
     """CPU seconds and timesteps until the mean training reward (sampled actions) is 200 points per episode."""
     config = replace(config, timesteps=2_500_000, shaping_timesteps=1_500_000, entropy_timesteps=1_500_000)
-    trainer = Trainer(config, load_layout(LAYOUT), seed)
+    trainer = PpoTrainer(config, load_layout(LAYOUT), seed)
     trainer.iteration()
     began, mean = time.process_time(), 0.0
     while mean < WANTED and time.process_time() - began < _MOST_S and trainer.timesteps < config.timesteps:

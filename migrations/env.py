@@ -33,5 +33,5 @@ if given is not None:
     migrate(given)
 else:
     url = engines.normal_url(os.environ.get("KITCHENMIND_DATABASE", "sqlite:///kitchenmind.db"))
-    with engines.Writer(url).transaction() as opened:
+    with engines.WriteConnection(url).transaction() as opened:
         migrate(opened)

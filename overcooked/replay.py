@@ -27,7 +27,7 @@ class ReplayError(ValueError):
 
 
 @dataclass(frozen=True)
-class Episode:
+class RecordedEpisode:
     """What decides an episode: where it was played and what the chefs did."""
 
     layout: Layout
@@ -43,7 +43,7 @@ class Replay:
     shaped: list[list[int]]
 
 
-def simulate(episode: Episode) -> Replay:
+def simulate(episode: RecordedEpisode) -> Replay:
     """Plays an episode from the standard start. States: `Kitchens.record` and `crc`, zlib.crc32 of each chef's view."""
     kitchen, events = Kitchens.start(episode.layout), np.zeros((1, PLAYERS), np.int32)
     replay = Replay([_seen(kitchen)], [], [])
@@ -59,14 +59,14 @@ def _seen(kitchen: Kitchens) -> Record:
     return {**kitchen.record(), "crc": [zlib.crc32(view.tobytes()) for view in kitchen.encode()[0]]}
 
 
-def read_episodes(path: Path) -> Iterator[Episode]:
+def read_episodes(path: Path) -> Iterator[RecordedEpisode]:
     """The episodes of an action log, one at a time: JSON lines, or (`.json`) trajectories of overcooked_ai.
 
     A line is {"layout": grid with newlines, or a name, "joint_actions": [[a0, a1], ...]}. Raises ReplayError.
     """
     if path.suffix == ".json":
         for layout, joint_actions in read_trajectories(path):
-            yield Episode(layout, joint_actions)
+            yield RecordedEpisode(layout, joint_actions)
         return
     with path.open("rb") as lines:
         for number, line in enumerate(lines, start=1):
@@ -77,7 +77,7 @@ def read_episodes(path: Path) -> Iterator[Episode]:
             yield episode
 
 
-def _episode_of(line: bytes) -> Episode:
+def _episode_of(line: bytes) -> RecordedEpisode:
     try:
         fields = json.loads(line)
     except (ValueError, RecursionError) as error:
@@ -94,7 +94,7 @@ def _episode_of(line: bytes) -> Episode:
             raise ReplayError(
                 f"joint action {timestep} is {json.dumps(joint_action)[:80]}; {_ACTION_MEANINGS}, two a timestep"
             )
-    return Episode(parse_layout(layout) if "\n" in layout else bundled_layout(layout), joint_actions)
+    return RecordedEpisode(parse_layout(layout) if "\n" in layout else bundled_layout(layout), joint_actions)
 
 
 def _is_joint_action(value: object) -> bool:

@@ -17,9 +17,9 @@ from urllib.parse import urlsplit
 
 from sqlalchemy import inspect
 
-from models.checkpoint import CheckpointError, load_checkpoint
-from server.cast import cast_of, folder_of
+from models.networks.checkpoint import CheckpointError, load_checkpoint
 from server.commands.serve import listen
+from server.required_models import folder_of, required_models
 from server.settings import VAR, Settings
 from server.store import engines
 from server.store.database import Database, DatabaseDown
@@ -36,7 +36,7 @@ Grade = Literal["good", "look", "bad"]
 
 
 @dataclass(frozen=True)
-class Finding:
+class HealthFinding:
     """One thing that was looked at. `look`: it can be served, but somebody should look at it first."""
 
     about: str
@@ -44,42 +44,53 @@ class Finding:
     text: str
 
 
-def examine(settings: Settings) -> Iterator[Finding]:
+def examine(settings: Settings) -> Iterator[HealthFinding]:
     """Everything that the server will need with these settings."""
-    checks: tuple[Callable[[Settings], Iterator[Finding]], ...] = (_secret, _port, _database, _disk, _studies, _tls)
+    checks: tuple[Callable[[Settings], Iterator[HealthFinding]], ...] = (
+        _secret,
+        _port,
+        _database,
+        _disk,
+        _studies,
+        _tls,
+    )
     for check in checks:
         yield from check(settings)
 
 
-def _secret(settings: Settings) -> Iterator[Finding]:
+def _secret(settings: Settings) -> Iterator[HealthFinding]:
     if settings.secret is not None:
-        yield Finding("secret", "good", "KITCHENMIND_SECRET is set")
+        yield HealthFinding("secret", "good", "KITCHENMIND_SECRET is set")
         return
     path = VAR / "secret"
     if path.is_file() and stat.S_IMODE(path.stat().st_mode) & 0o077:
-        yield Finding("secret", "bad", f"{path} can be read by others. Run `chmod 600 {path}`.")
+        yield HealthFinding("secret", "bad", f"{path} can be read by others. Run `chmod 600 {path}`.")
     else:
-        yield Finding("secret", "good", f"{'kept in' if path.is_file() else 'will be made in'} {path}")
+        yield HealthFinding("secret", "good", f"{'kept in' if path.is_file() else 'will be made in'} {path}")
 
 
-def _port(settings: Settings) -> Iterator[Finding]:
+def _port(settings: Settings) -> Iterator[HealthFinding]:
     try:
         listen(settings.host, settings.port).close()
     except OSError as error:
-        yield Finding("port", "bad", str(error))
+        yield HealthFinding("port", "bad", str(error))
     else:
-        yield Finding("port", "good", f"{settings.host}:{settings.port} is free" if settings.port else "any free one")
+        yield HealthFinding(
+            "port", "good", f"{settings.host}:{settings.port} is free" if settings.port else "any free one"
+        )
 
 
-def _database(settings: Settings) -> Iterator[Finding]:
+def _database(settings: Settings) -> Iterator[HealthFinding]:
     url = normal_url(settings.database)
     shown = engines.shown(url)
     if url.get_backend_name() == "sqlite" and not Path(str(url.database)).exists():
         place = _nearest(Path(str(url.database)))
         if place.is_dir() and os.access(place, os.W_OK):
-            yield Finding("database", "good", f"{url.database} will be made")
+            yield HealthFinding("database", "good", f"{url.database} will be made")
         else:
-            yield Finding("database", "bad", f"{place} cannot be written to. Use another path, or its owner's account.")
+            yield HealthFinding(
+                "database", "bad", f"{place} cannot be written to. Use another path, or its owner's account."
+            )
         return
     try:
         with Database(settings.database, read_only=True) as database:
@@ -87,25 +98,27 @@ def _database(settings: Settings) -> Iterator[Finding]:
             revision = database.read_now(revision_of)
             empty = not database.read_now(lambda connection: inspect(connection).get_table_names())
     except DatabaseDown as error:
-        yield Finding("database", "bad", f"cannot read {shown}: {error}")
+        yield HealthFinding("database", "bad", f"cannot read {shown}: {error}")
         return
     if problem:
-        yield Finding("database", "bad", problem)
+        yield HealthFinding("database", "bad", problem)
     elif empty:
-        yield Finding("database", "good", f"{shown} is empty: tables will be made")
+        yield HealthFinding("database", "good", f"{shown} is empty: tables will be made")
     elif revision is None:
-        yield Finding("database", "bad", f"{shown} is no kitchenmind database. Name another with --database.")
+        yield HealthFinding("database", "bad", f"{shown} is no kitchenmind database. Name another with --database.")
     elif revision not in known_revisions():
-        yield Finding("database", "bad", f"{shown} was made by a later kitchenmind. Use that one, or a later one.")
+        yield HealthFinding(
+            "database", "bad", f"{shown} was made by a later kitchenmind. Use that one, or a later one."
+        )
     elif revision != known_revisions()[0]:
-        yield Finding(
+        yield HealthFinding(
             "database", "look", f"{shown} is of an earlier version and will be upgraded. Make a backup first."
         )
     else:
-        yield Finding("database", "good", f"{shown} is there and up to date")
+        yield HealthFinding("database", "good", f"{shown} is there and up to date")
 
 
-def _disk(settings: Settings) -> Iterator[Finding]:
+def _disk(settings: Settings) -> Iterator[HealthFinding]:
     url = normal_url(settings.database)
     if url.get_backend_name() != "sqlite":
         return
@@ -113,36 +126,36 @@ def _disk(settings: Settings) -> Iterator[Finding]:
     free_gb = shutil.disk_usage(place).free / 1e9
     text = f"{free_gb:.1f} GB free at {place}"
     if free_gb < LEAST_FREE_GB:
-        yield Finding(
+        yield HealthFinding(
             "disk", "bad", f"{text}. Make room, or put the database elsewhere: a full disk pauses every game."
         )
     else:
-        yield Finding("disk", "good" if free_gb >= SOME_FREE_GB else "look", text)
+        yield HealthFinding("disk", "good" if free_gb >= SOME_FREE_GB else "look", text)
 
 
-def _studies(settings: Settings) -> Iterator[Finding]:
+def _studies(settings: Settings) -> Iterator[HealthFinding]:
     sound: list[StudyFile] = []
     for path in settings.studies:
         try:
             file = load_study(path, settings.models_folder)
             problems = [(problem.warning, file.describe(problem)) for problem in stage_problems(file)]
         except StudyError as error:
-            yield from (Finding("study", "bad", line) for line in error.lines)
+            yield from (HealthFinding("study", "bad", line) for line in error.lines)
             continue
         except OSError as error:
-            yield Finding("study", "bad", f"{path}: {error.strerror}. Correct KITCHENMIND_STUDIES or --study.")
+            yield HealthFinding("study", "bad", f"{path}: {error.strerror}. Correct KITCHENMIND_STUDIES or --study.")
             continue
         mild: Grade = "bad" if settings.mode == "production" else "look"
         for warning, line in [*((True, line) for line in file.warnings), *problems]:
-            yield Finding("study", mild if warning else "bad", line)
+            yield HealthFinding("study", mild if warning else "bad", line)
         if not any(not warning for warning, _ in problems):
-            yield Finding("study", "good", f"{path} is sound (version {file.sha256[:12]})")
+            yield HealthFinding("study", "good", f"{path} is sound (version {file.sha256[:12]})")
             sound.append(file)
     yield from _weights(sound)
 
 
-def _weights(files: list[StudyFile]) -> Iterator[Finding]:
-    cast = cast_of(files)
+def _weights(files: list[StudyFile]) -> Iterator[HealthFinding]:
+    cast = required_models(files)
     models = (*cast.agents, *cast.predictors)
     folders = {folder_of(layout, cast.paths.located(model)) for layout, model in models}
     whole = 0
@@ -151,26 +164,30 @@ def _weights(files: list[StudyFile]) -> Iterator[Finding]:
             load_checkpoint(folder)
             whole += 1
         except CheckpointError as error:
-            yield Finding("weights", "bad", str(error))
-    yield Finding("weights", "good", f"{whole} agents and predictors, byte for byte as they were saved")
+            yield HealthFinding("weights", "bad", str(error))
+    yield HealthFinding("weights", "good", f"{whole} agents and predictors, byte for byte as they were saved")
 
 
-def _tls(settings: Settings) -> Iterator[Finding]:
+def _tls(settings: Settings) -> Iterator[HealthFinding]:
     url = urlsplit(settings.public_url)
     if url.scheme != "https" or url.hostname is None:
-        yield Finding("TLS", "good", f"not needed: only this machine reaches {settings.host}")
+        yield HealthFinding("TLS", "good", f"not needed: only this machine reaches {settings.host}")
         return
     try:
         days = _days_of_certificate(url.hostname, url.port or 443)
     except ssl.SSLCertVerificationError as error:
         remedy = "Give the proxy a certificate that browsers trust."
-        yield Finding("TLS", "bad", f"the certificate of {url.hostname} is refused: {error.verify_message}. {remedy}")
+        yield HealthFinding(
+            "TLS", "bad", f"the certificate of {url.hostname} is refused: {error.verify_message}. {remedy}"
+        )
     except OSError as error:
         remedy = "Start the TLS proxy, or correct KITCHENMIND_PUBLIC_URL."
-        yield Finding("TLS", "bad", f"{settings.public_url} does not answer ({error.strerror or error}). {remedy}")
+        yield HealthFinding(
+            "TLS", "bad", f"{settings.public_url} does not answer ({error.strerror or error}). {remedy}"
+        )
     else:
         grade: Grade = "good" if days >= RENEW_DAYS else "look"
-        yield Finding("TLS", grade, f"the certificate of {url.hostname} is good for {days:.0f} days")
+        yield HealthFinding("TLS", grade, f"the certificate of {url.hostname} is good for {days:.0f} days")
 
 
 def _days_of_certificate(host: str, port: int) -> float:

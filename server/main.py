@@ -12,16 +12,29 @@ from typing import TYPE_CHECKING, Any
 from fastapi import Depends, FastAPI
 from fastapi.concurrency import run_in_threadpool
 from fastapi.staticfiles import StaticFiles
+from starlette.requests import HTTPConnection
 
-from models.launch import Launched
-from models.runner import ModelServer
+from models.inference.launch import Launched
+from models.inference.runner import ModelServer
 from overcooked.compiled import only_our_kernels
 from overcooked.constants import STAY
-from server.cast import cast_of
+from server.background_tasks import ended
+from server.cluster.dispatch import ClusterControl
+from server.monitoring.alerts import Alert, Alerts, message_of
+from server.monitoring.control import Control
+from server.monitoring.dashboard import Dashboard
+from server.monitoring.latency_history import LatencyHistory
+from server.monitoring.live_games import LiveGames
+from server.participation.episode_specs import layout_of
+from server.participation.seating import ConnectedPlayer, Seating
+from server.participation.served_studies import Studies
+from server.participation.study_versions import StudyVersions
+from server.participation.waiting_room import WaitingRoom
 from server.play.clock import Clock
 from server.play.games import Games
 from server.play.recorder import EpisodeRecord, RecorderDown
-from server.play.trace import Trace
+from server.play.simulation import Simulation
+from server.required_models import required_models
 from server.settings import ROOT, Settings
 from server.store import episodes, events
 from server.store.database import Database, DatabaseDown
@@ -30,57 +43,59 @@ from server.store.episodes import StoreRecorder
 from server.store.migrate import migrate_shared, to_newest
 from server.study.loader import StudyError, StudyFile, load_study
 from server.study_check import missing_problems
-from server.study_versions import StudyVersions
 from server.version import code_version
-from server.web import actions, admin, downloads, health, leaving, live, pages, replay, socket, watch
-from server.web.alerts import Alert, Alerts, message_of
-from server.web.auth import Guard
-from server.web.boundary import Boundary
-from server.web.control import Control
-from server.web.course import Course
-from server.web.deps import Web, compile_templates, templates
-from server.web.episodes import layout_of
-from server.web.errors import install_error_pages
-from server.web.everywhere import Everywhere
-from server.web.figures import Figures
-from server.web.guessing import Hashing
-from server.web.headers import SecurityHeaders
+from server.web import health
+from server.web.admin import actions, downloads, live_boards, replay_page, researcher_pages
+from server.web.auth import CsrfProtection, token_of
+from server.web.dependencies import Web, compile_templates, templates
+from server.web.error_pages import install_error_pages
+from server.web.guess_limits import Hashing
 from server.web.health import Commits, figures_of
-from server.web.live import Live
-from server.web.rates import NewPlaces, Rates, keep_to_the_rate
-from server.web.seats import Seats
-from server.web.socket import Sockets
-from server.web.studies import Studies
-from server.web.tasks import ended
-from server.web.waiting import WaitingRoom
-from server.web.watch import Demonstrations
+from server.web.participant import exits, game_socket, study_pages, watch_agents
+from server.web.participant.game_socket import Sockets
+from server.web.participant.watch_agents import Demonstrations
+from server.web.rate_limits import NewPlaces, Rates, rate_limit
+from server.web.request_boundary import Boundary
+from server.web.security_headers import SecurityHeaders
 
 if TYPE_CHECKING:
-    from server.member import Member
+    from server.cluster.node import ClusterNode
 
 log = logging.getLogger(__name__)
 MOST_TROUBLES = 100  # of one participant that are stored
+_ROUTES = (
+    study_pages,
+    exits,
+    game_socket,
+    watch_agents,
+    researcher_pages,
+    live_boards,
+    replay_page,
+    actions,
+    downloads,
+    health,
+)
 _GARBAGE_THRESHOLDS = (50_000, 20, 20)  # a full collection costs milliseconds, and a game makes hardly any cycles
 
 
 def create_app(settings: Settings, ahead: Launched | None = None) -> FastAPI:
     """The application; `wired` starts and stops its parts. `ahead`: a model worker's process, launched already."""
-    limits = [Depends(keep_to_the_rate)]
+    limits = [Depends(rate_limit)]
     app = FastAPI(
         title="kitchenmind", docs_url=None, redoc_url=None, openapi_url=None, lifespan=wired, dependencies=limits
     )
     app.state.launched = ahead
     app.state.rates = Rates()
     app.state.settings = settings
-    guard = Guard(settings.signing_key(), settings.public_url)
+    guard = CsrfProtection(settings.signing_key(), settings.public_url)
     app.state.guard = guard
     app.add_middleware(SecurityHeaders, secure=guard.secure)
     app.add_middleware(Boundary)
     app.mount("/static", StaticFiles(directory=ROOT / "static"), name="static")
     install_error_pages(app)
     app.state.hashing, app.state.commits = Hashing(), Commits()
-    for doors in (pages, leaving, socket, watch, admin, live, replay, actions, downloads, health):
-        app.include_router(doors.router)
+    for module in _ROUTES:
+        app.include_router(module.router)
     return app
 
 
@@ -132,7 +147,7 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
 
 
 def _models(settings: Settings, files: Sequence[StudyFile], ahead: Launched | None) -> ModelServer:
-    cast = cast_of(files)
+    cast = required_models(files)
     models = ModelServer(cast.agents, cast.predictors, settings.model_workers, grids=cast.grids, ahead=ahead)
     models.paths = cast.paths
     return models
@@ -144,7 +159,7 @@ def _served(settings: Settings) -> list[StudyFile]:
     served, reasons = [], []
     for path in settings.studies:
         file = load_study(path, settings.models_folder)
-        missing = [file.describe(problem) for problem in missing_problems(file, cast_of([file]))]
+        missing = [file.describe(problem) for problem in missing_problems(file, required_models([file]))]
         reasons += missing
         if not missing:
             served.append(file)
@@ -155,10 +170,10 @@ def _served(settings: Settings) -> list[StudyFile]:
     return served
 
 
-async def _member(settings: Settings, files: list[StudyFile], stack: AsyncExitStack) -> "Member":
+async def _member(settings: Settings, files: list[StudyFile], stack: AsyncExitStack) -> "ClusterNode":
     """This process among several. Raises StudyError, ClusterDown, DatabaseDown."""
-    from server.cluster import Cluster
-    from server.member import Member, refuse_pairs
+    from server.cluster.node import ClusterNode, refuse_pairs
+    from server.cluster.registry import Cluster
     from server.store.fences import FencedRecorder
 
     assert settings.redis is not None  # noqa: S101 the caller looked
@@ -168,10 +183,10 @@ async def _member(settings: Settings, files: list[StudyFile], stack: AsyncExitSt
     cluster = Cluster(settings.redis.get_secret_value(), settings.database)
     stack.push_async_callback(cluster.close)
     await cluster.reach()
-    return Member(FencedRecorder(of_games), cluster)
+    return ClusterNode(FencedRecorder(of_games), cluster)
 
 
-def _games(settings: Settings, database: Database, models: ModelServer, member: "Member | None") -> Games:
+def _games(settings: Settings, database: Database, models: ModelServer, member: "ClusterNode | None") -> Games:
     clock = Clock(settings.speed, settings.patience_s)
     if member is not None:
         return Games(clock, models, member.recorder, member.load, owners=member)
@@ -193,22 +208,26 @@ def _sockets(app: FastAPI, database: Database, studies: Studies) -> Sockets:
         except DatabaseDown:
             log.warning("a problem in a browser could not be stored: %r", text)
 
-    seats = Seats(database, studies, app.state.versions.fingerprint, code_version())
+    seats = Seating(database, studies, app.state.versions.fingerprint, code_version())
+
+    async def find(connection: HTTPConnection, study: str) -> ConnectedPlayer | None:
+        return await seats.find(token_of(connection), study)
+
     room = WaitingRoom(app.state.games.clock, seats.seat_two, seats.seat_alone)
-    return Sockets(app.state.games, seats.find, app.state.guard.is_own_origin, report, room)
+    return Sockets(app.state.games, find, app.state.guard.is_own_origin, report, room)
 
 
-async def _researchers(app: FastAPI, settings: Settings, member: "Member | None") -> Control:
+async def _researchers(app: FastAPI, settings: Settings, member: "ClusterNode | None") -> Control:
     """What the researchers' pages look through and reach in with."""
     web: Web = app.state.web
     elsewhere = None if member is None else member.cluster
-    app.state.live = Live(web, app.state.games, app.state.sockets, elsewhere)
+    app.state.live = LiveGames(web, app.state.games, app.state.sockets, elsewhere)
     url = normal_url(settings.database)
     file = Path(str(url.database)) if url.get_backend_name() == "sqlite" else None
-    app.state.figures = Figures(app.state.live, file)
+    app.state.figures = Dashboard(app.state.live, file)
     control = Control(app.state.games, web.database, web.studies)
     await control.begin()
-    app.state.control = Everywhere(control, elsewhere)
+    app.state.control = ClusterControl(control, elsewhere)
     if member is not None:
         member.show(app.state.live, app.state.control, lambda: figures_of(app.state))
     return control
@@ -218,7 +237,7 @@ def _alarm(app: FastAPI, settings: Settings) -> Callable[[], Coroutine[Any, Any,
     """Looks for alerts, posts them where the settings say, and samples the course; returns what stops it."""
     hook = None
     if settings.alert_webhook:
-        from server.webhook import Webhook
+        from server.monitoring.webhook import Webhook
 
         hook = Webhook(settings.alert_webhook.get_secret_value())
 
@@ -228,7 +247,7 @@ def _alarm(app: FastAPI, settings: Settings) -> Callable[[], Coroutine[Any, Any,
             hook.send(message_of(alert, over, settings.public_url))
 
     app.state.alerts = Alerts(app.state.live, app.state.figures.file, tell, app.state.versions)
-    app.state.course = Course(app.state.live)
+    app.state.course = LatencyHistory(app.state.live)
     running = (app.state.alerts, app.state.course, app.state.versions, hook)
     tasks = [asyncio.create_task(work.run()) for work in running if work is not None]
 
@@ -243,6 +262,6 @@ def _warm(files: Sequence[StudyFile]) -> None:
     compile_templates()
     with only_our_kernels():
         for file in files:
-            trace = Trace(layout_of(file.study.layouts[0]), horizon=1)
+            trace = Simulation(layout_of(file.study.layouts[0]), horizon=1)
             trace.step((STAY, STAY))
             trace.history(0)(1)

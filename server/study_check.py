@@ -5,20 +5,20 @@ import json
 from collections.abc import Iterator
 from pathlib import Path as FilePath
 
-from models.blackbox import is_foreign
-from models.model_paths import is_class, without_variant
+from models.agents.blackbox import is_foreign
+from models.agents.model_paths import is_class, without_variant
 from overcooked.layout import Layout, LayoutError
-from server.cast import WEIGHTS, WITHOUT_WEIGHTS, Cast, cast_of, fingerprint, folder_of
+from server.participation.episode_specs import layout_of, models_of, predictor_of
+from server.required_models import WEIGHTS, WITHOUT_WEIGHTS, RequiredModels, fingerprint, folder_of, required_models
 from server.study.checks import Path, Problem
+from server.study.definition import KitchenChoice, PartnerSettings, Study
 from server.study.loader import StudyFile
-from server.study.plan import Agent, Kitchen, Study
-from server.web.episodes import layout_of, models_of, predictor_of
 
 
 def stage_problems(file: StudyFile) -> Iterator[Problem]:
     """Kitchens that are none, and agents and predictors that are not there, cannot be loaded or do not fit."""
     study = file.study
-    places: list[tuple[Path, Kitchen]] = [(("layouts", index), one) for index, one in enumerate(study.layouts)]
+    places: list[tuple[Path, KitchenChoice]] = [(("layouts", index), one) for index, one in enumerate(study.layouts)]
     places.append((("tutorial", "layout"), study.tutorial.layout))
     sound: dict[str, Layout] = {}
     for path, kitchen in places:
@@ -38,7 +38,7 @@ def stage_problems(file: StudyFile) -> Iterator[Problem]:
 def _variant_problems(study: Study) -> Iterator[Problem]:
     """Predictors written with a variant: `sp_predictor_stream@60` would be made worse without a word in conditions
     that promise the predictor itself."""
-    places: list[tuple[Path, Agent]] = [(("agents", index), one) for index, one in enumerate(study.agents)]
+    places: list[tuple[Path, PartnerSettings]] = [(("agents", index), one) for index, one in enumerate(study.agents)]
     places += [(("waiting_room", "agent"), study.waiting_room.agent), (("tutorial", "agent"), study.tutorial.agent)]
     for place, agent in places:
         name = agent.predictor or ""
@@ -47,7 +47,7 @@ def _variant_problems(study: Study) -> Iterator[Problem]:
             yield Problem((*place, "predictor"), f"{name!r} asks for a variant of a predictor", remedy)
 
 
-def missing_problems(file: StudyFile, cast: Cast) -> Iterator[Problem]:
+def missing_problems(file: StudyFile, cast: RequiredModels) -> Iterator[Problem]:
     """Agents and predictors that this machine does not have, or that no study may name, each at its place in the
     file."""
     yield from _variant_problems(file.study)
@@ -62,7 +62,7 @@ def missing_problems(file: StudyFile, cast: Cast) -> Iterator[Problem]:
 def _models(study: Study) -> Iterator[tuple[Path, str, str]]:
     """Every model that the study's games ask: place in the file, layout, name; each name as often as it is asked."""
     asked = set().union(*models_of(study))
-    places: list[tuple[Path, Agent]] = [(("agents", index), one) for index, one in enumerate(study.agents)]
+    places: list[tuple[Path, PartnerSettings]] = [(("agents", index), one) for index, one in enumerate(study.agents)]
     places += [(("waiting_room", "agent"), study.waiting_room.agent), (("tutorial", "agent"), study.tutorial.agent)]
     for place, agent in places:
         predictors = {predictor_of(study, agent, arm) for arm in study.conditions} - {None}
@@ -72,7 +72,7 @@ def _models(study: Study) -> Iterator[tuple[Path, str, str]]:
             yield from (((*place, key), layout, model) for key, name in names if name == model)
 
 
-def _remedy(place: Path, layout: str, model: str, cast: Cast) -> str:
+def _remedy(place: Path, layout: str, model: str, cast: RequiredModels) -> str:
     base = without_variant(model)
     if is_class(base):
         return f"Correct the name. Modules are looked for in {', '.join(cast.paths.folders)} and in PYTHONPATH."
@@ -86,7 +86,7 @@ def _remedy(place: Path, layout: str, model: str, cast: Cast) -> str:
 
 
 def _model_problems(file: StudyFile, layouts: dict[str, Layout]) -> Iterator[Problem]:
-    cast = cast_of([file])
+    cast = required_models([file])
     yield from missing_problems(file, cast)
     yield from _degraded_problems(cast)
     told: set[str] = set()
@@ -99,7 +99,7 @@ def _model_problems(file: StudyFile, layouts: dict[str, Layout]) -> Iterator[Pro
             yield problem
 
 
-def _grid_problem(study: Study, layout: Layout, model: str, cast: Cast) -> Problem | None:
+def _grid_problem(study: Study, layout: Layout, model: str, cast: RequiredModels) -> Problem | None:
     config = folder_of(layout.name, cast.paths.located(model)) / "config.json"
     if not config.is_file() or json.loads(config.read_text("utf-8")).get("grid") == layout.text:
         return None
@@ -109,10 +109,10 @@ def _grid_problem(study: Study, layout: Layout, model: str, cast: Cast) -> Probl
     return Problem(place, reason, "Give the own grid an own name, or name a model of this kitchen.")
 
 
-def _unfit(place: Path, layout: Layout, model: str, cast: Cast) -> Problem | None:
+def _unfit(place: Path, layout: Layout, model: str, cast: RequiredModels) -> Problem | None:
     """Why a model that is there cannot be used. A Python class is not run here: the server tries it when it starts."""
-    from models.catalogue import load_agent
-    from models.predictors import load_predictor
+    from models.agents.catalogue import load_agent
+    from models.agents.predictors import load_predictor
 
     base = cast.paths.located(without_variant(model))
     if is_class(base):
@@ -130,7 +130,7 @@ def _unfit(place: Path, layout: Layout, model: str, cast: Cast) -> Problem | Non
 def doubts(file: StudyFile) -> Iterator[Problem]:
     """What can be played and is probably not meant so (warnings): predictions are shown that say nothing about the
     agent that people play with."""
-    study, cast = file.study, cast_of([file])
+    study, cast = file.study, required_models([file])
     if not any(condition.predictor in ("tom", "degraded") for condition in study.conditions):
         return
     for index, agent in enumerate(study.agents):
@@ -152,12 +152,12 @@ def doubts(file: StudyFile) -> Iterator[Problem]:
                 yield Problem(place, reason, "Is that intended? Train one for this agent.", warning=True)
 
 
-def _identity(layout: str, model: str, cast: Cast) -> str | None:
+def _identity(layout: str, model: str, cast: RequiredModels) -> str | None:
     """What a predictor's config calls the agent that it was trained for."""
     return None if model in WITHOUT_WEIGHTS else fingerprint(layout, model, cast.paths.folders)
 
 
-def _degraded_problems(cast: Cast) -> Iterator[Problem]:
+def _degraded_problems(cast: RequiredModels) -> Iterator[Problem]:
     """A predictor is made worse by leaving what it is right about, so it must be known how often it is right."""
     for layout, model in cast.predictors:
         name, _, wanted = model.rpartition("@")

@@ -8,15 +8,15 @@ from sqlalchemy import Connection
 
 from overcooked.layout import Layout, LayoutError, parse_layout
 from overcooked.score import progress_credit
+from server.export.rows import Selection, episode_ids
 from server.play.recorder import EpisodeRecord, TickRecord
-from server.play.trace import Trace
+from server.play.simulation import Simulation
 from server.store import episodes, ticks
-from server.store.episodes import BrokenEpisode, Episode
-from server.store.exported import Selection, episode_ids
+from server.store.episodes import BrokenEpisode, StoredEpisode
 
 
 @dataclass(frozen=True)
-class Verdict:
+class VerificationResult:
     """One episode: what was compared and the first difference, if any."""
 
     episode: str
@@ -26,31 +26,31 @@ class Verdict:
     timestep: int | None = None  # of the difference
 
 
-def verify_all(connection: Connection, study_ids: tuple[int, ...] | None = None) -> Iterator[Verdict]:
+def verify_all(connection: Connection, study_ids: tuple[int, ...] | None = None) -> Iterator[VerificationResult]:
     """The verdict on every episode of these study versions (None: on all that there are), oldest first."""
     for episode_id in list(episode_ids(Selection(connection, study_ids))):
         yield verify(connection, episode_id)
 
 
-def verify(connection: Connection, episode_id: str) -> Verdict:
+def verify(connection: Connection, episode_id: str) -> VerificationResult:
     """Plays one episode again: every state's hash, rewards and events, then score, soups, progress and final hash."""
     ended = episodes.get(connection, episode_id)
     try:
         record = episodes.load(connection, episode_id)
     except BrokenEpisode as error:
-        return Verdict(episode_id, ended.layout if ended else "?", 0, str(error))
+        return VerificationResult(episode_id, ended.layout if ended else "?", 0, str(error))
     if record is None or ended is None:
-        return Verdict(episode_id, "?", 0, "there is no such episode")
+        return VerificationResult(episode_id, "?", 0, "there is no such episode")
     stored = ticks.of_episode(connection, episode_id)
     if not stored:
-        return Verdict(episode_id, ended.layout, 0)
+        return VerificationResult(episode_id, ended.layout, 0)
     try:
         layout = _layout(record.spec.grid, record.spec.layout)
     except LayoutError as error:
-        return Verdict(episode_id, ended.layout, 0, f"the stored grid is no kitchen: {error}")
-    trace = Trace(layout, record.spec.horizon)
+        return VerificationResult(episode_id, ended.layout, 0, f"the stored grid is no kitchen: {error}")
+    trace = Simulation(layout, record.spec.horizon)
     found = _compare_ticks(trace, stored) or _compare_end(trace, record, ended)
-    return Verdict(episode_id, ended.layout, len(stored) - 1, *(found or (None, None)))
+    return VerificationResult(episode_id, ended.layout, len(stored) - 1, *(found or (None, None)))
 
 
 @lru_cache(maxsize=64)
@@ -58,7 +58,7 @@ def _layout(grid: str, name: str) -> Layout:
     return parse_layout(grid, name)
 
 
-def _compare_ticks(trace: Trace, stored: list[TickRecord]) -> tuple[str, int] | None:
+def _compare_ticks(trace: Simulation, stored: list[TickRecord]) -> tuple[str, int] | None:
     for tick in stored:
         if tick.timestep:
             if tick.actions is None:
@@ -72,7 +72,7 @@ def _compare_ticks(trace: Trace, stored: list[TickRecord]) -> tuple[str, int] | 
     return None
 
 
-def _compare_end(trace: Trace, record: EpisodeRecord, ended: Episode) -> tuple[str, int] | None:
+def _compare_end(trace: Simulation, record: EpisodeRecord, ended: StoredEpisode) -> tuple[str, int] | None:
     """Only for what has ended: a running episode has no score yet."""
     if ended.status not in ("done", "aborted"):
         return None

@@ -21,7 +21,7 @@ import pytest
 from real_server import SHORT_STUDY
 from test_guides import BLOCK
 
-from server.bots import Bot
+from server.bots.participant import Bot
 
 ROOT = Path(__file__).parent.parent
 GUIDE = (ROOT / "docs" / "guides" / "run_on_a_server.md").read_text(encoding="utf-8")

@@ -8,16 +8,16 @@ from typing import Any
 import torch
 from safetensors.torch import load_file
 
-from models.checkpoint import load_checkpoint
-from models.network_config import NetworkConfig
-from models.policy import MlpPolicy, Network, build_network, network_of, save_agent
+from models.networks.checkpoint import load_checkpoint
+from models.networks.config import NetworkConfig
+from models.networks.policy import MlpPolicy, Network, build_network, network_of, save_agent
 from models.protocols import Mode
 from overcooked.layout import Layout, parse_layout
 from training.compute import Compute
 from training.config import AgentConfig, changed, differences, network_config
 from training.fast_path import choose_compute
 from training.partners import PartnerPool, load_partners
-from training.ppo import Progress, Trainer, run_settings, train
+from training.ppo import PpoTrainer, Progress, run_settings, train
 from training.runlog import RunFolder
 
 PEOPLE = Mode(temperature=0.0, stuck_after=8, stuck_mix=0.5)  # decided by measurement: docs/decisions
@@ -41,7 +41,7 @@ def train_agent(
         compute, measured = choose_compute(network_config(config), layout)
         folder.note_compute(str(compute), measured)
         pool = _partner_pool(partners, layout, config, compute) if partners else None
-        train(Trainer(config, layout, seed, pool, compute), folder, progress)
+        train(PpoTrainer(config, layout, seed, pool, compute), folder, progress)
     return folder
 
 

@@ -18,9 +18,9 @@ import torch
 from numpy.typing import NDArray
 from torch.nn import functional
 
-from models.catalogue import WEIGHTS
-from models.network_config import NetworkConfig
-from models.policy import MlpPolicy, build_network, save_agent
+from models.agents.catalogue import WEIGHTS
+from models.networks.config import NetworkConfig
+from models.networks.policy import MlpPolicy, build_network, save_agent
 from models.protocols import Mode
 from overcooked.layout import Layout, load_layout
 from overcooked.state import Kitchens

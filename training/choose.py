@@ -11,14 +11,14 @@ from typing import Any
 
 import torch
 
-from models.catalogue import WEIGHTS, load_agent
-from models.policy import NetworkPolicy, load_network
+from models.agents.catalogue import WEIGHTS, load_agent
+from models.networks.policy import NetworkPolicy, load_network
 from models.protocols import Policy
 from overcooked.constants import HORIZON
 from overcooked.layout import Layout
 from training.agents import PEOPLE, SKILLS, publish
-from training.evaluate_agents import Player, measured
-from training.study import Work
+from training.evaluate_agents import EvaluatedAgent, measured
+from training.pipeline.study_tasks import Work
 
 HELD_OUT = "held_out"
 _DECISION = "decision.json"
@@ -27,7 +27,7 @@ _DECISION = "decision.json"
 def choose_sp(work: Work, layout: Layout) -> None:
     """The target run that scores best with itself. Leaves <folder>/agent."""
     runs = work.inputs.items()
-    entries = {name: measured(layout, "sp", Player(_policy(folder), PEOPLE), ()) for name, folder in runs}
+    entries = {name: measured(layout, "sp", EvaluatedAgent(_policy(folder), PEOPLE), ()) for name, folder in runs}
     scores = {name: {"self_play": entry["self_play"]["mean"]} for name, entry in entries.items()}
     best = max(scores, key=lambda name: scores[name]["self_play"])
     _leave(work, best, entries[best], scores)
@@ -41,7 +41,9 @@ def choose_fcp(work: Work, layout: Layout) -> None:
     strangers = [folder for name, folder in work.inputs.items() if _is_stranger(name, decision["best"], work.inputs)]
     runs = {name: folder for name, folder in work.inputs.items() if name.startswith("target_fcp")}
     levels = _levels(strangers)
-    entries = {name: measured(layout, "fcp", Player(_policy(folder), PEOPLE), levels) for name, folder in runs.items()}
+    entries = {
+        name: measured(layout, "fcp", EvaluatedAgent(_policy(folder), PEOPLE), levels) for name, folder in runs.items()
+    }
     scores = {name: {key: entry[key]["mean"] for key in ("self_play", "held_out")} for name, entry in entries.items()}
     best = best_fcp(scores, decision["measured"]["self_play"]["mean"])
     _leave(work, best, entries[best], scores)
@@ -84,7 +86,7 @@ def evaluate_shipped(
     folders = sorted([*(shipped / HELD_OUT).glob("*"), *(shipped / "population").glob("fcp_*")])
     strangers: list[Policy] = [NetworkPolicy(load_network(folder)) for folder in folders]
     present = [name for name in names if name == "planner" or (WEIGHTS / layout.name / name).is_dir()]
-    players = {name: Player(*load_agent(name, layout)) for name in present}
+    players = {name: EvaluatedAgent(*load_agent(name, layout)) for name in present}
     return [measured(layout, name, player, strangers, episodes, timesteps) for name, player in players.items()]
 
 

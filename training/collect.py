@@ -50,7 +50,7 @@ class Partner:
 
 
 @dataclass(frozen=True)
-class Plan:
+class CollectionPlan:
     """How much is collected with each partner."""
 
     trajectories: int = 5
@@ -86,7 +86,12 @@ def split_by_agent(partners: Iterable[Partner]) -> dict[str, str]:
 
 
 def collect(
-    folder: Path, layout: Layout, target: Target, partners: Sequence[Partner], plan: Plan, report: Report | None = None
+    folder: Path,
+    layout: Layout,
+    target: Target,
+    partners: Sequence[Partner],
+    plan: CollectionPlan,
+    report: Report | None = None,
 ) -> Path:
     """Writes a shard a partner and the manifest to `folder`; what is there already from the same settings stays.
     Returns the manifest's path. Raises ValueError where `folder` holds other games."""
@@ -132,7 +137,7 @@ def read_shard(folder: Path, name: str, sha256: str) -> Shard:
     return load_file(file)
 
 
-def games_with(layout: Layout, target: Target, partner: Partner, plan: Plan) -> Shard:
+def games_with(layout: Layout, target: Target, partner: Partner, plan: CollectionPlan) -> Shard:
     """The target's games with one partner: 4 settings x `trajectories` games G of T timesteps. Arrays, target first:
 
     `players` (G, T, 2, 4) as in the state (by seat), `contents` (G, T, width, height), `timestep` (G, T), `actions`

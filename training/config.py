@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from models.network_config import NetworkConfig
+from models.networks.config import NetworkConfig
 
 CONFIG_FOLDER = Path(__file__).parent / "configs"
 

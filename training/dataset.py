@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from models.predictor import JOINT, Eyes, one_hot
+from models.networks.predictor import JOINT, Encoder, one_hot
 from models.protocols import HISTORY, STEPS
 from overcooked.constants import HORIZON, PLAYERS
 from overcooked.layout import Layout
@@ -55,7 +55,7 @@ def _coming(actions: NDArray[np.int8]) -> NDArray[np.int64]:
     return labels
 
 
-def load_episodes(folder: Path, split: str, layout: Layout, eyes: Eyes) -> Episodes:
+def load_episodes(folder: Path, split: str, layout: Layout, eyes: Encoder) -> Episodes:
     """All collected games of a split. Raises ValueError where there are none."""
     shards = {name: facts for name, facts in read_manifest(folder)["shards"].items() if facts["split"] == split}
     if not shards:
@@ -73,7 +73,7 @@ def joined(parts: Sequence[Episodes]) -> Episodes:
     )
 
 
-def episodes_of(shard: Shard, layout: Layout, eyes: Eyes) -> Episodes:
+def episodes_of(shard: Shard, layout: Layout, eyes: Encoder) -> Episodes:
     """One partner's games, cut into episodes."""
     timesteps = min(HORIZON, shard["timestep"].shape[1])
     episodes = shard["timestep"].shape[1] // timesteps
@@ -90,7 +90,7 @@ def episodes_of(shard: Shard, layout: Layout, eyes: Eyes) -> Episodes:
 
 
 @torch.inference_mode()
-def _features(cut: Shard, seat: NDArray[np.int8], layout: Layout, eyes: Eyes) -> torch.Tensor:
+def _features(cut: Shard, seat: NDArray[np.int8], layout: Layout, eyes: Encoder) -> torch.Tensor:
     """(E, T, size) float16."""
     episodes, timesteps = cut["timestep"].shape
     seats = np.repeat(seat, timesteps)

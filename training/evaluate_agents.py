@@ -18,7 +18,7 @@ from overcooked.vector_env import VectorEnv
 
 
 @dataclass(frozen=True)
-class Player:
+class EvaluatedAgent:
     """An agent at the table: what it would do, and how it makes up its mind."""
 
     policy: Policy
@@ -26,7 +26,7 @@ class Player:
 
 
 @dataclass(frozen=True)
-class Games:
+class PlayedGames:
     """What came of some games; the second and third figure are about the chef in the first seat given."""
 
     scores: NDArray[np.float64]  # (games,): points per 400 timesteps
@@ -35,7 +35,9 @@ class Games:
     longest_jam: int  # most timesteps in a row in which nothing about either chef changed
 
 
-def play(layout: Layout, players: Sequence[Player], games: int, seed: int, horizon: int = HORIZON) -> Games:
+def play(
+    layout: Layout, players: Sequence[EvaluatedAgent], games: int, seed: int, horizon: int = HORIZON
+) -> PlayedGames:
     """`games` episodes of one pair from the standard start; `players` in the order of the seats."""
     random = np.random.default_rng(seed)
     env = VectorEnv(layout, games, horizon=horizon + 1)  # never reset within: the last state stays
@@ -59,17 +61,19 @@ def play(layout: Layout, players: Sequence[Player], games: int, seed: int, horiz
         for seat in range(PLAYERS):
             stuck[seat].update(env.kitchens.players[:, seat])
         longest = max(longest, int(np.minimum(stuck[0].counts, stuck[1].counts).max()))
-    return Games(scores * HORIZON / horizon, certainty / horizon, stuck_share / horizon, longest)
+    return PlayedGames(scores * HORIZON / horizon, certainty / horizon, stuck_share / horizon, longest)
 
 
-def with_itself(layout: Layout, player: Player, episodes: int = 40, seed: int = 0, timesteps: int = HORIZON) -> Games:
+def with_itself(
+    layout: Layout, player: EvaluatedAgent, episodes: int = 40, seed: int = 0, timesteps: int = HORIZON
+) -> PlayedGames:
     """Self-play."""
     return play(layout, (player, player), episodes, seed, timesteps)
 
 
 def with_partners(
     layout: Layout,
-    player: Player,
+    player: EvaluatedAgent,
     partners: Iterable[Policy],
     episodes: int = 8,
     seed: int = 0,
@@ -78,17 +82,25 @@ def with_partners(
     """Mean points with each partner, (partners, 2 seats, 2 modes): the partner in our own mode, then sampling."""
     modes = (player.mode, replace(player.mode, temperature=1.0))
 
-    def points(partner: Player, seat: int) -> float:
+    def points(partner: EvaluatedAgent, seat: int) -> float:
         pair = (player, partner) if seat == 0 else (partner, player)
         return float(play(layout, pair, episodes, seed, timesteps).scores.mean())
 
     return np.array(
-        [[[points(Player(partner, mode), seat) for mode in modes] for seat in range(PLAYERS)] for partner in partners]
+        [
+            [[points(EvaluatedAgent(partner, mode), seat) for mode in modes] for seat in range(PLAYERS)]
+            for partner in partners
+        ]
     )
 
 
 def measured(
-    layout: Layout, name: str, player: Player, partners: Sequence[Policy], episodes: int = 40, timesteps: int = HORIZON
+    layout: Layout,
+    name: str,
+    player: EvaluatedAgent,
+    partners: Sequence[Policy],
+    episodes: int = 40,
+    timesteps: int = HORIZON,
 ) -> dict[str, Any]:
     """One entry of `kitchenmind evaluate agents --json`: self-play over episodes, held-out over partners (with each of
     them at most 8 episodes a seat and mode)."""

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from models.predictor import PredictorNetwork
+from models.networks.predictor import PredictorNetwork
 from models.protocols import STEPS
 from overcooked.constants import ACTIONS
 from training.dataset import NONE, Episodes, stream_batch, window_batch
@@ -21,7 +21,7 @@ _AT_ONCE = {"stream": 16, "window": 4096}  # episodes, windows
 
 
 @dataclass(frozen=True)
-class Accuracy:
+class OfflineAccuracy:
     """Shares of right actions."""
 
     steps: tuple[float, ...]  # by predicted step
@@ -35,13 +35,13 @@ class Accuracy:
 class Evaluation:
     """What one predictor does on one set of games."""
 
-    accuracy: Accuracy
-    repeat: Accuracy  # the target's last action, said three times
-    frequent: Accuracy  # the action that it takes most
+    accuracy: OfflineAccuracy
+    repeat: OfflineAccuracy  # the target's last action, said three times
+    frequent: OfflineAccuracy  # the action that it takes most
     ceiling: float  # of step 1: mean of the largest probability of the target's law
-    free: Accuracy  # where nobody was stuck
-    free_repeat: Accuracy
-    free_frequent: Accuracy
+    free: OfflineAccuracy  # where nobody was stuck
+    free_repeat: OfflineAccuracy
+    free_frequent: OfflineAccuracy
     free_share: float
     error: float  # expected calibration error of the top probability, all steps together
     loss: float  # cross-entropy summed over the steps
@@ -135,6 +135,6 @@ def fitted_temperature(said: torch.Tensor, labels: torch.Tensor) -> torch.Tensor
     return torch.stack(chosen)
 
 
-def _share(right: torch.Tensor, of: torch.Tensor) -> Accuracy:
+def _share(right: torch.Tensor, of: torch.Tensor) -> OfflineAccuracy:
     counts = of.flatten(0, 1).sum(0).clamp(min=1)
-    return Accuracy(tuple((right.flatten(0, 1).sum(0) / counts).tolist()))
+    return OfflineAccuracy(tuple((right.flatten(0, 1).sum(0) / counts).tolist()))

@@ -13,13 +13,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from models.columns import varying_columns
-from models.network_config import LEAK, NetworkConfig
-from models.policy import CnnPolicy, MlpPolicy, Network, build_network
+from models.networks.columns import varying_columns
+from models.networks.config import LEAK, NetworkConfig
+from models.networks.policy import CnnPolicy, MlpPolicy, Network, build_network
 from overcooked.layout import Layout, parse_layout
 from overcooked.observe import PLANES
 from training.compute import Compute, Request, autocast, quickest, requested
-from training.sparse_layer import Places, SparseConvolution, SparseLinear
+from training.sparse_layer import ColumnPlaces, SparseConvolution, SparseLinear
 
 _MEASURED_ROWS = 256
 _SET_ENTRIES = 10  # about as many entries of an observation are not zero
@@ -73,7 +73,7 @@ class FastCnn:
             # The sparse first layer gives (width, height, filters), the dense one (filters, width, height).
             self._second = DenseConvolution(second, width, height, planes_last=compute.form == "sparse_dense")
             self._third = DenseConvolution(third, width, height)
-        self._places = Places(self.columns, height, PLANES)
+        self._places = ColumnPlaces(self.columns, height, PLANES)
         self._on_device = torch.from_numpy(self.columns).to(compute.device)
         constant = torch.from_numpy(layout.static_planes.copy()).float()
         constant.view(-1)[torch.from_numpy(self.columns)] = 0

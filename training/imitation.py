@@ -8,7 +8,7 @@ import torch
 from torch import nn
 
 from models.acting import Stuck, distribution, draw
-from models.planner import MODE, PlannerPolicy
+from models.agents.planner import MODE, PlannerPolicy
 from overcooked.constants import ACTIONS, PLAYERS
 from overcooked.layout import Layout
 from overcooked.vector_env import VectorEnv

@@ -7,8 +7,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from models.checkpoint import CheckpointError, load_checkpoint
-from models.policy import MlpPolicy, Network, network_of
+from models.networks.checkpoint import CheckpointError, load_checkpoint
+from models.networks.policy import MlpPolicy, Network, network_of
 from overcooked.layout import Layout
 from training.compute import Compute
 from training.fast_path import fast_path

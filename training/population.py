@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from models.acting import GREEDY, SAMPLED, distribution
-from models.catalogue import agent_sha256, load_agent
-from models.checkpoint import CheckpointError, load_checkpoint
-from models.policy import NetworkPolicy, network_of
+from models.agents.catalogue import agent_sha256, load_agent
+from models.networks.checkpoint import CheckpointError, load_checkpoint
+from models.networks.policy import NetworkPolicy, network_of
 from models.protocols import Observations, Policy, Probabilities
 from overcooked.constants import ACTIONS
 from overcooked.layout import Layout, layout_names

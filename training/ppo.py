@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from models.policy import Network, build_network
+from models.networks.policy import Network, build_network
 from overcooked.constants import PLAYERS, USEFUL_DISH_PICKUP
 from overcooked.layout import Layout
 from overcooked.score import DISH_REWARD
@@ -32,7 +32,7 @@ from training.threaded_env import threaded_env, threads_for
 Progress = Callable[[int, dict[str, float]], None]  # timesteps done, newest metrics
 
 
-class Seats:
+class SeatRows:
     """Who sits where. Rows count the seats of all games: row = 2 * game + seat."""
 
     def __init__(self, config: AgentConfig, partners: PartnerPool | None) -> None:
@@ -45,7 +45,7 @@ class Seats:
         self.partner = PLAYERS * games + 1 - (games % 2)  # (rows of the partners,)
 
 
-class Trainer:
+class PpoTrainer:
     """One run: the learner, its games and all that a resumed run needs."""
 
     def __init__(
@@ -62,7 +62,7 @@ class Trainer:
         self.network: Network = build_network(network_config(config), layout).to(self.compute.device)
         self.fast = fast_path(self.network, layout, self.compute)
         self.optimizer = torch.optim.Adam(self.network.parameters(), config.learning_rate, eps=1e-5, fused=True)
-        self.seats = Seats(config, partners)
+        self.seats = SeatRows(config, partners)
         starts = Starts(desynchronised=True, random_share=config.random_starts)
         self.env = threaded_env(layout, self.seats.games, starts, seed, threads_for(self.compute.device))
         self.timesteps = 0
@@ -194,7 +194,7 @@ class Trainer:
         self.timesteps = int(numbers["timesteps"])
 
 
-def train(trainer: Trainer, folder: RunFolder, progress: Progress | None = None, save_every_s: float = 60) -> None:
+def train(trainer: PpoTrainer, folder: RunFolder, progress: Progress | None = None, save_every_s: float = 60) -> None:
     """Runs to the end of the config, from where the folder's state left off. Snapshots go to the folder."""
     config = trainer.config
     state = folder.load()

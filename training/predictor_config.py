@@ -1,11 +1,10 @@
-"""The settings of a predictor's training: its own here, the network's in models.predictor. An unknown key is an
-error."""
+"""Settings of a predictor's training. The network's own are in `models.networks.predictor`; unknown keys are errors."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from models.network_config import PredictorConfig
+from models.networks.config import PredictorConfig
 from training.config import ConfigError
 
 

@@ -15,7 +15,7 @@ from torch import Tensor
 _KERNEL = 5  # side of the first convolution
 
 
-class Places:
+class ColumnPlaces:
     """Where the columns of the entries lie in the encoding (width, height, planes)."""
 
     def __init__(self, columns: NDArray[np.int64], height: int, planes: int) -> None:
@@ -51,7 +51,7 @@ class SparseConvolution(torch.autograd.Function):
     """
 
     @staticmethod
-    def forward(ctx: Any, entries: Tensor, kernel: Tensor, constant: Tensor, places: Places) -> Tensor:
+    def forward(ctx: Any, entries: Tensor, kernel: Tensor, constant: Tensor, places: ColumnPlaces) -> Tensor:
         ctx.save_for_backward(entries)
         ctx.places, ctx.shape = places, kernel.shape
         width, height, filters = constant.shape
@@ -70,7 +70,7 @@ class SparseConvolution(torch.autograd.Function):
         width, height = gradient.shape[1], gradient.shape[2] // filters
         by_cell = gradient.contiguous().view(-1, width, height, filters)
         by_offset = torch.zeros(_KERNEL, _KERNEL, planes, filters)
-        places: Places = ctx.places
+        places: ColumnPlaces = ctx.places
         convolution_backward(entries.numpy(), places.x, places.y, places.planes, by_cell.numpy(), by_offset.numpy())
         return None, by_offset.permute(3, 2, 0, 1), by_cell.sum(0), None
 

@@ -17,10 +17,10 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from models.checkpoint import load_checkpoint
-from models.network_config import PredictorConfig
-from models.policy import CnnPolicy, load_network
-from models.predictor import PredictorNetwork, predictor_network
+from models.networks.checkpoint import load_checkpoint
+from models.networks.config import PredictorConfig
+from models.networks.policy import CnnPolicy, load_network
+from models.networks.predictor import PredictorNetwork, predictor_network
 from models.protocols import STEPS
 from overcooked.constants import ACTIONS
 from overcooked.layout import Layout
@@ -35,7 +35,7 @@ Progress = Callable[[float, Mapping[str, float]], None]
 LOOK_IS_NEAR_S = 10.0  # when time is over, a look at validation that is so near is still made
 
 
-class Trainer:
+class PredictorTrainer:
     """One predictor while it learns: network, its average, optimiser, the best weights so far."""
 
     def __init__(
@@ -204,7 +204,7 @@ def prepared(
     games: Path,
     lender: Path | None = None,
     begin_with: Path | None = None,
-) -> Trainer:
+) -> PredictorTrainer:
     """A trainer with its games loaded. `lender`: the agent that lends its convolutions, if the eyes are a CNN.
     `begin_with`: a predictor of the same kitchen and shape whose weights are the first. Raises ValueError or OSError
     where one of them cannot be used."""
@@ -220,7 +220,7 @@ def prepared(
             raise ValueError(f"{lender}: has no convolutions to lend. Give an agent trained with network = cnn.")
         learner.eyes.convolutions.load_state_dict(lent.features.state_dict())
     episodes = [load_episodes(games, split, layout, learner.eyes) for split in (TRAIN, VALIDATION)]
-    return Trainer(learner, config, episodes[0], episodes[1])
+    return PredictorTrainer(learner, config, episodes[0], episodes[1])
 
 
 def _take_weights(learner: PredictorNetwork, folder: Path) -> None:
@@ -234,7 +234,7 @@ def _take_weights(learner: PredictorNetwork, folder: Path) -> None:
     learner.temperature.fill_(1.0)
 
 
-def train_predictor(trainer: Trainer, folder: RunFolder, progress: Progress | None = None) -> PredictorNetwork:
+def train_predictor(trainer: PredictorTrainer, folder: RunFolder, progress: Progress | None = None) -> PredictorNetwork:
     """Trains until validation gets no better (or goes on with an interrupted run); returns the calibrated best.
 
     Raises TimeoutError when the config's `minutes` are over before that: the next call goes on, and `usable` gives what
@@ -276,7 +276,7 @@ def train_predictor(trainer: Trainer, folder: RunFolder, progress: Progress | No
     return trainer.network
 
 
-def usable(trainer: Trainer) -> PredictorNetwork:
+def usable(trainer: PredictorTrainer) -> PredictorNetwork:
     """Return the calibrated best network so far of a training that was stopped. Not to be trained on."""
     if not trainer.best_accuracy:  # nobody has looked yet
         trainer.look()

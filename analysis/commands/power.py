@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from analysis.power import Design
+    from analysis.power import PowerDesign
 
 
 @dataclass(frozen=True)
-class Plan:
+class StudyPlan:
     """Episodes of a participant, participants planned, and the spread of reward where data say it."""
 
     episodes: int
@@ -66,9 +66,9 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _design(arguments: argparse.Namespace) -> "tuple[Design, int]":
+def _design(arguments: argparse.Namespace) -> "tuple[PowerDesign, int]":
     """The design to simulate and the participants to speak about. Raises ValueError with a remedy."""
-    from analysis.power import Design
+    from analysis.power import PowerDesign
 
     if arguments.source.is_dir():
         plan = _from_export(arguments.source, arguments)
@@ -76,7 +76,7 @@ def _design(arguments: argparse.Namespace) -> "tuple[Design, int]":
         plan = _from_study(arguments.source)
         if arguments.pilot is not None:
             pilot = _from_export(arguments.pilot, arguments)
-            plan = Plan(plan.episodes, plan.participants, pilot.person_sd, pilot.residual_sd)
+            plan = StudyPlan(plan.episodes, plan.participants, pilot.person_sd, pilot.residual_sd)
     person_sd = plan.person_sd if arguments.person_sd is None else arguments.person_sd
     residual_sd = plan.residual_sd if arguments.residual_sd is None else arguments.residual_sd
     if person_sd is None or residual_sd is None:
@@ -86,7 +86,7 @@ def _design(arguments: argparse.Namespace) -> "tuple[Design, int]":
         )
     participants = plan.participants if arguments.participants is None else arguments.participants
     _check(arguments, person_sd, residual_sd, participants)
-    return Design(person_sd, residual_sd, plan.episodes, arguments.alpha), participants
+    return PowerDesign(person_sd, residual_sd, plan.episodes, arguments.alpha), participants
 
 
 def _check(arguments: argparse.Namespace, person_sd: float, residual_sd: float, participants: int) -> None:
@@ -107,7 +107,7 @@ def _check(arguments: argparse.Namespace, person_sd: float, residual_sd: float, 
             raise ValueError(f"{name} is out of range. {remedy}")
 
 
-def _from_export(folder: Path, arguments: argparse.Namespace) -> Plan:
+def _from_export(folder: Path, arguments: argparse.Namespace) -> StudyPlan:
     """How reward varied in a pilot."""
     from analysis import measures, mixed
     from analysis.exclusions import versions_notice
@@ -123,17 +123,17 @@ def _from_export(folder: Path, arguments: argparse.Namespace) -> Plan:
     if variance is None:
         raise ValueError(f"{folder} does not tell how reward varies: its mixed model {model.rows[0].note}.")
     each = round(episodes.height / episodes["participant"].n_unique())
-    return Plan(each, smallest_condition(episodes, export.conditions), variance.person_sd, variance.residual_sd)
+    return StudyPlan(each, smallest_condition(episodes, export.conditions), variance.person_sd, variance.residual_sd)
 
 
-def _from_study(path: Path) -> Plan:
+def _from_study(path: Path) -> StudyPlan:
     """Episodes of a participant as a study file plans them."""
     import yaml
 
     try:
         study = yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.BaseLoader)  # noqa: S506 - texts only
         repeat = int(study.get("order", {}).get("repeat", 1))
-        return Plan(len(study["layouts"]) * len(study["agents"]) * repeat, participants=29)
+        return StudyPlan(len(study["layouts"]) * len(study["agents"]) * repeat, participants=29)
     except OSError as error:
         raise ValueError(
             f"cannot read {path}: {error.strerror}. Give a study file or the folder of an export."

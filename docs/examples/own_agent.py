@@ -11,7 +11,7 @@ import onnx
 import torch
 from onnx import TensorProto, helper, numpy_helper
 
-from models.catalogue import load_agent
+from models.agents.catalogue import load_agent
 from overcooked.pettingzoo_env import AGENTS, KitchenEnv
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from server.bundle import texts
 from server.bundle.archive import BundleRefused, packed, unpacked
 from server.bundle.state import State, differences, outside_models, state_of
+from server.participation.episode_specs import layout_of
 from server.study.loader import StudyError, StudyFile, parse_study
-from server.web.episodes import layout_of
 
 FORMAT = 1
 STUDY = "study.yaml"

@@ -5,13 +5,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from models.model_paths import without_variant
-from server.cast import WITHOUT_WEIGHTS, Cast, cast_of
+from models.agents.model_paths import without_variant
+from server.participation.episode_specs import layout_of
+from server.required_models import WITHOUT_WEIGHTS, RequiredModels, required_models
 from server.settings import ROOT
 from server.study.loader import StudyFile
 from server.study_check import missing_problems
 from server.version import code_version
-from server.web.episodes import layout_of
 
 NOT_HASHED: Final = "cannot be hashed"
 _PARTS: Final = ("overcooked", "models", "server", "analysis", "migrations", "static", "templates")
@@ -45,7 +45,7 @@ class State:
 
 def state_of(file: StudyFile) -> State:
     """As it is here and now. Raises StateError for models that are not here, LayoutError, StudyError."""
-    cast = cast_of([file])
+    cast = required_models([file])
     missing = [file.describe(problem) for problem in missing_problems(file, cast)]
     if missing:
         raise StateError("\n".join(missing))
@@ -59,7 +59,7 @@ def state_of(file: StudyFile) -> State:
 
 def outside_models(file: StudyFile) -> list[str]:
     """Return the models of a study that are code outside this repository or an address: `module:Class` and URLs."""
-    cast = cast_of([file])
+    cast = required_models([file])
     models = {without_variant(model) for _, model in (*cast.agents, *cast.predictors)}
     return sorted(model for model in models if ":" in model)
 
@@ -80,7 +80,7 @@ def _unlike(wanted: Mapping[str, str], here: Mapping[str, str]) -> list[str]:
     return sorted(name for name in wanted.keys() | here.keys() if wanted.get(name) != here.get(name))
 
 
-def _model(cast: Cast, layout: str, model: str) -> str:
+def _model(cast: RequiredModels, layout: str, model: str) -> str:
     base = without_variant(model)
     return cast.fingerprint(layout, model) or (f"scripted: {base}" if base in WITHOUT_WEIGHTS else NOT_HASHED)
 

@@ -7,11 +7,11 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
-from analysis.quality import RULES
+from analysis.data_quality import RULES
 from analysis.study import QUESTIONNAIRE_LAYOUTS, main_contrast
 from server.bundle.state import State
 from server.study.assignment import Count, StudyFullError, next_condition, participant_seed
-from server.study.plan import Study
+from server.study.definition import Study
 from server.study.questionnaire import AnyQuestion
 from server.study.steps import steps
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 if TYPE_CHECKING:
-    from server.bot_crowd import Crowd, Outcome
-    from server.bots import Bot
+    from server.bots.crowd import Crowd, CrowdOutcome
+    from server.bots.participant import Bot
 
 MOST = 2000
 
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """0: every promise was kept; 1: some were broken, or the server failed; 2: wrong input."""
-    from server.own_server import ServerFailed
+    from server.bots.local_server import ServerFailed
     from server.store.database import DatabaseDown
     from server.study.loader import StudyError
 
@@ -89,8 +89,8 @@ def _secret() -> str:
     return os.environ.get("KITCHENMIND_SECRET", "")
 
 
-def _simulate(arguments: argparse.Namespace) -> "Outcome":
-    from server.own_server import QUICK, OwnServer
+def _simulate(arguments: argparse.Namespace) -> "CrowdOutcome":
+    from server.bots.local_server import QUICK, OwnServer
     from server.settings import ROOT
 
     study = arguments.study or ROOT / "studies" / "quick_look.yaml"
@@ -114,9 +114,9 @@ def _try_out(arguments: argparse.Namespace) -> int:
 
     import uvloop
 
-    from server.bot_faults import TROUBLES, table, try_out
+    from server.bots.faults import TROUBLES, table, try_out
+    from server.bots.local_server import QUICK, OwnServer
     from server.commands.databases import open_stored
-    from server.own_server import QUICK, OwnServer
     from server.settings import ROOT
 
     study = arguments.study or ROOT / "studies" / "quick_look.yaml"
@@ -140,8 +140,8 @@ def _try_out(arguments: argparse.Namespace) -> int:
 
 def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
     """Raises StudyError, FileNotFoundError; ValueError where a server has no study."""
-    from server.bot_crowd import Crowd
-    from server.cast import cast_of
+    from server.bots.crowd import Crowd
+    from server.required_models import required_models
     from server.study.loader import StudyError, load_study
     from server.study_check import missing_problems
 
@@ -151,7 +151,7 @@ def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
         )
     file = load_study(study_file)
     if not arguments.url:
-        missing = [file.describe(problem) for problem in missing_problems(file, cast_of([file]))]
+        missing = [file.describe(problem) for problem in missing_problems(file, required_models([file]))]
         if missing:
             raise StudyError(missing)
     study = file.study
@@ -175,13 +175,13 @@ def _offered(url: str) -> str:
     return found.group(1)
 
 
-def _walk(arguments: argparse.Namespace, crowd: "Crowd", url: str, database_url: str | None) -> "Outcome":
+def _walk(arguments: argparse.Namespace, crowd: "Crowd", url: str, database_url: str | None) -> "CrowdOutcome":
     """Everybody through the study, then the judgement."""
     import asyncio
 
     import uvloop
 
-    from server.bot_crowd import judge, simulate
+    from server.bots.crowd import judge, simulate
     from server.commands.databases import open_stored
 
     with ExitStack() as stack:
@@ -203,7 +203,7 @@ def _say(arguments: argparse.Namespace, words: str) -> None:
         print(words, file=sys.stderr, flush=True)
 
 
-def _table(outcome: "Outcome") -> str:
+def _table(outcome: "CrowdOutcome") -> str:
     lines = [
         f"{'started':<12}{outcome.started:>6}",
         f"{'completed':<12}{outcome.completed:>6}",

@@ -74,7 +74,7 @@ def _confirmed() -> bool:
 
 def _delete(url: "URL", found: "Participant", arguments: argparse.Namespace) -> None:
     from server.store import engines
-    from server.store.beside import beside_the_server
+    from server.store.concurrent_changes import beside_the_server
     from server.store.migrate import migrate
     from server.store.withdrawal import Deletion, withdraw
 

@@ -13,13 +13,13 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from server.supervisor import Supervised, Supervisor, supervised
+from server.cluster.supervisor import Supervised, Supervisor, supervised
 
 if TYPE_CHECKING:
     import uvicorn
     from fastapi import FastAPI
 
-    from models.launch import Launched
+    from models.inference.launch import Launched
     from server.settings import Settings
 
 _UNSENT_GIVE_UP_MS = 10_000  # a peer that takes nothing in for so long is gone, whatever its socket says
@@ -140,20 +140,20 @@ def _serve_several(settings: "Settings", listening: socket.socket) -> int:
 
 def serve(settings: "Settings", listening: socket.socket, process: Supervised | None = None) -> int:
     """Runs the application on the socket until a signal stops it; the exit status."""
-    from models.launch import launch
+    from models.inference.launch import launch
 
     gc.disable()  # nothing of what a start makes is garbage; `wired` lets it work again
     launched = launch()  # the models' process starts while this one still imports
     import uvloop
 
-    from models.lane import ModelsDown
-    from server import logs
+    from models.inference.supervised_worker import ModelsDown
+    from server import logging_setup
+    from server.monitoring.peers import ClusterDown
     from server.store.database import DatabaseDown, DatabaseInUse
     from server.store.migrate import DatabaseTooNew
     from server.study.loader import StudyError
-    from server.web.elsewhere import ClusterDown
 
-    logs.configure(settings.log)
+    logging_setup.configure(settings.log)
     try:
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
             runner.run(_serve(settings, listening, process, launched))
@@ -169,8 +169,8 @@ def serve(settings: "Settings", listening: socket.socket, process: Supervised | 
 async def _serve(
     settings: "Settings", listening: socket.socket, process: Supervised | None, launched: "Launched"
 ) -> None:
-    from server.connections import raise_descriptor_limit
     from server.main import create_app, wired
+    from server.uvicorn_protocols import raise_descriptor_limit
 
     raise_descriptor_limit()
     app = create_app(settings, launched)
@@ -198,8 +198,8 @@ async def _serve(
 def _server(app: "FastAPI", settings: "Settings", announced: bool = True) -> "uvicorn.Server":
     import uvicorn
 
-    from server.connections import PatientProtocol, SparingProtocol
     from server.play.messages import MAX_READ_BYTES
+    from server.uvicorn_protocols import PatientProtocol, SparingProtocol
 
     class Server(uvicorn.Server):
         """Tells the address once it can be opened; pauses all games before it closes their sockets."""

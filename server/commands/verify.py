@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
-    from server.verification import Verdict
+    from server.verification import VerificationResult
 
 LISTED = 20
 
@@ -59,10 +59,10 @@ def _verify(connection: "Connection", study: str | None) -> tuple[list[str], int
     return report(verify_all(connection, chosen))
 
 
-def report(verdicts: "Iterable[Verdict]") -> tuple[list[str], int]:
+def report(verdicts: "Iterable[VerificationResult]") -> tuple[list[str], int]:
     """Return a line for each layout and for the first differences, and the exit status."""
     lines: dict[str, _Line] = {}
-    different: list[Verdict] = []
+    different: list[VerificationResult] = []
     for verdict in verdicts:
         line = lines.setdefault(verdict.layout, _Line())
         line.episodes += 1

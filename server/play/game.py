@@ -8,10 +8,10 @@ from msgspec import structs
 
 from server.play import messages
 from server.play.clock import Clock
-from server.play.durable import Durable
-from server.play.holds import Holder
 from server.play.messages import Outgoing
+from server.play.pause_reasons import Holder
 from server.play.recorder import EpisodeResult, PauseRecord, Recorder, TickRecord
+from server.play.retrying_writer import RetryingWriter
 from server.play.session import COUNTDOWN_S, Session
 
 SUPERSEDED = 4001  # close code: another tab has taken over
@@ -44,7 +44,7 @@ class Game:
         """`start` is called when nothing holds the game any more, `stop` when something does."""
         self.session = session
         self.clock = clock
-        self.durable = Durable(recorder, clock)
+        self.durable = RetryingWriter(recorder, clock)
         self.connections: dict[int, Connection] = {}
         self.busy = False  # a state is being made or stored: no other may be begun
         self.unstored: TickRecord | None = None  # the database did not take it yet

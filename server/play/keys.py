@@ -23,7 +23,7 @@ MAX_SETTLED: Final = 1000  # inputs of one person that wait to be stored; a game
 
 
 @dataclass(frozen=True)
-class Arrival:
+class InputArrival:
     """Where an Input came from and when, besides the time of whoever calls `press`."""
 
     tab: str = ""
@@ -38,7 +38,7 @@ class Press:
     number: int  # 1, 2, ... in the order of arrival
     keys: Input
     received: float  # when it arrived, in the time of whoever called `press`
-    arrival: Arrival
+    arrival: InputArrival
     outcome: InputOutcome | None = None  # None: not known yet
     timestep: int | None = None  # the first timestep in which it counted
 
@@ -51,7 +51,7 @@ class Press:
         return self.keys.client_ms
 
 
-_UNKNOWN = Arrival()
+_UNKNOWN = InputArrival()
 
 
 class Keys:
@@ -72,7 +72,7 @@ class Keys:
         self._taps: dict[bool, tuple[int, Press]] = {}  # is it interact? -> (action, press); in the order pressed
         self._settled: list[Press] = []
 
-    def press(self, keys: Input, received: float, taps_count: bool = True, arrival: Arrival = _UNKNOWN) -> bool:
+    def press(self, keys: Input, received: float, taps_count: bool = True, arrival: InputArrival = _UNKNOWN) -> bool:
         """Takes a message in. False: it is a repeat or older than one already seen, and nothing changed.
 
         `taps_count` False: the game stands still; a key that is held goes on counting, one just tapped does not.

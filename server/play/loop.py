@@ -13,8 +13,8 @@ from typing import Any, Final
 from models.protocols import Decision, Models, Question
 from server.play.clock import Clock
 from server.play.game import Game
-from server.play.holds import DATABASE
 from server.play.lateness import Lateness
+from server.play.pause_reasons import DATABASE
 from server.play.recorder import GamesLost, Recorder, RecorderDown, TickRecord
 from server.play.session import COUNTDOWN_S, Session
 

@@ -71,20 +71,20 @@ class Pong(FromBrowser, frozen=True):
     id: Seq
 
 
-class Trouble(FromBrowser, frozen=True):
+class ClientError(FromBrowser, frozen=True):
     """An error on the participant's browser console, for the researcher's problem list."""
 
     text: Annotated[str, Meta(max_length=500)]
 
 
-Incoming = Hello | Ready | Input | Away | Pong | Trouble
+Incoming = Hello | Ready | Input | Away | Pong | ClientError
 
 
 class ToBrowser(Struct, tag_field="type", tag=str.lower, frozen=True, omit_defaults=False):
     """Base of what the server sends."""
 
 
-class Kitchen(Struct, frozen=True):
+class KitchenState(Struct, frozen=True):
     """One state to draw. Cells are [column, row] from the top left."""
 
     t: Count
@@ -112,7 +112,7 @@ class Welcome(ToBrowser, frozen=True):
     tick_ms: Annotated[int, Meta(ge=1)]
     steps: Count  # how many predicted steps a frame carries
     shows_predictions: bool
-    state: Kitchen
+    state: KitchenState
     resumed: bool
     endless: bool = False  # no time limit (tutorial)
     partner: Literal["agent", "human"] = "agent"
@@ -129,7 +129,7 @@ class Tick(ToBrowser, frozen=True):
     timesteps t, t+1, t+2 of `state`; all conditions carry the same bytes. `applied`: the seq of the newest Input that
     had arrived when the timestep was played (-1: none)."""
 
-    state: Kitchen
+    state: KitchenState
     prediction: tuple[tuple[ShownAction, Opacity], ...]
     actions: tuple[Action, Action]  # what was done in the timestep before this state
     applied: Annotated[int, Meta(ge=-1)]

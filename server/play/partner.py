@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 from models.protocols import Decision, Question
 from overcooked.constants import ACTIONS
+from server.play.episode_spec import EpisodeSpec
 from server.play.randomness import PARTNER, uniform
-from server.play.spec import EpisodeSpec
-from server.play.trace import Trace
+from server.play.simulation import Simulation
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Answers:
     late: bool  # an agent did not answer in time: it will wait
 
 
-def questions(episode: str, spec: EpisodeSpec, trace: Trace) -> list[Question]:
+def questions(episode: str, spec: EpisodeSpec, trace: Simulation) -> list[Question]:
     """One question for each chef whom an agent plays or a predictor watches."""
     asked = []
     for seat, agent in enumerate(spec.agents):

@@ -25,7 +25,7 @@ _COMPARISONS: Final = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
 def structs() -> Mapping[str, Any]:
     """Every described type by the name that the page gives it."""
     kinds = [*get_args(messages.Incoming), *get_args(messages.Outgoing)]
-    return {kind.__struct_config__.tag: kind for kind in kinds} | {"state": messages.Kitchen}
+    return {kind.__struct_config__.tag: kind for kind in kinds} | {"state": messages.KitchenState}
 
 
 def render(page: str) -> str:
@@ -78,7 +78,7 @@ def describe(kind: inspect.Type) -> tuple[str, str]:
             return f"list of {name}", values
         case inspect.TupleType(item_types=items):
             return f"[{len(items)} values]", "; ".join(describe(item)[1] or describe(item)[0] for item in items)
-        case inspect.StructType(cls=cls) if cls is messages.Kitchen:
+        case inspect.StructType(cls=cls) if cls is messages.KitchenState:
             return "a state, see [state](#a-state)", ""
     raise TypeError(f"docs/protocol.md has no words for {kind}")
 

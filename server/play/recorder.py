@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Final, Literal, Protocol
 
-from server.play.spec import EpisodeSpec
+from server.play.episode_spec import EpisodeSpec
 
 AWAY_REASONS = frozenset({"hidden", "blur", "lost", "other_tab"})  # these count against the limits of `PauseLimits`
 PAUSE_REASONS = AWAY_REASONS | {"database", "researcher", "server"}

@@ -13,18 +13,18 @@ from models.protocols import Decision, Question
 from overcooked.constants import STAY
 from overcooked.layout import parse_layout
 from overcooked.score import progress_credit
-from server.play import messages, overlay, partner
-from server.play.holds import NOT_STARTED, Holder, Holds
-from server.play.keys import Arrival, Keys
+from server.play import marks, messages, partner
+from server.play.keys import InputArrival, Keys
+from server.play.pause_reasons import NOT_STARTED, Holder, PauseReasons
 from server.play.recorder import ENDED, EpisodeRecord, EpisodeResult, InputRecord, KeyRecord, PauseRecord, TickRecord
-from server.play.trace import ReplayMismatch as ReplayMismatch
-from server.play.trace import Step, Trace
+from server.play.simulation import ReplayMismatch as ReplayMismatch
+from server.play.simulation import SimulatedStep, Simulation
 from server.play.tutorial import Tutor
 
 Phase = Literal["waiting", "countdown", "running", "paused", "ended"]
 VIEWER: Final = -1  # the "seat" of a participant who watches two agents
 COUNTDOWN_S: Final = 3
-_STILL: Final = Step((STAY, STAY), (0, 0), (0, 0), (0, 0))
+_STILL: Final = SimulatedStep((STAY, STAY), (0, 0), (0, 0), (0, 0))
 
 
 class Session:
@@ -39,18 +39,18 @@ class Session:
         self.episode, self.spec = record.episode, spec
         self.people: tuple[int, ...] = spec.human_seats or (VIEWER,)
         self.keys = {seat: Keys(record.inputs.get(seat)) for seat in spec.human_seats}
-        self.trace = Trace(parse_layout(record.spec.grid, spec.layout), spec.horizon)
+        self.trace = Simulation(parse_layout(record.spec.grid, spec.layout), spec.horizon)
         lessons = tuple(key for key in spec.lessons if key != "marks" or spec.shown != "nothing")
         self.tutor = Tutor(lessons, self.people[0]) if lessons and spec.human_seats else None
         self._replay(record)
         self.stored = record.last_hash is not None  # is the current state stored, with what was decided on it?
         self.next_actions = record.next_actions or (None, None)
-        self.displayed = record.displayed or overlay.display(spec, self.trace.timestep, ())
+        self.displayed = record.displayed or marks.display(spec, self.trace.timestep, ())
         self.late = False
         self.display_violations = 0  # timesteps, since this process plays it, whose display breaks the promise
         self.resumed = self.stored  # also at the start state, which is stored when the first countdown begins
         self.phase: Phase = "paused" if self.resumed else "waiting"
-        self.holds = Holds(spec.pause, record.paused_ms)
+        self.holds = PauseReasons(spec.pause, record.paused_ms)
         self.pause_record: PauseRecord | None = None  # of the pause that lasts
         self.paused_since = now
         for person in self.people:
@@ -105,7 +105,7 @@ class Session:
         """A person's keys. False: a message seen before, nothing changed. Until the game moves, taps do not count."""
         go = self._zero + self.trace.timestep * self.tick_s
         game_ms = round((now - self._zero) * 1000, 3) if self.moving else None
-        return self.keys[seat].press(keys, now, self.moving and now >= go, Arrival(tab, unix_ms, game_ms))
+        return self.keys[seat].press(keys, now, self.moving and now >= go, InputArrival(tab, unix_ms, game_ms))
 
     def _inputs(self) -> tuple[InputRecord, ...]:
         return tuple(chain.from_iterable(keys.take_settled(self.episode, seat) for seat, keys in self.keys.items()))
@@ -202,10 +202,10 @@ class Session:
         timestep, step = self.trace.timestep, self._step
         self.next_actions, self.late = answers.next_actions, answers.late
         if self.over:
-            self.displayed = tuple((overlay.NOTHING_SHOWN, opacity) for _, opacity in self.displayed)
+            self.displayed = tuple((marks.NOTHING_SHOWN, opacity) for _, opacity in self.displayed)
         else:
-            self.displayed = overlay.display(self.spec, timestep, answers.prediction)
-            self.display_violations += not overlay.is_as_promised(self.spec.shown, self.displayed)
+            self.displayed = marks.display(self.spec, timestep, answers.prediction)
+            self.display_violations += not marks.is_as_promised(self.spec.shown, self.displayed)
         self.record = TickRecord(
             episode=self.episode,
             timestep=timestep,
@@ -234,7 +234,7 @@ class Session:
         actions = self.trace.last_actions or (STAY, STAY)
         displayed = self.displayed
         if person == self.spec.watched_seat:
-            displayed = tuple((overlay.NOTHING_SHOWN, opacity) for _, opacity in displayed)
+            displayed = tuple((marks.NOTHING_SHOWN, opacity) for _, opacity in displayed)
         return messages.Tick(self.trace.kitchen(), displayed, actions, self._applied[person], self.late)
 
     def welcome(self, person: int) -> messages.Welcome:

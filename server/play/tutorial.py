@@ -9,7 +9,7 @@ from overcooked.constants import (
     SOUP_FROM_POT,
     STAY,
 )
-from server.play.trace import Step, Trace
+from server.play.simulation import SimulatedStep, Simulation
 
 # key -> when it is learnt. Texts belong to the study and the templates.
 LESSONS: dict[str, str] = {
@@ -50,7 +50,7 @@ class Tutor:
     def delivered(self) -> bool:
         return "deliver" in self._learnt
 
-    def watch(self, trace: Trace, step: Step) -> None:
+    def watch(self, trace: Simulation, step: SimulatedStep) -> None:
         """Takes one timestep into account: `step` led to the state in which `trace` is now."""
         teaching = self.lessons[self.index] if not self.finished else None
         action, events = step.actions[self._seat], step.events[self._seat]

@@ -28,7 +28,7 @@ class Hits:
 
 
 @dataclass
-class Accuracy:
+class RunningAccuracy:
     """The running count of one study; `waiting` says how many episodes are not counted yet."""
 
     hits: dict[tuple[str, str], Hits] = field(default_factory=dict)

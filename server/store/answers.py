@@ -11,7 +11,7 @@ from server.store.tables import answers, visits
 
 
 @dataclass(frozen=True)
-class Page:
+class SubmittedPage:
     """One submitted page. `values`: by question key; `episode_id`: the episode that the questions are about;
     `attention`: whether each attention check among the questions was passed."""
 
@@ -23,7 +23,7 @@ class Page:
     attention: Mapping[str, bool] = field(default_factory=dict)
 
 
-def save(connection: Connection, page: Page) -> int:
+def save(connection: Connection, page: SubmittedPage) -> int:
     """Stores what has no answer yet and returns how many that were: the first answer to a question stays."""
     now = datetime.now(UTC)
     insert = _insert_of(connection)

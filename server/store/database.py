@@ -54,7 +54,7 @@ class Database:
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
         self._closed = False
         if not read_only:
-            self._writer = engines.Writer(self.url, shared, in_turn)
+            self._writer = engines.WriteConnection(self.url, shared, in_turn)
             self._thread = threading.Thread(target=self._write_forever, name="database-writer", daemon=True)
             self._thread.start()
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from sqlalchemy import Connection, LargeBinary, and_, func, not_, or_, select
 
-from server.play.overlay import NOTHING_SHOWN
+from server.play.marks import NOTHING_SHOWN
 from server.store.tables import episodes, ticks
 
 EPISODES_A_CALL = 40

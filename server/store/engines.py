@@ -155,7 +155,7 @@ def overwrite_deleted(connection: Connection) -> None:
     connection.info[OVERWRITE] = True
 
 
-class Writer:
+class WriteConnection:
     """The one connection that writes, with the lock that keeps a second server out.
 
     Several processes of one server share that lock (PostgreSQL only). `in_turn`: their transactions follow one another,

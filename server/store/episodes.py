@@ -13,8 +13,8 @@ import msgspec
 from sqlalchemy import Connection, func, or_, select, update
 from sqlalchemy.exc import IntegrityError
 
+from server.play.episode_spec import EpisodeSpec
 from server.play.recorder import AWAY_REASONS, EpisodeRecord, EpisodeResult, PauseRecord, RecorderDown, TickRecord
-from server.play.spec import EpisodeSpec
 from server.store import inputs as input_rows
 from server.store import ticks as tick_rows
 from server.store.database import Database, DatabaseDown
@@ -43,7 +43,7 @@ class NewEpisode:
 
 
 @dataclass(frozen=True)
-class Episode:
+class StoredEpisode:
     """What there is to know of an episode without its ticks."""
 
     id: str
@@ -76,7 +76,7 @@ class TickConflict(Exception):
     """Another tick is stored in this place: two servers play the same episode, or the rules changed under it."""
 
 
-_COLUMNS = [episodes.c[name] for name in Episode.__dataclass_fields__]
+_COLUMNS = [episodes.c[name] for name in StoredEpisode.__dataclass_fields__]
 
 
 def create(connection: Connection, new: NewEpisode) -> str:
@@ -121,23 +121,23 @@ def create(connection: Connection, new: NewEpisode) -> str:
     return str(row["id"])
 
 
-def of_step(connection: Connection, participant_id: str, step_key: str) -> Episode | None:
+def of_step(connection: Connection, participant_id: str, step_key: str) -> StoredEpisode | None:
     """The participant's latest attempt at a step."""
     query = select(*_COLUMNS).where(episodes.c.step_key == step_key, _has((participant_id,)))
     row = connection.execute(query.order_by(episodes.c.attempt.desc())).first()
-    return Episode(**row._mapping) if row else None
+    return StoredEpisode(**row._mapping) if row else None
 
 
-def of_participant(connection: Connection, participant_id: str) -> list[Episode]:
+def of_participant(connection: Connection, participant_id: str) -> list[StoredEpisode]:
     """All the participant's episodes, oldest first."""
     query = select(*_COLUMNS).where(_has((participant_id,))).order_by(episodes.c.created_at, episodes.c.id)
-    return [Episode(**row._mapping) for row in connection.execute(query)]
+    return [StoredEpisode(**row._mapping) for row in connection.execute(query)]
 
 
-def get(connection: Connection, episode_id: str) -> Episode | None:
+def get(connection: Connection, episode_id: str) -> StoredEpisode | None:
     """The episode with this id."""
     row = connection.execute(select(*_COLUMNS).where(episodes.c.id == episode_id)).first()
-    return Episode(**row._mapping) if row else None
+    return StoredEpisode(**row._mapping) if row else None
 
 
 def unfinished(connection: Connection, study_id: int | None = None) -> list[str]:

@@ -22,7 +22,7 @@ class DatabaseTooNew(Exception):
 
 def migrate(url: str) -> None:
     """Creates or upgrades the tables. Raises DatabaseInUse, DatabaseDown, DatabaseTooNew, ValueError (bad address)."""
-    writer = engines.Writer(engines.normal_url(url))
+    writer = engines.WriteConnection(engines.normal_url(url))
     try:
         with writer.transaction() as connection:
             to_newest(connection)

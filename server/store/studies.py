@@ -10,7 +10,7 @@ from server.store.tables import studies
 
 
 @dataclass(frozen=True)
-class Study:
+class StudyVersion:
     """One version of one study file."""
 
     id: int
@@ -23,7 +23,7 @@ class Study:
     frozen_at: datetime | None
 
 
-def register(connection: Connection, key: str, source: str) -> Study:
+def register(connection: Connection, key: str, source: str) -> StudyVersion:
     """The version with this text, made if there is none: a changed file is a new version, the same file never is."""
     sha256 = hashlib.sha256(source.encode()).hexdigest()
     known = connection.execute(select(studies).where(studies.c.key == key, studies.c.sha256 == sha256)).first()
@@ -34,13 +34,13 @@ def register(connection: Connection, key: str, source: str) -> Study:
     return _study(known)
 
 
-def get(connection: Connection, study_id: int) -> Study | None:
+def get(connection: Connection, study_id: int) -> StudyVersion | None:
     """The version with this number."""
     row = connection.execute(select(studies).where(studies.c.id == study_id)).first()
     return _study(row) if row else None
 
 
-def every(connection: Connection, key: str | None = None) -> list[Study]:
+def every(connection: Connection, key: str | None = None) -> list[StudyVersion]:
     """All versions (of one key), oldest first."""
     query = select(studies).order_by(studies.c.id)
     if key is not None:
@@ -48,5 +48,5 @@ def every(connection: Connection, key: str | None = None) -> list[Study]:
     return [_study(row) for row in connection.execute(query)]
 
 
-def _study(row: "Row[tuple[object, ...]]") -> Study:
-    return Study(**row._mapping)
+def _study(row: "Row[tuple[object, ...]]") -> StudyVersion:
+    return StudyVersion(**row._mapping)

@@ -173,7 +173,7 @@ episodes = Table(
     column("seed", BigInteger, meaning="63 bits that all randomness of the episode comes from."),
     column("horizon", Integer, meaning="Timesteps to play; 0: endless.", unit="timesteps"),
     column("tick_ms", Integer, meaning="Length of a timestep.", unit="ms"),
-    column("spec", JSON, meaning="The whole specification (server/play/spec.py)."),
+    column("spec", JSON, meaning="The whole specification (server/play/episode_spec.py)."),
     column("status", String(16), server_default="new", meaning="One of: " + ", ".join(EPISODE_STATUSES) + "."),
     column("end_reason", String(64), nullable=True, meaning="Why it ended."),
     column("score", Integer, nullable=True, meaning="Sum of sparse rewards.", unit="points"),

@@ -4,8 +4,8 @@ import random
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from server.study.definition import Condition, Study
 from server.study.order import derived_seed
-from server.study.plan import Condition, Study
 
 
 @dataclass(frozen=True)

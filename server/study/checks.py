@@ -8,9 +8,9 @@ from typing import Any
 from pydantic import BaseModel
 
 from server.study.assignment import participant_seed
+from server.study.definition import FIXED_PAGES, Study
 from server.study.locale import FALLBACK, languages
 from server.study.order import episode_order
-from server.study.plan import FIXED_PAGES, Study
 from server.study.questionnaire import ChoiceQuestion, MultipleQuestion, Questionnaire, RankingQuestion, asked
 from server.study.steps import episodes_of
 from server.study.text import Text

@@ -10,8 +10,8 @@ import yaml
 from pydantic import ValidationError
 
 from server.study.checks import Path, Problem, problems
-from server.study.mistakes import mistakes
-from server.study.plan import Study
+from server.study.definition import Study
+from server.study.validation_messages import mistakes
 
 LARGEST_BYTES = 1_000_000
 LARGEST_NODES = 50_000
@@ -38,7 +38,7 @@ class StudyFile:
     source: str
     text: str
     sha256: str
-    places: "Places"
+    places: "LineNumbers"
     warnings: tuple[str, ...] = ()
     folder: FilePath = field(default_factory=FilePath.cwd)
     """Where relative paths of models start."""
@@ -48,7 +48,7 @@ class StudyFile:
         return self.places.describe(problem)
 
 
-class Places:
+class LineNumbers:
     """Which line each value of a file stands on."""
 
     def __init__(self, source: str) -> None:
@@ -95,7 +95,7 @@ def load_study(path: str | FilePath, models_folder: FilePath | None = None) -> S
 
 def parse_study(text: str, source: str = "study.yaml") -> StudyFile:
     """The study written in `text`. Raises StudyError."""
-    places = Places(source)
+    places = LineNumbers(source)
     data = _read(text, places)
     try:
         study = Study.model_validate(data)
@@ -110,7 +110,7 @@ def parse_study(text: str, source: str = "study.yaml") -> StudyFile:
     return StudyFile(study, source, text, hashlib.sha256(text.encode()).hexdigest(), places, warnings)
 
 
-def _read(text: str, places: Places) -> Any:
+def _read(text: str, places: LineNumbers) -> Any:
     try:
         root = yaml.compose(text, Loader=_Composer)
     except yaml.MarkedYAMLError as error:
@@ -161,7 +161,7 @@ class _Reader:
     field that wants a number or true/false parses the text itself.
     """
 
-    def __init__(self, places: Places) -> None:
+    def __init__(self, places: LineNumbers) -> None:
         self._places = places
         self._nodes = 0
 

@@ -4,7 +4,7 @@ import hashlib
 import random
 from collections.abc import Sequence
 
-from server.study.plan import Study
+from server.study.definition import Study
 
 Pair = tuple[str, str]  # layout, agent
 

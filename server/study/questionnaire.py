@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from server.study.numbers import read_number
-from server.study.part import Part
+from server.study.strict_model import StrictModel
 from server.study.text import Text
 
 Key = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
@@ -17,7 +17,7 @@ Answers = dict[str, Value]
 CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # no keyboard writes them; PostgreSQL refuses some
 
 
-class Option(Part):
+class Option(StrictModel):
     """One of several things to choose."""
 
     value: Key
@@ -25,7 +25,7 @@ class Option(Part):
     text: Text
 
 
-class Question(Part):
+class SurveyQuestion(StrictModel):
     """What all questions share."""
 
     key: Key
@@ -38,7 +38,7 @@ class Question(Part):
     """Who is asked: everybody, those who are shown predictions, or the conditions named."""
 
 
-class ScaleQuestion(Question):
+class ScaleQuestion(SurveyQuestion):
     """A number from 1 to `points`, nothing chosen beforehand; the keys 1-9 answer it."""
 
     type: Literal["scale"]
@@ -55,7 +55,7 @@ class ScaleQuestion(Question):
         return self
 
 
-class ChoiceQuestion(Question):
+class ChoiceQuestion(SurveyQuestion):
     """One of the options. `correct` makes it a question of the comprehension quiz."""
 
     type: Literal["choice"]
@@ -75,7 +75,7 @@ class ChoiceQuestion(Question):
         return self
 
 
-class MultipleQuestion(Question):
+class MultipleQuestion(SurveyQuestion):
     """Any number of the options."""
 
     type: Literal["multiple"]
@@ -84,7 +84,7 @@ class MultipleQuestion(Question):
     at_most: int | None = None
 
 
-class TextQuestion(Question):
+class TextQuestion(SurveyQuestion):
     """Free words."""
 
     type: Literal["text"]
@@ -92,7 +92,7 @@ class TextQuestion(Question):
     lines: Annotated[int, Field(ge=1, le=20)] = 3
 
 
-class NumberQuestion(Question):
+class NumberQuestion(SurveyQuestion):
     """A number in a range."""
 
     type: Literal["number"]
@@ -101,7 +101,7 @@ class NumberQuestion(Question):
     whole: bool = True
 
 
-class RankingQuestion(Question):
+class RankingQuestion(SurveyQuestion):
     """The options in order: each gets its own place."""
 
     type: Literal["ranking"]
@@ -114,7 +114,7 @@ AnyQuestion = Annotated[
 ]
 
 
-class Questionnaire(Part):
+class Questionnaire(StrictModel):
     """A page of questions."""
 
     title: Text
@@ -123,7 +123,7 @@ class Questionnaire(Part):
 
 
 @dataclass(frozen=True)
-class Fault:
+class AnswerError:
     """Why an answer is refused: a key of the locale's `faults`, with its numbers."""
 
     reason: str
@@ -135,13 +135,13 @@ class Checked:
     """What a form's answers are worth. `answers` holds the good ones, `faults` the rest by question key."""
 
     answers: Answers
-    faults: dict[str, Fault]
+    faults: dict[str, AnswerError]
 
 
 def asked(questions: tuple[AnyQuestion, ...], condition: str, shows_predictions: bool) -> tuple[AnyQuestion, ...]:
     """The questions that a participant in `condition` gets."""
 
-    def is_asked(question: Question) -> bool:
+    def is_asked(question: SurveyQuestion) -> bool:
         if question.conditions == "with_predictor":
             return shows_predictions
         return question.conditions == "all" or condition in question.conditions
@@ -152,11 +152,11 @@ def asked(questions: tuple[AnyQuestion, ...], condition: str, shows_predictions:
 def check_answers(questions: tuple[AnyQuestion, ...], form: Mapping[str, list[str]]) -> Checked:
     """Answers of a submitted form (all values by field name) against the questions that were asked."""
     answers: Answers = {}
-    faults: dict[str, Fault] = {}
+    faults: dict[str, AnswerError] = {}
     for question in questions:
         values = [value.strip(" \t\n") for value in form.get(question.key, []) if not _is_blank(value)]
         result = _check_ranking(question, form) if isinstance(question, RankingQuestion) else _check(question, values)
-        if isinstance(result, Fault):
+        if isinstance(result, AnswerError):
             faults[question.key] = result
         elif result is not None:
             answers[question.key] = result
@@ -180,20 +180,22 @@ def _is_blank(text: str) -> bool:
     return not text.replace("\ufeff", "").strip()
 
 
-def _check(question: AnyQuestion, values: list[str]) -> Value | Fault | None:
+def _check(question: AnyQuestion, values: list[str]) -> Value | AnswerError | None:
     if isinstance(question, MultipleQuestion):
         return _check_multiple(question, values)
     if not values:
-        return Fault(f"missing_{question.type}", _range(question)) if question.required else None
+        return AnswerError(f"missing_{question.type}", _range(question)) if question.required else None
     if len(values) > 1:
-        return Fault("several", {})
+        return AnswerError("several", {})
     value = values[0]
     match question:
         case ScaleQuestion():
             good = value.isascii() and value.isdigit() and len(value) == 1 and 1 <= int(value) <= question.points
-            return int(value) if good else Fault("missing_scale", _range(question))
+            return int(value) if good else AnswerError("missing_scale", _range(question))
         case ChoiceQuestion():
-            return value if value in {option.value for option in question.options} else Fault("missing_choice", {})
+            return (
+                value if value in {option.value for option in question.options} else AnswerError("missing_choice", {})
+            )
         case TextQuestion():
             return _check_text(question, value)
         case NumberQuestion():
@@ -212,39 +214,39 @@ def _range(question: AnyQuestion) -> dict[str, int | float | str]:
             return {}
 
 
-def _check_text(question: TextQuestion, text: str) -> str | Fault:
+def _check_text(question: TextQuestion, text: str) -> str | AnswerError:
     """Return people's words as they wrote them; control characters are refused, never removed."""
     control = CONTROL.search(text)
     if control:
-        return Fault("control", {"before": text[max(0, control.start() - 20) : control.start()]})
+        return AnswerError("control", {"before": text[max(0, control.start() - 20) : control.start()]})
     if len(text) > question.max_length:
-        return Fault("long", {"most": question.max_length, "length": len(text)})
+        return AnswerError("long", {"most": question.max_length, "length": len(text)})
     return text
 
 
-def _check_number(question: NumberQuestion, text: str) -> int | float | Fault:
+def _check_number(question: NumberQuestion, text: str) -> int | float | AnswerError:
     number = read_number(text)
     if isinstance(number, str):
-        return Fault(number, _range(question) | {"given": text})
+        return AnswerError(number, _range(question) | {"given": text})
     if not question.minimum <= number <= question.maximum:
-        return Fault("missing_number", _range(question))
+        return AnswerError("missing_number", _range(question))
     if question.whole and not number.is_integer():
-        return Fault("whole", _range(question))
+        return AnswerError("whole", _range(question))
     return int(number) if question.whole else number
 
 
-def _check_multiple(question: MultipleQuestion, values: list[str]) -> list[str] | Fault | None:
+def _check_multiple(question: MultipleQuestion, values: list[str]) -> list[str] | AnswerError | None:
     chosen = [option.value for option in question.options if option.value in values]
     if len(chosen) != len(set(values)):
-        return Fault("missing_choice", {})
+        return AnswerError("missing_choice", {})
     if not chosen and not question.required:
         return None
     most = question.at_most or len(question.options)
     least = max(question.at_least, 1) if question.required else question.at_least
-    return chosen if least <= len(chosen) <= most else Fault("missing_multiple", {"low": least, "high": most})
+    return chosen if least <= len(chosen) <= most else AnswerError("missing_multiple", {"low": least, "high": most})
 
 
-def _check_ranking(question: RankingQuestion, form: Mapping[str, list[str]]) -> list[str] | Fault | None:
+def _check_ranking(question: RankingQuestion, form: Mapping[str, list[str]]) -> list[str] | AnswerError | None:
     """A ranking comes as one field an option, `key.option` = place from 1."""
     places = {
         option.value: "".join(form.get(f"{question.key}.{option.value}", [""])[:1]) for option in question.options
@@ -252,5 +254,5 @@ def _check_ranking(question: RankingQuestion, form: Mapping[str, list[str]]) -> 
     if not question.required and not any(places.values()):
         return None
     if sorted(places.values()) != [str(place) for place in range(1, len(places) + 1)]:
-        return Fault("missing_ranking", {"high": len(places)})
+        return AnswerError("missing_ranking", {"high": len(places)})
     return sorted(places, key=lambda value: int(places[value]))

@@ -5,13 +5,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
-from server.study.part import Part
+from server.study.strict_model import StrictModel
 
 # What the recruiters' ids look like; MTurk's is from the reference of its API.
 _PERSON_PATTERNS = {"prolific": "[0-9a-f]{24}", "mturk": "A[A-Z0-9]{1,63}", "sona": "[A-Za-z0-9_-]{1,64}"}
 
 
-class Outcome(Part):
+class Exit(StrictModel):
     """What somebody gets who leaves the study in one of its ways."""
 
     code: Annotated[str, Field(pattern=r"^[A-Za-z0-9-]{4,40}$")] | None = None
@@ -20,7 +20,7 @@ class Outcome(Part):
     """Where the last page leads. {code}, {person} and the names of `recruitment.extra` are filled in."""
 
 
-class Recruitment(Part):
+class Recruitment(StrictModel):
     """Where participants come from: the parameters of their link, and what they carry back."""
 
     source: Literal["none", "prolific", "mturk", "sona"] = "none"
@@ -32,11 +32,11 @@ class Recruitment(Part):
     """A regular expression that the person's id matches as a whole. Empty: the source's usual one."""
     required: bool = False
     """Refuse a link without the person's parameter."""
-    completed: Outcome = Outcome()
-    screened_out: Outcome = Outcome()
-    unpaired: Outcome = Outcome()
+    completed: Exit = Exit()
+    screened_out: Exit = Exit()
+    unpaired: Exit = Exit()
     """For those who waited for another person in vain, where `waiting_room.fallback` is `leave`."""
-    declined: Outcome = Outcome()
+    declined: Exit = Exit()
 
     @property
     def person_parameter(self) -> str | None:

@@ -10,14 +10,14 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
-from server.study.part import Part
-from server.study.plan import Study
+from server.study.definition import Study
+from server.study.strict_model import StrictModel
 
 
 def study_schema() -> dict[str, Any]:
     """What a study file may hold, each key with what it is for."""
     schema = Study.model_json_schema() | {"title": "A study of kitchenmind"}
-    for part in _parts(Part):
+    for part in _parts(StrictModel):
         block = schema if part is Study else schema["$defs"].get(part.__name__, {})
         for key, sentence in _sentences(part).items():
             if key in block.get("properties", {}):
@@ -25,17 +25,17 @@ def study_schema() -> dict[str, Any]:
     return schema
 
 
-def _parts(base: type[Part]) -> Iterator[type[Part]]:
+def _parts(base: type[StrictModel]) -> Iterator[type[StrictModel]]:
     for part in base.__subclasses__():
         yield part
         yield from _parts(part)
 
 
-def _sentences(part: type[Part]) -> dict[str, str]:
+def _sentences(part: type[StrictModel]) -> dict[str, str]:
     """Key -> the string below it, also those of the classes that the part is made from."""
     found = {}
     for ancestor in reversed(part.__mro__):
-        if issubclass(ancestor, Part):
+        if issubclass(ancestor, StrictModel):
             body = ast.parse(inspect.getsource(ancestor)).body[0]
             assert isinstance(body, ast.ClassDef)  # noqa: S101 its source begins with it
             for key, below in pairwise(body.body):

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from server.study.definition import Study
 from server.study.order import derived_seed, episode_order
-from server.study.plan import Study
 
 Kind = Literal["introduction", "quiz", "questionnaire", "page", "tutorial", "ready", "episode", "break", "thanks"]
 Phase = Literal["consent", "introduction", "practice", "rounds", "finish"]
@@ -13,7 +13,7 @@ GAMES: tuple[Kind, ...] = ("tutorial", "episode")
 
 
 @dataclass(frozen=True)
-class Step:
+class StudyStep:
     """One station of the way. `key` is unique in it and stays the same whatever happens to the participant."""
 
     key: str
@@ -30,16 +30,16 @@ class Step:
         return self.kind in GAMES
 
 
-def steps(study: Study, condition: str, seed: int, number: int = 0) -> tuple[Step, ...]:
+def steps(study: Study, condition: str, seed: int, number: int = 0) -> tuple[StudyStep, ...]:
     """The way of the participant with this seed, the `number`-th (from 0) in the condition. Raises KeyError for an
     unknown condition. The condition never changes the order: only what is drawn and asked."""
     study.condition(condition)
-    way: list[Step] = []
+    way: list[StudyStep] = []
     for entry in study.flow:
         if entry == "episodes":
             way.extend(_episodes(study, seed, number))
         elif entry == "tutorial":
-            way.append(Step("tutorial", "tutorial", "practice", seed=derived_seed(seed, "tutorial")))
+            way.append(StudyStep("tutorial", "tutorial", "practice", seed=derived_seed(seed, "tutorial")))
         else:
             way.append(_page(study, entry, _phase(study, entry)))
     return tuple(way)
@@ -50,7 +50,7 @@ def episodes_of(study: Study) -> int:
     return len(study.layouts) * len(study.agents) * study.order.repeat if "episodes" in study.flow else 0
 
 
-def position(way: tuple[Step, ...], key: str) -> int:
+def position(way: tuple[StudyStep, ...], key: str) -> int:
     """The index of a step. Raises KeyError for a key that this way does not have."""
     for index, step in enumerate(way):
         if step.key == key:
@@ -58,27 +58,27 @@ def position(way: tuple[Step, ...], key: str) -> int:
     raise KeyError(key)
 
 
-def _episodes(study: Study, seed: int, number: int) -> list[Step]:
-    way: list[Step] = []
+def _episodes(study: Study, seed: int, number: int) -> list[StudyStep]:
+    way: list[StudyStep] = []
     order = episode_order(study, seed, number)
     for turn, (layout, agent) in enumerate(order, start=1):
         game = {"number": turn, "layout": layout, "agent": agent}
         name = f"{turn:02d}"
-        way.append(Step(f"ready-{name}", "ready", "rounds", number=turn, layout=layout, agent=agent))
-        way.append(Step(f"episode-{name}", "episode", "rounds", **game, seed=derived_seed(seed, "episode", turn)))  # type: ignore[arg-type]
+        way.append(StudyStep(f"ready-{name}", "ready", "rounds", number=turn, layout=layout, agent=agent))
+        way.append(StudyStep(f"episode-{name}", "episode", "rounds", **game, seed=derived_seed(seed, "episode", turn)))  # type: ignore[arg-type]
         if study.after_episode:
             key = f"{study.after_episode}-{name}"
-            way.append(Step(key, "questionnaire", "rounds", study.after_episode, turn, layout, agent))
+            way.append(StudyStep(key, "questionnaire", "rounds", study.after_episode, turn, layout, agent))
         if turn in study.breaks.after and turn < len(order):
-            way.append(Step(f"break-{name}", "break", "rounds", number=turn))
+            way.append(StudyStep(f"break-{name}", "break", "rounds", number=turn))
     return way
 
 
-def _page(study: Study, entry: str, phase: Phase) -> Step:
+def _page(study: Study, entry: str, phase: Phase) -> StudyStep:
     if entry in ("introduction", "quiz", "thanks"):
-        return Step(entry, entry, phase)  # type: ignore[arg-type]
+        return StudyStep(entry, entry, phase)  # type: ignore[arg-type]
     kind: Kind = "questionnaire" if entry in study.questionnaires else "page"
-    return Step(entry, kind, phase, entry)
+    return StudyStep(entry, kind, phase, entry)
 
 
 def _phase(study: Study, entry: str) -> Phase:

@@ -19,7 +19,7 @@ _LOCAL_HOSTS = frozenset({"127.0.0.1", "localhost", "[::1]"})
 
 
 @dataclass(frozen=True)
-class Guard:
+class CsrfProtection:
     """Signs forms and knows our own address. `public_url` empty: the address that the browser asked for counts."""
 
     secret: bytes
@@ -72,7 +72,7 @@ def cookie_name(name: str, secure: bool) -> str:
 
 def token_of(connection: HTTPConnection) -> str | None:
     """The participant's token, from the cookie."""
-    guard: Guard = connection.app.state.web.guard
+    guard: CsrfProtection = connection.app.state.web.guard
     token = connection.cookies.get(cookie_name(COOKIE, guard.secure), "")
     return token if 20 <= len(token) <= 200 else None
 

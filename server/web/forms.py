@@ -7,7 +7,7 @@ from urllib.parse import parse_qs
 from fastapi import HTTPException, Request
 
 from server.study.questionnaire import CONTROL
-from server.web.auth import FORM_FIELD, NOBODY, Guard, session_of
+from server.web.auth import FORM_FIELD, NOBODY, CsrfProtection, session_of
 
 LARGEST_FORM_BYTES = 128 * 1024
 FORM_WITHIN_S = 30.0
@@ -18,7 +18,7 @@ Form = Mapping[str, list[str]]
 
 async def read_form(
     request: Request,
-    guard: Guard,
+    guard: CsrfProtection,
     session: str | None = None,
     was_nobodys: Callable[[Form], bool] | None = None,
     controls: bool = False,

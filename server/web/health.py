@@ -12,10 +12,10 @@ from typing import Any, Final
 from fastapi import APIRouter, HTTPException, Request, Response
 from fastapi.responses import JSONResponse
 
+from server.monitoring.live_games import LiveGames
+from server.monitoring.peers import Process
 from server.store.database import Database, DatabaseDown
-from server.web.deps import WebDep
-from server.web.elsewhere import Process
-from server.web.live import Live
+from server.web.dependencies import WebDep
 
 router = APIRouter()
 READY_WITHIN_S: Final = 3.0  # less than the 4 s that the health check of docker-compose.yml waits
@@ -43,7 +43,7 @@ FIGURES: Final[Mapping[str, tuple[str, str]]] = {
 
 def figures_of(state: Any) -> dict[str, float]:
     """The FIGURES of this process; `state` is the application's."""
-    live: Live = state.live
+    live: LiveGames = state.live
     loop, models = live.games.loop, state.models.statistics()
     late_ms = loop.lateness.last() or [0.0]
     used = resource.getrusage(resource.RUSAGE_SELF)

@@ -14,7 +14,7 @@ const find = (name) => document.querySelector(`#${name}`);
 const canvas = find('kitchen');
 const renderer = new Renderer(canvas, new Sprites('/static/sprites/'), page.who);
 const still = matchMedia('(prefers-reduced-motion: reduce)');
-let record = null; // see server/web/replay.py
+let record = null; // see server/web/admin/replay_page.py
 let state = null;
 let following = page.live === 'yes' && !location.hash;
 

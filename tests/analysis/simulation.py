@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import polars as pl
 
-from analysis import mixed, questionnaires, wording
+from analysis import apa_text, mixed, questionnaires
 from analysis.results import Result
-from analysis.study import MEASURE, Design, main_contrast
+from analysis.study import MEASURE, AnalysisDesign, main_contrast
 from analysis.study import reward_tests as reward_tests_of
 
 CONDITIONS = ("none", "random", "tom")
@@ -81,7 +81,7 @@ def said_about(world: World, seed: int, draws: int = 200) -> Said:
 
 def said_of(episodes: pl.DataFrame, answers: pl.DataFrame, seed: int = 1, draws: int = 200) -> Said:
     """What the report says of these episodes and answers, without flow, accuracy and figures."""
-    design = Design(CONDITIONS, LAYOUTS, AGENTS, main_contrast(CONDITIONS))
+    design = AnalysisDesign(CONDITIONS, LAYOUTS, AGENTS, main_contrast(CONDITIONS))
     model = mixed.fit(episodes, MEASURE, CONDITIONS)
     rows = (
         Result("exclusions", "analysed", condition="all", unit="people", n=episodes["participant"].n_unique()),
@@ -99,4 +99,4 @@ def said_of(episodes: pl.DataFrame, answers: pl.DataFrame, seed: int = 1, draws:
         contrast=design.contrast,
         questionnaire_layouts=LAYOUTS[:4],
     )
-    return Said(wording.findings(analysis), wording.sentences(analysis), rows)  # type: ignore[arg-type]
+    return Said(apa_text.findings(analysis), apa_text.sentences(analysis), rows)  # type: ignore[arg-type]

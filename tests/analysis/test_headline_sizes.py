@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 from simulation import LAYOUTS, Said, World, said_about
 
-from analysis.names import layout_title
+from analysis.formatting import layout_title
 from analysis.results import select
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]

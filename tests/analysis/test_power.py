@@ -15,7 +15,7 @@ from scipy import stats
 import kitchenmind
 from analysis.power import (
     SIZES,
-    Design,
+    PowerDesign,
     curve,
     found_after_correction,
     participants_needed,
@@ -26,7 +26,7 @@ from analysis.power import (
     t_test_p,
 )
 
-DESIGN = Design(person_sd=8, residual_sd=14)
+DESIGN = PowerDesign(person_sd=8, residual_sd=14)
 SPREAD = ("--person-sd", "8", "--residual-sd", "14")
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import polars as pl
 import pytest
 
-from analysis import exclusions, measures, quality
+from analysis import data_quality, exclusions, measures
 from analysis.results import select
 from analysis.tables import Export
 
@@ -33,7 +33,7 @@ NO_ANSWERS = pl.DataFrame(
 
 
 def verdict(**measured: object) -> tuple[str, str]:
-    row = quality.verdicts(pl.DataFrame([CLEAN | measured]), NO_ANSWERS).row(0, named=True)
+    row = data_quality.verdicts(pl.DataFrame([CLEAN | measured]), NO_ANSWERS).row(0, named=True)
     return row["proposal"], row["rules"]
 
 
@@ -80,12 +80,12 @@ def test_the_same_answer_everywhere_counts_after_three_episodes() -> None:
     rows = [answer for number in range(3) for answer in page("a", f"a{number}", [4, 4, 4])]
     rows += page("a", "a3", [4, 5, 4]) + page("b", "b0", [7, 7, 7]) + page("c", "c0", [1])
     answers = pl.DataFrame(rows, schema=NO_ANSWERS.schema, orient="row")
-    found = dict(quality.straight_lined(answers).rows())
+    found = dict(data_quality.straight_lined(answers).rows())
     assert found == {"a0": True, "a1": True, "a2": True, "a3": False, "b0": False, "c0": False}
 
 
 def test_a_clean_study_is_kept_and_every_episode_has_a_verdict(planted: Export) -> None:
-    found = quality.verdicts(measures.episode_measures(planted), planted.answers)
+    found = data_quality.verdicts(measures.episode_measures(planted), planted.answers)
     assert found.height == planted.episodes.height
     assert "drop" not in found["proposal"]
 

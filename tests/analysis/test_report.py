@@ -11,7 +11,7 @@ import polars as pl
 import pytest
 
 import kitchenmind
-from analysis import names, wording
+from analysis import apa_text, formatting
 from analysis.report import Report, fingerprint, write_report
 from analysis.results import COLUMNS, Result, select
 from analysis.study import Options, main_contrast
@@ -253,7 +253,7 @@ def test_a_missing_column_is_named_with_its_file(planted_folder: Path, tmp_path:
 
 
 def test_sentences_say_what_the_rows_say(report: Report) -> None:
-    said = wording.sentences(report.analysis)
+    said = apa_text.sentences(report.analysis)
     row = select(report.analysis.rows, test="kruskal_wallis", agent="sp")[0]
     assert f"<i>H</i>(2, <i>n</i> = {row.n}) = {row.statistic:.2f}, <i>p</i> < .001" in said[1]
     assert f"{row.n} episodes of 48 people" in said[1]
@@ -264,10 +264,10 @@ def test_sentences_say_what_the_rows_say(report: Report) -> None:
 
 def test_statistics_are_written_as_apa_wants_them() -> None:
     row = Result("reward", "t_test", statistic_name="t", statistic=-2.5, df=55, p=0.0155, n=57)
-    assert wording.statistic(row) == "<i>t</i>(55) = −2.50, <i>p</i> = .015"
+    assert apa_text.statistic(row) == "<i>t</i>(55) = −2.50, <i>p</i> = .015"
     welch = Result("reward", "anova", statistic_name="F", statistic=3.0, df=2, df_residual=54.93, p=0.0001)
-    assert wording.statistic(welch) == "<i>F</i>(2, 54.9) = 3.00, <i>p</i> < .001"
-    assert names.p_value(0.9999) == "> .999"
-    assert names.signed(-0.04) == "0.0"
-    assert names.number(math.nan) == "–"
-    assert names.listed(["a", "b", "c"]) == "a, b and c"
+    assert apa_text.statistic(welch) == "<i>F</i>(2, 54.9) = 3.00, <i>p</i> < .001"
+    assert formatting.p_value(0.9999) == "> .999"
+    assert formatting.signed(-0.04) == "0.0"
+    assert formatting.number(math.nan) == "–"
+    assert formatting.listed(["a", "b", "c"]) == "a, b and c"

@@ -11,7 +11,7 @@ import pytest
 from test_report import QUICK, copied
 
 import kitchenmind
-from analysis import figures, wording
+from analysis import apa_text, figures
 from analysis.report import Report, write_report
 from analysis.results import select
 from analysis.study import Options
@@ -126,7 +126,7 @@ def test_every_test_that_cannot_be_computed_says_why_and_the_rest_is_written(
     assert "2. Reward</h2>" in text
     assert "Sentences to paste" in text
     assert not re.search(r"\bnan\b", re.sub(r"<svg.*?</svg>", "", text, flags=re.DOTALL))
-    said = " ".join([*wording.findings(made.analysis), *wording.sentences(made.analysis)])
+    said = " ".join([*apa_text.findings(made.analysis), *apa_text.sentences(made.analysis)])
     assert not re.search(r"\bnan\b", said)
     if case in ("nothing", "always one soup"):
         assert "could not be compared by reward: no variance within the conditions" in said
@@ -149,7 +149,7 @@ def test_without_a_fitted_model_there_is_no_sentence_and_no_power_curve(small: P
     made = reported(small, tmp_path, change)
     assert "cannot be told apart" in select(made.analysis.rows, test="fixed_effect")[0].note
     assert made.analysis.powers == ()
-    assert not any("mixed model" in text for text in wording.sentences(made.analysis))
+    assert not any("mixed model" in text for text in apa_text.sentences(made.analysis))
 
 
 HOSTILE = '<img src=x onerror="alert(1)">&$_$'

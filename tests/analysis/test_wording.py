@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 from simulation import AGENTS, LAYOUTS, Said, World, episodes_of, said_about, said_of
 
-from analysis import names, wording
+from analysis import apa_text, formatting
 from analysis.phrases import significant
 from analysis.report import write_report
 from analysis.results import Result, select
@@ -49,7 +49,7 @@ def test_a_difference_that_may_be_chance_has_no_direction(nothing: Said) -> None
     text = one(nothing, "mixed model")
     row = select(nothing.rows, test="fixed_effect", contrast="tom - none")[0]
     assert row.p > 0.05
-    estimate = f"(estimate {names.number(row.estimate, 1)} points"
+    estimate = f"(estimate {formatting.number(row.estimate, 1)} points"
     assert f"did not differ significantly between ToM predictions and no prediction {estimate}" in text
     assert "higher" not in text
     assert "lower" not in text
@@ -134,7 +134,7 @@ def test_an_agent_that_went_the_other_way_is_not_called_higher() -> None:
     assert row.estimate < 0
     assert not significant(row)
     assert "was rated higher with SP (" in text
-    assert f"; the difference was not significant with FCP (estimate {names.number(row.estimate)}, " in text
+    assert f"; the difference was not significant with FCP (estimate {formatting.number(row.estimate)}, " in text
 
 
 def test_those_who_left_are_not_called_removed(tmp_path: Path) -> None:
@@ -152,7 +152,7 @@ def test_those_who_left_are_not_called_removed(tmp_path: Path) -> None:
         excluded=pl.when(removed).then(pl.lit("technical fault")).otherwise(pl.lit("")),
     ).write_parquet(tmp_path / "data" / "episodes.parquet")
     made = write_report(tmp_path / "data", tmp_path / "out", Options(power_studies=20))
-    text = wording.sentences(made.analysis)[0]
+    text = apa_text.sentences(made.analysis)[0]
     assert text == (
         "The analysis is of 31 episodes of 8 participants. Of 48 episodes begun, 17 were left out: 11 of participants "
         "who did not finish the study (22.9 %), one not played to the end (2.1 %), one removed by the researcher "

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from models.catalogue import WEIGHTS, load_agent
+from models.agents.catalogue import WEIGHTS, load_agent
 from overcooked.layout import load_layout
-from training.evaluate_agents import Player, measured
+from training.evaluate_agents import EvaluatedAgent, measured
 
 ROOT = Path(__file__).parent.parent.parent
 spec = importlib.util.spec_from_file_location("results_benchmark", ROOT / "benchmarks" / "results.py")
@@ -74,5 +74,5 @@ def test_agents_cook_well_with_themselves_and_fcp_better_with_strangers(layout, 
 
 def test_a_kept_figure_comes_out_again():
     ring = load_layout("coordination_ring")
-    again = measured(ring, "sp", Player(*load_agent("sp", ring)), ())
+    again = measured(ring, "sp", EvaluatedAgent(*load_agent("sp", ring)), ())
     assert again["self_play"] == points("coordination_ring", "sp")["self_play"]

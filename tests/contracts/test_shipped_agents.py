@@ -2,10 +2,10 @@
 
 import pytest
 
-from models.catalogue import WEIGHTS, load_agent
-from models.checkpoint import load_checkpoint
+from models.agents.catalogue import WEIGHTS, load_agent
+from models.networks.checkpoint import load_checkpoint
 from overcooked.layout import load_layout
-from training.evaluate_agents import Player, with_itself
+from training.evaluate_agents import EvaluatedAgent, with_itself
 
 # Points per episode with itself, in the mode in which people meet it.
 WANTED = {
@@ -20,7 +20,9 @@ WANTED = {
 @pytest.mark.parametrize("name", WANTED)
 def test_the_sp_agent_cooks_well_with_itself_and_better_than_two_planners(name: str) -> None:
     layout = load_layout(name)
-    agent, planner = (with_itself(layout, Player(*load_agent(who, layout)), episodes=6) for who in ("sp", "planner"))
+    agent, planner = (
+        with_itself(layout, EvaluatedAgent(*load_agent(who, layout)), episodes=6) for who in ("sp", "planner")
+    )
     assert agent.scores.mean() >= WANTED[name]
     assert agent.scores.mean() > planner.scores.mean()
     assert agent.longest_jam < 60
@@ -29,7 +31,7 @@ def test_the_sp_agent_cooks_well_with_itself_and_better_than_two_planners(name: 
 @pytest.mark.parametrize("name", [name for name in WANTED if (WEIGHTS / name / "fcp").is_dir()])
 def test_the_fcp_agent_scores_at_least_half_of_sp_with_itself(name: str) -> None:
     layout = load_layout(name)
-    sp, fcp = (with_itself(layout, Player(*load_agent(who, layout)), episodes=6) for who in ("sp", "fcp"))
+    sp, fcp = (with_itself(layout, EvaluatedAgent(*load_agent(who, layout)), episodes=6) for who in ("sp", "fcp"))
     assert fcp.scores.mean() >= 0.5 * sp.scores.mean()
 
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 import kitchenmind
-from models.model_paths import WEIGHTS
-from server.cast import cast_of
+from models.agents.model_paths import WEIGHTS
+from server.participation.episode_specs import episode_spec
+from server.required_models import required_models
+from server.study.definition import Study
 from server.study.loader import load_study, parse_study
-from server.study.plan import Study
 from server.study.steps import steps
 from server.study_check import stage_problems
-from server.web.episodes import episode_spec
 
 STUDIES = Path(__file__).parents[2] / "studies"
 SHIPPED = sorted(STUDIES.glob("*.yaml"))
@@ -273,6 +273,6 @@ def test_a_study_that_names_no_form_of_predictor_gets_one_that_is_bundled() -> N
     text = (STUDIES / "quick_look.yaml").read_text(encoding="utf-8")
     without = re.sub(r"(?m)^predictor: .*\n", "", text)
     assert without != text
-    cast = cast_of([parse_study(without)])
+    cast = required_models([parse_study(without)])
     assert ("coordination_ring", "sp_predictor_stream") in cast.predictors
     assert cast.missing == ()

@@ -16,7 +16,7 @@ from row import Row, rounded
 from websockets.asyncio.client import ClientConnection
 from witness import Game, Witness
 
-from server.play import messages, outlet
+from server.play import messages, send_queue
 
 ROUGH = Weather(latency_ms=100, jitter_ms=50, loss=0.02)  # each way: 200 ms +- 100 there and back
 GOAL_HALF_OPEN_S = 6.0
@@ -133,7 +133,7 @@ async def slow_reader(folder: Path, seconds: float) -> Row:
         late = p99(lateness_ms(live.database, calm))
         found = held_against(live.database, [*others.witnesses, *slow.witnesses], silence_s=seconds + 10)
     figure = found.figures() | {"queue_most": waiting, "rss_growth_kib": slow_growth, "others_p99_ms": rounded(late)}
-    passed = found.ok and waiting <= outlet._MOST_WAITING + 1 and slow_growth < 4 * SLOW_CLIENT_KIB
+    passed = found.ok and waiting <= send_queue._MOST_WAITING + 1 and slow_growth < 4 * SLOW_CLIENT_KIB
     return Row(9, "slow reader", 1, passed, figure)
 
 

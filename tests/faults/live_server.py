@@ -16,7 +16,7 @@ from live_fakes import RuleModels
 from real_server import SHORT_STUDY
 
 import server.main
-from models.runner import ModelStatistics
+from models.inference.runner import ModelStatistics
 from server.commands.serve import _server, listen
 from server.settings import Settings
 from server.store.database import DatabaseDown

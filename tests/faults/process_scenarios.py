@@ -19,7 +19,7 @@ from row import Row, rounded
 from sqlalchemy import func, select
 from witness import Witness
 
-from models.lane import SPARE_AFTER_S
+from models.inference.supervised_worker import SPARE_AFTER_S
 from server.store.database import Database
 from server.store.tables import episodes, pauses, ticks
 
@@ -207,7 +207,7 @@ def _kill_a_model_worker(pid: int) -> None:
 
 def _is_model_worker(pid: int) -> bool:
     try:
-        return b"models.worker" in Path(f"/proc/{pid}/cmdline").read_bytes()
+        return b"models.inference.worker" in Path(f"/proc/{pid}/cmdline").read_bytes()
     except OSError:  # there is none any more
         return False
 

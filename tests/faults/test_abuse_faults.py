@@ -5,7 +5,7 @@ from pathlib import Path
 import abuse_scenarios as abuse
 import pytest
 
-from server import connections
+from server import uvicorn_protocols
 
 
 def test_the_decoder_takes_anything_without_breaking() -> None:
@@ -22,15 +22,15 @@ async def test_garbage_on_a_socket_harms_nobody_else(tmp_path: Path) -> None:
 async def test_connections_that_say_nothing_whole_are_closed_and_games_are_safe(
     tmp_path: Path, words: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connections, "SAY_SOMETHING_WITHIN_S", 0.5)
+    monkeypatch.setattr(uvicorn_protocols, "SAY_SOMETHING_WITHIN_S", 0.5)
     (await abuse.idle_connections(tmp_path, 100, words)).hold()
 
 
 async def test_silent_connections_make_room_when_there_is_none_left(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connections, "most_connections", lambda: 20)
-    monkeypatch.setattr(connections, "SAY_SOMETHING_WITHIN_S", 5.0)
+    monkeypatch.setattr(uvicorn_protocols, "most_connections", lambda: 20)
+    monkeypatch.setattr(uvicorn_protocols, "SAY_SOMETHING_WITHIN_S", 5.0)
     (await abuse.idle_connections(tmp_path, 100, b"")).hold()
 
 

@@ -144,7 +144,7 @@ class Game:
             case messages.Refused(code="bad_message"):
                 self.testimony.violations.append(f"refused: {message.reason}")
 
-    def _saw(self, state: messages.Kitchen) -> None:
+    def _saw(self, state: messages.KitchenState) -> None:
         """A state never changes once it was shown."""
         assert self._kitchen is not None
         players = [(x, y, facing, ITEM_NAMES[held]) for x, y, facing, held in state.players]

@@ -6,9 +6,9 @@ import time
 import msgspec
 from playwright.sync_api import Page, WebSocket
 
-from models.planner import PlannerPolicy
+from models.agents.planner import PlannerPolicy
 from overcooked.constants import STAY
-from server.bot_game import Kitchen
+from server.bots.game_client import SeenKitchen
 from server.play import messages
 
 KEYS = ("ArrowUp", "ArrowDown", "ArrowRight", "ArrowLeft", "", "Space")
@@ -28,7 +28,7 @@ class BrowserCook:
         self.ended: list[messages.Ended] = []
         self.paused: list[str] = []
         self.episode = ""
-        self._kitchen: Kitchen | None = None
+        self._kitchen: SeenKitchen | None = None
         self._policy = PlannerPolicy()
         self._fresh = False
         self._lesson = ""
@@ -52,7 +52,7 @@ class BrowserCook:
             case messages.Welcome():
                 if message.episode != self.episode:
                     self.timesteps, self.predictions = [], []
-                self.episode, self._kitchen, self._lesson = message.episode, Kitchen(message), ""
+                self.episode, self._kitchen, self._lesson = message.episode, SeenKitchen(message), ""
             case messages.Tick() if self._kitchen is not None:
                 self._kitchen.show(message.state)
                 self.timesteps.append(message.state.t)
@@ -76,7 +76,7 @@ class BrowserCook:
             if self._fresh and not pending and self._applied >= self._sent and self._kitchen is not None:
                 self._act(self._kitchen)
 
-    def _act(self, kitchen: Kitchen) -> None:
+    def _act(self, kitchen: SeenKitchen) -> None:
         self._fresh = False
         action = 5 if self._lesson == "marks" else kitchen.decide(self._policy)
         if action != STAY:

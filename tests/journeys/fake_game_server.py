@@ -18,7 +18,19 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from server.play import messages
-from server.play.messages import Countdown, Hello, Input, Kitchen, Outgoing, Ping, Pong, Tick, Welcome, decode, encode
+from server.play.messages import (
+    Countdown,
+    Hello,
+    Input,
+    KitchenState,
+    Outgoing,
+    Ping,
+    Pong,
+    Tick,
+    Welcome,
+    decode,
+    encode,
+)
 from server.study.locale import locale
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -32,10 +44,10 @@ ALIVE = Ping(0)  # as the real server says now and then, or the page gives the l
 NONE = ((6, 95), (6, 80), (6, 60))
 
 
-def kitchen(t: int = 0, players: Any = ((2, 1, 0, 0), (1, 2, 0, 0)), **more: Any) -> Kitchen:
+def kitchen(t: int = 0, players: Any = ((2, 1, 0, 0), (1, 2, 0, 0)), **more: Any) -> KitchenState:
     """A state to draw; players are (x, y, facing, held)."""
     fields = {"counters": (), "pots": (), "score": 0, "soups": 0, **more}
-    return Kitchen(t=t, players=tuple(players), **fields)
+    return KitchenState(t=t, players=tuple(players), **fields)
 
 
 def welcome(**changes: Any) -> Welcome:
@@ -62,7 +74,11 @@ def welcome(**changes: Any) -> Welcome:
 
 
 def tick(
-    state: Kitchen, prediction: Any = NONE, actions: tuple[int, int] = (4, 4), applied: int = -1, late: bool = False
+    state: KitchenState,
+    prediction: Any = NONE,
+    actions: tuple[int, int] = (4, 4),
+    applied: int = -1,
+    late: bool = False,
 ) -> Tick:
     return Tick(state, prediction, actions, applied, late)
 

@@ -8,7 +8,7 @@ from typing import Any
 from fake_game_server import FakeGameServer, kitchen, tick
 from playwright.sync_api import Browser, BrowserContext, Page
 
-from server.play.messages import Countdown, Kitchen, Ready, Trouble
+from server.play.messages import ClientError, Countdown, KitchenState, Ready
 
 SCREENSHOTS = Path(__file__).resolve().parents[2] / "screenshots"
 DESKTOP = {"width": 1366, "height": 768}
@@ -44,7 +44,7 @@ def shared(chromium: Browser, server: FakeGameServer) -> BrowserContext:
     return visitor
 
 
-def start(page: Page, server: FakeGameServer, state: Kitchen | None = None, **more: Any) -> None:
+def start(page: Page, server: FakeGameServer, state: KitchenState | None = None, **more: Any) -> None:
     """Presses start; the game runs from `state` on."""
     page.wait_for_selector("[data-phase=ready]")
     page.click("#start-button")
@@ -55,9 +55,9 @@ def start(page: Page, server: FakeGameServer, state: Kitchen | None = None, **mo
 
 def settled(page: Page, server: FakeGameServer) -> None:
     """Return when the server has received everything that the page has sent so far: what it sends last comes last."""
-    words = f"settled {len(server.of(Trouble))}"
+    words = f"settled {len(server.of(ClientError))}"
     page.evaluate("(message) => dispatchEvent(new ErrorEvent('error', { message }))", words)
-    server.wait_for(lambda server: any(each.text.startswith(words) for each in server.of(Trouble)))
+    server.wait_for(lambda server: any(each.text.startswith(words) for each in server.of(ClientError)))
 
 
 def drawn(page: Page, after_ms: float) -> None:

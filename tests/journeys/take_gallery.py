@@ -26,10 +26,10 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "journeys")]
 from conftest import CHROMIUM_ARGUMENTS  # noqa: E402
 from sqlalchemy import select  # noqa: E402
 
-from analysis import wording  # noqa: E402
+from analysis import apa_text  # noqa: E402
 from analysis.report import Report, write_report  # noqa: E402
-from server.bot_crowd import Crowd, Outcome, judge, simulate  # noqa: E402
-from server.own_server import QUICK, OwnServer, kitchenmind  # noqa: E402
+from server.bots.crowd import Crowd, CrowdOutcome, judge, simulate  # noqa: E402
+from server.bots.local_server import QUICK, OwnServer, kitchenmind  # noqa: E402
 from server.store.database import Database  # noqa: E402
 from server.store.tables import episodes  # noqa: E402
 from server.study.loader import load_study  # noqa: E402
@@ -40,15 +40,15 @@ SCREEN = {"width": 1366, "height": 900}
 FIGURES = ("reward", "questionnaire", "accuracy", "effect_sizes")
 WIDEST = 1400
 NOTE = """**Everything here is simulated.** The participants are programs (`kitchenmind bots`); what they do and answer
-follows from rules written in `server/bot_cook.py` and `server/bot_answers.py`. Nothing about people follows from it. It
-shows what the tools make of a study, from the running dashboard to the report."""
+follows from rules written in `server/bots/cook.py` and `server/bots/answers.py`. Nothing about people follows from it.
+It shows what the tools make of a study, from the running dashboard to the report."""
 
 
 @dataclass
 class Made:
     """What the pictures and the page are made from."""
 
-    outcome: Outcome
+    outcome: CrowdOutcome
     minutes: float
     report: Report
 
@@ -75,7 +75,7 @@ def signed_in(chromium: Browser, server: OwnServer, study: str) -> Page:
     return page
 
 
-def walk(crowd: Crowd, server: OwnServer, page: Page, out: Path) -> Outcome:
+def walk(crowd: Crowd, server: OwnServer, page: Page, out: Path) -> CrowdOutcome:
     """Everybody through the study, in a process of its own; a picture of the dashboard while they are at it."""
     words = [
         sys.executable,
@@ -91,7 +91,7 @@ def walk(crowd: Crowd, server: OwnServer, page: Page, out: Path) -> Outcome:
         take(page, out / "dashboard.webp")
         assert walking.wait() == 0
         said.seek(0)
-        return Outcome(**json.load(said))
+        return CrowdOutcome(**json.load(said))
 
 
 def walk_here(number: int, url: str, database: str, study_file: str) -> None:
@@ -160,7 +160,7 @@ def written(made: Made, study: str, out: Path) -> str:
     """The page: what was simulated, the pictures, and what the report says."""
     outcome, analysis = made.outcome, made.report.analysis
     arms = ", ".join(f"{count} in `{condition}`" for condition, count in outcome.by_condition.items())
-    findings = "\n".join(f"- {finding}" for finding in wording.findings(analysis))
+    findings = "\n".join(f"- {finding}" for finding in apa_text.findings(analysis))
     figures = "\n\n".join(
         f"![{name.replace('_', ' ')}, simulated]({name}.webp)" for name in FIGURES if (out / f"{name}.webp").is_file()
     )

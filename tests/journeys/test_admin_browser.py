@@ -17,7 +17,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 from real_server import ROOT, SHORT_STUDY, RealServer
 
-from server.bots import Bot
+from server.bots.participant import Bot
 
 STUDY = SHORT_STUDY.replace("horizon: 60", "horizon: 600").replace(", {name: matrix, title: {en: Matrix}}", "")
 PATIENCE_MS = 60_000

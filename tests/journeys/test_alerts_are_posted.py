@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from real_server import RealServer
 
-from server.bots import Bot
+from server.bots.participant import Bot
 
 
 async def disappear(url: str) -> None:

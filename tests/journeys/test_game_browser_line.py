@@ -5,7 +5,7 @@ from fake_game_server import FakeGameServer, kitchen, tick, welcome
 from game_page import opened, start
 from playwright.sync_api import Browser
 
-from server.play.messages import Countdown, Hello, Notice, Paused, Ping, Pong, Ready, Superseded, Trouble
+from server.play.messages import ClientError, Countdown, Hello, Notice, Paused, Ping, Pong, Ready, Superseded
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
 
@@ -141,15 +141,15 @@ def test_errors_of_the_page_reach_the_server_once_each_and_a_few_at_most(
                 "(n) => dispatchEvent(new ErrorEvent('error', {message: 'oven ' + n, error: new Error('oven ' + n)}))",
                 number,
             )
-        server.wait_for(lambda server: len(server.of(Trouble)) == 5)
-        assert all("oven" in trouble.text for trouble in server.of(Trouble))
+        server.wait_for(lambda server: len(server.of(ClientError)) == 5)
+        assert all("oven" in trouble.text for trouble in server.of(ClientError))
 
 
 def test_a_frame_that_is_no_message_is_reported_and_the_game_goes_on(chromium: Browser, server: FakeGameServer) -> None:
     with opened(chromium, server) as page:
         start(page, server)
         server.send_raw('{"type":"dance"}')
-        server.wait_for(lambda server: bool(server.of(Trouble)))
-        assert "unknown message dance" in server.of(Trouble)[0].text
+        server.wait_for(lambda server: bool(server.of(ClientError)))
+        assert "unknown message dance" in server.of(ClientError)[0].text
         server.send(tick(kitchen(t=2)))
         page.wait_for_selector("[data-timestep='2']")

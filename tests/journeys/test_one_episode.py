@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from real_server import RealServer
 
-from server.bots import Bot
+from server.bots.participant import Bot
 from server.store.database import Database
 from server.store.engines import normal_url
 

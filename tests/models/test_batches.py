@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from models.batches import joined, parted, together
+from models.inference.batches import joined, parted, together
+from models.inference.wire import Answer, ModelRequest, Row
 from models.protocols import STEPS
-from models.wire import Answer, Ask, Row
 from overcooked.constants import ACTIONS
 
 
 def ask(number, layout, *games):
     rows = [Row(game, "sp", None, number, 1, False, 0, 0.5) for game in games]
-    return Ask(number, layout, (1, 1, 1), rows, bytes([number] * len(games)), bytes([number] * 2 * len(games)))
+    return ModelRequest(number, layout, (1, 1, 1), rows, bytes([number] * len(games)), bytes([number] * 2 * len(games)))
 
 
 def test_a_game_never_comes_twice_in_a_group_and_its_frames_stay_in_order():

@@ -15,10 +15,10 @@ import pytest
 from onnx import TensorProto
 
 import kitchenmind
-from models import http_agent
-from models.blackbox import BlackBoxError, load_foreign_agent, load_foreign_predictor
-from models.catalogue import agent_sha256
-from models.onnx_weights import external_files
+from models.agents import http_agent
+from models.agents.blackbox import BlackBoxError, load_foreign_agent, load_foreign_predictor
+from models.agents.catalogue import agent_sha256
+from models.agents.onnx_weights import external_files
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from models.checkpoint import FILES, CheckpointError, load_checkpoint, save_checkpoint
-from models.network_config import NetworkConfig
-from models.policy import NetworkPolicy, build_network, load_network, save_agent
+from models.networks.checkpoint import FILES, CheckpointError, load_checkpoint, save_checkpoint
+from models.networks.config import NetworkConfig
+from models.networks.policy import NetworkPolicy, build_network, load_network, save_agent
 from models.protocols import Mode
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens

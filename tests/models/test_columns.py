@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from models.columns import varying_columns
+from models.networks.columns import varying_columns
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 import kitchenmind
-from models.catalogue import agent_sha256
-from models.model_paths import WEIGHTS, located, source_file
-from models.predictors import UnknownPredictor, load_predictor
+from models.agents.catalogue import agent_sha256
+from models.agents.model_paths import WEIGHTS, located, source_file
+from models.agents.predictors import UnknownPredictor, load_predictor
 from overcooked.layout import load_layout
 
 RING = load_layout("coordination_ring")

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import torch
 
-from models.catalogue import load_agent
-from models.checkpoint import CheckpointError, save_checkpoint
-from models.network_config import NetworkConfig
-from models.policy import NetworkPolicy, build_network, load_network, save_agent
+from models.agents.catalogue import load_agent
+from models.networks.checkpoint import CheckpointError, save_checkpoint
+from models.networks.config import NetworkConfig
+from models.networks.policy import NetworkPolicy, build_network, load_network, save_agent
 from models.protocols import Mode
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import torch
 
-from models.checkpoint import CheckpointError
-from models.network_config import PredictorConfig
-from models.predictor import PredictorNetwork, one_hot, predictor_network, save_predictor
-from models.predictor_at_work import at_work as at_work_of
-from models.predictor_at_work import load_trained_predictor
+from models.inference.predictor_numpy import at_work as at_work_of
+from models.inference.predictor_numpy import load_trained_predictor
+from models.networks.checkpoint import CheckpointError
+from models.networks.config import PredictorConfig
+from models.networks.predictor import PredictorNetwork, one_hot, predictor_network, save_predictor
 from models.protocols import HISTORY
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
@@ -133,7 +133,7 @@ def test_a_predictor_of_another_kitchen_is_refused(tmp_path):
 
 
 def test_an_agent_is_no_predictor(tmp_path):
-    from models.checkpoint import load_checkpoint, save_checkpoint
+    from models.networks.checkpoint import load_checkpoint, save_checkpoint
 
     save_checkpoint(tmp_path / "a", {"format": "other"}, {"x": torch.zeros(1)}, "A card.")
     with pytest.raises(CheckpointError, match="no predictor"):

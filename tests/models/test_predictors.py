@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from models.predictors import DegradedPredictor, UniformPredictor, UnknownPredictor, load_predictor
+from models.agents.predictors import DegradedPredictor, UniformPredictor, UnknownPredictor, load_predictor
 from overcooked.layout import load_layout
 
 RING = load_layout("coordination_ring")

@@ -9,10 +9,10 @@ import sys
 import numpy as np
 import pytest
 
-from models.launch import launch
-from models.model_paths import ModelPaths
+from models.agents.model_paths import ModelPaths
+from models.inference.launch import launch
+from models.inference.runner import ModelsDown, ModelServer
 from models.protocols import History, Question
-from models.runner import ModelsDown, ModelServer
 from overcooked.constants import EAST, NORTH, STAY
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
@@ -72,7 +72,7 @@ async def until(condition):
 
 
 def test_server_side_never_loads_torch():
-    code = "import sys, models.runner; sys.exit('torch' in sys.modules)"
+    code = "import sys, models.inference.runner; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from models.catalogue import SCRIPTED, UnknownAgent, agent_names, agent_sha256, load_agent
-from models.checkpoint import CheckpointError
-from models.columns import varying_columns
-from models.predictors import load_predictor
-from models.sight import sight
+from models.agents.catalogue import SCRIPTED, UnknownAgent, agent_names, agent_sha256, load_agent
+from models.agents.observation_parser import sight
+from models.agents.predictors import load_predictor
+from models.networks.checkpoint import CheckpointError
+from models.networks.columns import varying_columns
 from overcooked.constants import COOKING, FACING, HELD, ITEM_NAMES, NOTHING
 from overcooked.layout import layout_names, load_layout
 from overcooked.state import Kitchens
-from training.evaluate_agents import Player, play, with_itself
+from training.evaluate_agents import EvaluatedAgent, play, with_itself
 
 
 def _played(name: str, timesteps: int, games: int = 6) -> Kitchens:
@@ -55,14 +55,14 @@ def test_the_entries_that_networks_read_are_all_that_ever_change(name: str) -> N
 @pytest.mark.parametrize("name", layout_names())
 def test_two_planners_serve_soup_in_every_kitchen_and_never_jam_for_good(name: str) -> None:
     layout = load_layout(name)
-    games = with_itself(layout, Player(*load_agent("planner", layout)), episodes=4)
+    games = with_itself(layout, EvaluatedAgent(*load_agent("planner", layout)), episodes=4)
     assert games.scores.mean() >= 20
     assert games.longest_jam < 60
 
 
 def test_a_planner_cooks_beside_somebody_who_only_waits() -> None:
     layout = load_layout("double_rings")
-    planner, waiter = (Player(*load_agent(name, layout)) for name in ("planner", "stay"))
+    planner, waiter = (EvaluatedAgent(*load_agent(name, layout)) for name in ("planner", "stay"))
     assert play(layout, (planner, waiter), 2, seed=0).scores.min() >= 40
 
 

@@ -13,12 +13,12 @@ from live_server import LiveServer
 from real_server import SHORT_STUDY
 from sqlalchemy import select
 
+from server.participation.episode_specs import episode_spec
 from server.store import admins, episodes
 from server.store.participants import get
 from server.store.tables import participants
 from server.web.auth import COOKIE as PARTICIPANT_COOKIE
 from server.web.auth import FORM_FIELD
-from server.web.episodes import episode_spec
 
 PASSWORD = "long enough for a test"
 QUICK_HASH = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1).hash(PASSWORD)

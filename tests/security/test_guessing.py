@@ -15,18 +15,8 @@ from real_server import SHORT_STUDY
 import kitchenmind
 from server.store import admins
 from server.store.attempts import LIMIT
-from server.web.guessing import (
-    CODE,
-    MOST_WAITING,
-    MOST_WAITING_OF_ONE,
-    PASSWORD_OF_KNOWN,
-    Busy,
-    Hashing,
-    Origin,
-)
-from server.web.guessing import (
-    PASSWORD as BY_PASSWORD,
-)
+from server.web.guess_limits import CODE, MOST_WAITING, MOST_WAITING_OF_ONE, PASSWORD_OF_KNOWN, Busy, Hashing, Origin
+from server.web.guess_limits import PASSWORD as BY_PASSWORD
 
 PUBLIC = "https://lab.example.org"
 PASSWORD = "long enough for a test"

@@ -13,8 +13,8 @@ from live_server import LiveServer
 from websockets.protocol import State
 from witness import Witness
 
-from server.web import forms, rates
-from server.web.socket import MOST_OF_ONE
+from server.web import forms, rate_limits
+from server.web.participant.game_socket import MOST_OF_ONE
 
 
 @pytest.fixture(scope="module")
@@ -33,8 +33,8 @@ async def enrolled(live: LiveServer) -> Witness:
 async def test_one_participant_who_asks_too_often_waits_and_another_does_not(
     live: LiveServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(rates, "BURST", 10.0)
-    monkeypatch.setattr(rates, "PER_S", 0.1)
+    monkeypatch.setattr(rate_limits, "BURST", 10.0)
+    monkeypatch.setattr(rate_limits, "PER_S", 0.1)
     eager, calm = await enrolled(live), await enrolled(live)
     statuses = [(await eager.client.get("/s/short/now")).status_code for _ in range(12)]
     assert statuses[:5] == [200] * 5
@@ -48,18 +48,18 @@ async def test_one_participant_who_asks_too_often_waits_and_another_does_not(
 
 
 def test_an_address_has_a_budget_of_its_own() -> None:
-    counted = rates.Rates()
-    spent = [counted.spend("address 192.0.2.1", rates.ADDRESS_PER_S, 50) for _ in range(60)]
+    counted = rate_limits.Rates()
+    spent = [counted.spend("address 192.0.2.1", rate_limits.ADDRESS_PER_S, 50) for _ in range(60)]
     assert spent[:50] == [True] * 50
     assert False in spent
-    assert counted.spend("address 192.0.2.2", rates.ADDRESS_PER_S, 50)
+    assert counted.spend("address 192.0.2.2", rate_limits.ADDRESS_PER_S, 50)
 
 
 def test_who_is_remembered_is_bounded() -> None:
-    counted = rates.Rates()
-    for number in range(rates._MOST_REMEMBERED + 100):
+    counted = rate_limits.Rates()
+    for number in range(rate_limits._MOST_REMEMBERED + 100):
         counted.spend(str(number), 1, 1)
-    assert len(counted._budgets) == rates._MOST_REMEMBERED
+    assert len(counted._budgets) == rate_limits._MOST_REMEMBERED
 
 
 async def test_a_form_that_trickles_in_is_given_up(live: LiveServer, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -24,7 +24,7 @@ from server.store import admins, audit, engines
 from server.store.admins import IDLE, LONGEST
 from server.store.participants import new_token
 from server.store.tables import admin_sessions, participants
-from server.web.auth import Guard
+from server.web.auth import CsrfProtection
 from server.web.passwords import hashed, weakness
 
 PUBLIC = "https://lab.example.org"
@@ -263,12 +263,12 @@ def test_a_name_that_was_made_to_lead_here_is_not_our_own() -> None:
         def __init__(self, host: str) -> None:
             self.headers = {"host": host, "origin": f"http://{host}"}
 
-    guard = Guard(b"secret")
+    guard = CsrfProtection(b"secret")
     assert guard.is_own_origin(Asked("127.0.0.1:8000"))  # type: ignore[arg-type]
     assert guard.is_own_origin(Asked("localhost:8000"))  # type: ignore[arg-type]
     assert guard.is_own_origin(Asked("[::1]:8000"))  # type: ignore[arg-type]
     assert not guard.is_own_origin(Asked("evil.example:8000"))  # type: ignore[arg-type]
-    assert Guard(b"s", PUBLIC).is_own_origin(Asked("lab.example.org")) is False, "the public address is https"  # type: ignore[arg-type]
+    assert CsrfProtection(b"s", PUBLIC).is_own_origin(Asked("lab.example.org")) is False, "the public address is https"  # type: ignore[arg-type]
 
 
 def test_the_database_is_not_waited_for_without_end() -> None:

@@ -14,18 +14,18 @@ import pytest
 from sqlalchemy import Connection, delete, select, update
 
 import kitchenmind
-from server.bot_crowd import Crowd, Outcome, _arrival, judge, simulate
-from server.bot_faults import GUARANTEES, Trial, table
-from server.bot_promises import Claim, broken_at_code
-from server.bots import Bot
+from server.bots.crowd import Crowd, CrowdOutcome, _arrival, judge, simulate
+from server.bots.faults import GUARANTEES, Trial, table
+from server.bots.invariants import Claim, broken_at_code
+from server.bots.local_server import QUICK, OwnServer
+from server.bots.local_server import kitchenmind as command_line
+from server.bots.participant import Bot
 from server.commands import bots as bots_command
-from server.own_server import QUICK, OwnServer
-from server.own_server import kitchenmind as command_line
+from server.participation.recruiter_links import recruitment_of
 from server.store.database import Database
 from server.store.tables import answers, episodes, inputs, participants, ticks
 from server.study.loader import load_study
 from server.study.recruitment import Recruitment
-from server.web.recruiting import recruitment_of
 
 ROOT = Path(__file__).parents[2]
 STUDIES = sorted((ROOT / "studies").glob("*.yaml"))
@@ -265,12 +265,12 @@ def test_participants_of_whom_some_give_up_break_no_promise(tmp_path: Path, peop
 
 def test_a_broken_guarantee_fails_in_the_table_and_the_others_pass() -> None:
     faults = {"server_kill": 1, "reload": 2, "second_tab": 2, "half_open": 2}
-    kept = Trial(Outcome(started=2, completed=2), faults, 1.0)
+    kept = Trial(CrowdOutcome(started=2, completed=2), faults, 1.0)
     assert [is_kept for _, is_kept, _ in kept.rows()] == [True] * (len(GUARANTEES) + 1)
-    lost = Trial(Outcome(2, 2, violations=["episode 1 lost timesteps [7]", "something else"]), faults, 1.0)
+    lost = Trial(CrowdOutcome(2, 2, violations=["episode 1 lost timesteps [7]", "something else"]), faults, 1.0)
     assert table(lost, 5).count("FAIL") == 2
     assert "FAIL  nothing that was shown is lost" in table(lost, 5)
-    untried = Trial(Outcome(started=2, completed=2), {"reload": 1}, 0.0)
+    untried = Trial(CrowdOutcome(started=2, completed=2), {"reload": 1}, 0.0)
     assert table(untried, 5).count("FAIL") == 1
     assert "no server kill happened" in table(untried, 5)
 
@@ -288,7 +288,7 @@ def test_guarantees_hold_while_the_server_is_killed_and_lines_are_lost() -> None
 def test_a_violation_is_told_and_makes_the_exit_code_1(
     form: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    broken = Outcome(3, 2, 1, {"tom": 2}, 20, ["episode 1 lost timesteps [7]"])
+    broken = CrowdOutcome(3, 2, 1, {"tom": 2}, 20, ["episode 1 lost timesteps [7]"])
     monkeypatch.setattr(bots_command, "_simulate", lambda _: broken)
     assert kitchenmind.main(["bots", "3", *form]) == 1
     told = capsys.readouterr().out

@@ -19,13 +19,13 @@ import pytest
 import kitchenmind
 from server.bundle import archive, making, state
 from server.bundle.archive import BundleRefused
+from server.participation import progress
+from server.participation.served_studies import Studies
 from server.settings import ROOT
 from server.store.database import Database
 from server.store.migrate import migrate
 from server.store.participants import complete
 from server.study.loader import load_study
-from server.web import walk
-from server.web.studies import Studies
 
 PUBLISHED = ROOT / "studies" / "external_predictor.yaml"
 QUICK = ROOT / "studies" / "quick_look.yaml"
@@ -108,8 +108,8 @@ def test_the_allocation_list_is_what_participants_get(tmp_path: Path) -> None:
     with Database(url) as database:
         studies = asyncio.run(Studies.opened(database, [file]))
         for number in range(1, 21):
-            arrival = walk.Arrival(file.study.name, f"token {number}")
-            participant = database.write_now(walk.enrol, studies, arrival)
+            arrival = progress.ConsentArrival(file.study.name, f"token {number}")
+            participant = database.write_now(progress.enrol, studies, arrival)
             assert listed[number] == (participant.condition, participant.seed)
             way = [step for step in studies.way(participant) if step.kind == "episode"]
             assert orders[number] == [(step.layout, step.agent, step.seed) for step in way]

@@ -13,14 +13,14 @@ from postgres_server import PostgresServer
 from real_server import SHORT_STUDY
 from redis_server import RedisServer
 
-from server.bot_cook import Traits
-from server.bot_game import BotGame, Journal
-from server.bots import Bot
-from server.cluster import Cluster
+from server.bots.cook import Traits
+from server.bots.game_client import BotGame, Journal
+from server.bots.participant import Bot
+from server.cluster.registry import Cluster
+from server.monitoring.peers import View
 from server.play.game import Game
 from server.store import ticks
 from server.study.loader import StudyError
-from server.web.elsewhere import View
 
 pytestmark = pytest.mark.postgres
 STUDY = SHORT_STUDY.replace("tutorial, ", "").replace("horizon: 60", "horizon: 2000")

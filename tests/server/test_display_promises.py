@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 from test_bots import SCRIPTED
 
-from server.own_server import kitchenmind
+from server.bots.local_server import kitchenmind
 
 SOMETIMES = """
 import numpy as np

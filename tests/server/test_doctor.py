@@ -14,7 +14,7 @@ from postgres_server import PostgresServer
 from sqlalchemy import text as sql
 
 import kitchenmind
-from server import cast, doctor
+from server import doctor, required_models
 from server.settings import ROOT
 from server.store.database import Database
 from server.store.migrate import migrate
@@ -132,7 +132,7 @@ def test_a_changed_byte_in_the_weights_is_found(
     agent = Path("coordination_ring") / "sp"
     for layout in ("coordination_ring", "matrix"):
         shutil.copytree(ROOT / "models" / "weights" / layout / "sp", where / layout / "sp")
-    monkeypatch.setattr(cast, "WEIGHTS", where)
+    monkeypatch.setattr(required_models, "WEIGHTS", where)
     text = STUDY.read_text("utf-8").replace("{name: planner, predictor", "{name: sp, predictor")
     study = where / "small.yaml"
     study.write_text(text, encoding="utf-8")

@@ -8,7 +8,7 @@ from live_server import LiveServer
 from real_server import RealServer
 
 from overcooked.layout import layout_names, load_layout, parse_layout
-from server.bots import Bot
+from server.bots.participant import Bot
 
 ONE_POT = "XXPXX\nO1 2O\nXDSXX"
 THREE_POTS = "XPPPX\nO1 2O\nXDSXX"

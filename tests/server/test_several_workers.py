@@ -15,7 +15,7 @@ from real_server import ROOT, SHORT_STUDY, RealServer
 from redis_server import RedisServer
 from sqlalchemy import Connection, select
 
-from server.bots import Bot
+from server.bots.participant import Bot
 from server.store import ticks
 from server.store.database import Database
 from server.store.tables import episodes

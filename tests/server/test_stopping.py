@@ -8,7 +8,7 @@ import pytest
 from postgres_server import PostgresServer
 from real_server import RealServer
 
-from server.bots import Bot
+from server.bots.participant import Bot
 
 pytestmark = pytest.mark.postgres
 

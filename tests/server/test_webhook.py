@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
+from server.monitoring.webhook import MOST_WAITING, Webhook
 from server.settings import Settings
-from server.webhook import MOST_WAITING, Webhook
 
 QUICK = (0.01, 0.01, 0.01)
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from training.cast import STUDY_LAYOUTS, load_preset, seeds
 from training.config import CONFIG_FOLDER, AgentConfig, ConfigError, agent_config, changed, differences
+from training.pipeline.agent_tasks import STUDY_LAYOUTS, load_preset, seeds
 
 
 def test_changes_on_the_command_line_come_last(tmp_path: Path) -> None:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from models.catalogue import WEIGHTS, load_agent
-from models.policy import NetworkPolicy
+from models.agents.catalogue import WEIGHTS, load_agent
+from models.networks.policy import NetworkPolicy
 from overcooked.constants import STAY
 from overcooked.layout import load_layout
 from training.behaviour_cloning import (

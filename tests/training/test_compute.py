@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 import torch
 
-from models.network_config import NetworkConfig, PredictorConfig
-from models.policy import build_network
-from models.predictor import PredictorNetwork
+from models.networks.config import NetworkConfig, PredictorConfig
+from models.networks.policy import build_network
+from models.networks.predictor import PredictorNetwork
 from overcooked.layout import load_layout
 from overcooked.vector_env import Starts, VectorEnv
 from training.agents import train_agent
 from training.compute import Compute, ComputeError, Request, quickest, request, requested
 from training.config import agent_config
 from training.fast_path import choose_compute, fast_path
-from training.ppo import Trainer
+from training.ppo import PpoTrainer
 from training.threaded_env import ThreadedEnv, threaded_env
 
 RING = load_layout("coordination_ring")
@@ -115,10 +115,10 @@ def test_threads_step_the_same_games_as_environments_of_their_own() -> None:
 
 def test_ppo_learns_from_games_that_threads_step(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("training.ppo.threads_for", lambda device: 3)
-    trainer = Trainer(SHORT, RING, 1, compute=Compute("cpu", "float32", "dense"))
+    trainer = PpoTrainer(SHORT, RING, 1, compute=Compute("cpu", "float32", "dense"))
     assert isinstance(trainer.env, ThreadedEnv)
     assert np.isfinite(trainer.iteration()["policy_loss"])
     tensors, numbers = trainer.state()
-    other = Trainer(SHORT, RING, 1, compute=Compute("cpu", "float32", "dense"))
+    other = PpoTrainer(SHORT, RING, 1, compute=Compute("cpu", "float32", "dense"))
     other.restore({name: tensor.clone() for name, tensor in tensors.items()}, numbers)
     assert other.iteration()["policy_loss"] == trainer.iteration()["policy_loss"]

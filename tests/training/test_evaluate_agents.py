@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from models.catalogue import load_agent
+from models.agents.catalogue import load_agent
 from models.protocols import Mode, Observations, Probabilities
 from overcooked.constants import INTERACT
 from overcooked.layout import load_layout
-from training.evaluate_agents import Player, measured, play, with_itself, with_partners
+from training.evaluate_agents import EvaluatedAgent, measured, play, with_itself, with_partners
 
 RINGS = load_layout("double_rings")
 
@@ -22,24 +22,24 @@ class Presser:
 
 
 def test_the_same_seed_gives_the_same_games_and_another_seed_others() -> None:
-    noisy = Player(load_agent("planner", RINGS).policy, Mode(temperature=0.0, stuck_after=2, stuck_mix=0.9))
+    noisy = EvaluatedAgent(load_agent("planner", RINGS).policy, Mode(temperature=0.0, stuck_after=2, stuck_mix=0.9))
     first, again, other = (play(RINGS, (noisy, noisy), 6, seed).scores for seed in (0, 0, 1))
     assert first.tolist() == again.tolist()
     assert first.tolist() != other.tolist()
 
 
 def test_certainty_and_jams_tell_of_an_agent_that_never_moves() -> None:
-    rigid = with_itself(RINGS, Player(Presser(), Mode(0.0, 3, 0.0)), episodes=2)
+    rigid = with_itself(RINGS, EvaluatedAgent(Presser(), Mode(0.0, 3, 0.0)), episodes=2)
     assert (rigid.scores == 0).all()
     assert rigid.certainty == pytest.approx(1.0)
     assert rigid.longest_jam >= 398
-    loose = with_itself(RINGS, Player(Presser(), Mode(0.0, 3, 0.8)), episodes=2)
+    loose = with_itself(RINGS, EvaluatedAgent(Presser(), Mode(0.0, 3, 0.8)), episodes=2)
     assert loose.longest_jam < 100
     assert loose.certainty < 1.0
 
 
 def test_points_with_partners_come_by_partner_seat_and_mode() -> None:
-    planner = Player(*load_agent("planner", RINGS))
+    planner = EvaluatedAgent(*load_agent("planner", RINGS))
     stay = load_agent("stay", RINGS).policy
     points = with_partners(RINGS, planner, [stay, planner.policy], episodes=1)
     assert points.shape == (2, 2, 2)
@@ -47,7 +47,7 @@ def test_points_with_partners_come_by_partner_seat_and_mode() -> None:
 
 
 def test_an_entry_has_what_the_command_prints() -> None:
-    entry = measured(RINGS, "planner", Player(*load_agent("planner", RINGS)), [Presser()], episodes=4)
+    entry = measured(RINGS, "planner", EvaluatedAgent(*load_agent("planner", RINGS)), [Presser()], episodes=4)
     assert entry["layout"] == "double_rings"
     assert entry["agent"] == "planner"
     assert entry["episodes"] == 4

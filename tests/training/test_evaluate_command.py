@@ -5,7 +5,7 @@ import json
 import pytest
 
 import kitchenmind
-from training.cast import STUDY_LAYOUTS
+from training.pipeline.agent_tasks import STUDY_LAYOUTS
 
 CELLS = sorted((layout, agent) for layout in STUDY_LAYOUTS for agent in ("sp", "fcp"))
 MEAN = {"mean": float, "se": float}

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import kitchenmind
-from models.model_paths import WEIGHTS
-from models.predictors import load_predictor
+from models.agents.model_paths import WEIGHTS
+from models.agents.predictors import load_predictor
 from overcooked.layout import load_layout
 from training import train_predictor as training
 from training.commands import predictor as command
@@ -82,14 +82,14 @@ def test_a_predictor_is_there_when_time_is_over_and_the_same_command_goes_on(
 def test_ctrl_c_leaves_a_predictor_that_can_be_used(
     lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    step = training.Trainer.step
+    step = training.PredictorTrainer.step
 
-    def interrupted(trainer: training.Trainer) -> float:
+    def interrupted(trainer: training.PredictorTrainer) -> float:
         if trainer.update == 7:
             raise KeyboardInterrupt
         return step(trainer)
 
-    monkeypatch.setattr(training.Trainer, "step", interrupted)
+    monkeypatch.setattr(training.PredictorTrainer, "step", interrupted)
     assert train(lab, tmp_path) == 1
     load_predictor(str(tmp_path / "p"), RING)
     assert "interrupted after 7 of 20 updates" in capsys.readouterr().out.replace("\n", " ")

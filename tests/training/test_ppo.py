@@ -7,8 +7,8 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from models.network_config import NetworkConfig
-from models.policy import build_network
+from models.networks.config import NetworkConfig
+from models.networks.policy import build_network
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
 from training.agents import snapshot_network, train_agent
@@ -16,7 +16,7 @@ from training.compute import Compute
 from training.config import AgentConfig, agent_config
 from training.fast_path import fast_path
 from training.partners import PartnerPool
-from training.ppo import Seats, Trainer, advantage_estimates, ppo_loss, run_settings, train
+from training.ppo import PpoTrainer, SeatRows, advantage_estimates, ppo_loss, run_settings, train
 from training.runlog import RunError, RunFolder
 
 RING = load_layout("coordination_ring")
@@ -112,7 +112,7 @@ def test_partners_sit_in_both_seats_and_answer_as_they_do_alone(kind: str) -> No
         torch.nn.init.normal_(network.head.policy.weight)
     pool = PartnerPool(networks, RING, games=4)
     config = agent_config(None, ["self_play_games=2"])
-    seats = Seats(config, pool)
+    seats = SeatRows(config, pool)
     assert seats.games == 2 + 3 * 4
     assert sorted([*seats.learner, *seats.partner]) == list(range(2 * seats.games))
     assert sorted((seats.partner % 2).tolist()) == [0] * 6 + [1] * 6
@@ -127,7 +127,7 @@ def test_partners_sit_in_both_seats_and_answer_as_they_do_alone(kind: str) -> No
 def test_an_interrupted_run_ends_exactly_as_an_uninterrupted_one(tmp_path: Path) -> None:
     settings = run_settings(SHORT, RING, 5, [])
     whole, parts = RunFolder(tmp_path / "whole", settings), RunFolder(tmp_path / "parts", settings)
-    train(Trainer(SHORT, RING, 5), whole)
+    train(PpoTrainer(SHORT, RING, 5), whole)
 
     class Interrupted(Exception):
         pass
@@ -137,8 +137,8 @@ def test_an_interrupted_run_ends_exactly_as_an_uninterrupted_one(tmp_path: Path)
             raise Interrupted
 
     with pytest.raises(Interrupted):
-        train(Trainer(SHORT, RING, 5), parts, interrupt, save_every_s=0)
-    train(Trainer(SHORT, RING, 5), RunFolder(tmp_path / "parts", settings))
+        train(PpoTrainer(SHORT, RING, 5), parts, interrupt, save_every_s=0)
+    train(PpoTrainer(SHORT, RING, 5), RunFolder(tmp_path / "parts", settings))
     assert [line["timesteps"] for line in parts.metrics()] == [line["timesteps"] for line in whole.metrics()]
     ours, theirs = whole.snapshots()[-1][2], parts.snapshots()[-1][2]
     networks = [snapshot_network(path, SHORT, RING)[0].state_dict() for path in (ours, theirs)]

@@ -6,19 +6,28 @@ import numpy as np
 import pytest
 import torch
 
-from models.catalogue import load_agent
-from models.network_config import NetworkConfig, PredictorConfig
-from models.policy import NetworkPolicy, build_network, save_agent
-from models.predictor import Eyes
+from models.agents.catalogue import load_agent
+from models.networks.config import NetworkConfig, PredictorConfig
+from models.networks.policy import NetworkPolicy, build_network, save_agent
+from models.networks.predictor import Encoder
 from models.protocols import Mode
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
-from training.collect import Partner, Plan, Target, collect, games_with, read_manifest, read_shard, split_by_agent
+from training.collect import (
+    CollectionPlan,
+    Partner,
+    Target,
+    collect,
+    games_with,
+    read_manifest,
+    read_shard,
+    split_by_agent,
+)
 from training.dataset import NONE, episodes_of, load_episodes, stream_batch, window_batch
 from training.population import NoisyPolicy, load_extras, load_population, with_itself_and_extras
 
 RING = load_layout("coordination_ring")
-SMALL = Plan(trajectories=1, timesteps=60)
+SMALL = CollectionPlan(trajectories=1, timesteps=60)
 
 
 def planner():
@@ -67,7 +76,7 @@ def test_the_target_acts_by_the_law_that_is_written_down(games):
 
 def test_the_same_seed_gives_the_same_games(games):
     again = games_with(RING, planner(), uniform("sp_1_100"), SMALL)
-    other = games_with(RING, planner(), uniform("sp_1_100"), Plan(1, 60, seed=1))
+    other = games_with(RING, planner(), uniform("sp_1_100"), CollectionPlan(1, 60, seed=1))
     assert all(np.array_equal(games[name], again[name]) for name in games)
     assert not np.array_equal(games["actions"], other["actions"])
 
@@ -115,7 +124,7 @@ def test_games_of_another_plan_are_not_mixed_in(tmp_path):
     partners = [uniform(f"sp_{k}") for k in range(3)]
     collect(tmp_path, RING, planner(), partners, SMALL)
     with pytest.raises(ValueError, match="another target or plan"):
-        collect(tmp_path, RING, planner(), partners, Plan(1, 80))
+        collect(tmp_path, RING, planner(), partners, CollectionPlan(1, 80))
 
 
 def test_a_changed_shard_is_refused(tmp_path):
@@ -128,7 +137,7 @@ def test_a_changed_shard_is_refused(tmp_path):
 
 
 def test_features_are_what_the_eyes_make_of_the_observation(games):
-    eyes = Eyes(RING, PredictorConfig())
+    eyes = Encoder(RING, PredictorConfig())
     episodes = episodes_of(games, RING, eyes)
     for game, t in ((0, 0), (1, 30), (3, 59)):
         state = [games[name][game : game + 1, t].copy() for name in ("players", "contents")]
@@ -138,7 +147,7 @@ def test_features_are_what_the_eyes_make_of_the_observation(games):
 
 
 def test_labels_are_the_next_three_actions_and_nothing_beyond_the_end(games):
-    episodes = episodes_of(games, RING, Eyes(RING, PredictorConfig()))
+    episodes = episodes_of(games, RING, Encoder(RING, PredictorConfig()))
     own, labels = games["actions"][..., 0], episodes.labels()
     assert labels[2, 10].tolist() == own[2, 10:13].tolist()
     assert labels[2, 58].tolist() == [own[2, 58], own[2, 59], NONE]
@@ -146,7 +155,7 @@ def test_labels_are_the_next_three_actions_and_nothing_beyond_the_end(games):
 
 
 def test_a_stretch_shows_the_joint_action_before_each_state(games):
-    episodes = episodes_of(games, RING, Eyes(RING, PredictorConfig()))
+    episodes = episodes_of(games, RING, Encoder(RING, PredictorConfig()))
     _, actions, labels = stream_batch(episodes, episodes.labels(), np.array([1]), np.array([20]), 5)
     for k in range(5):
         first, second = games["actions"][1, 19 + k]
@@ -157,7 +166,7 @@ def test_a_stretch_shows_the_joint_action_before_each_state(games):
 
 
 def test_a_window_shows_ten_actions_with_the_current_one_hidden(games):
-    episodes = episodes_of(games, RING, Eyes(RING, PredictorConfig()))
+    episodes = episodes_of(games, RING, Encoder(RING, PredictorConfig()))
     features, actions, present, labels = window_batch(episodes, episodes.labels(), np.array([2, 2]), np.array([25, 3]))
     assert present.sum(1).tolist() == [10, 4]
     assert not actions[:, -1].any()
@@ -172,7 +181,7 @@ def test_a_window_shows_ten_actions_with_the_current_one_hidden(games):
 
 def test_a_split_without_partners_says_so(tmp_path):
     collect(tmp_path, RING, planner(), [uniform(f"sp_{k}") for k in range(3)], SMALL)
-    eyes = Eyes(RING, PredictorConfig())
+    eyes = Encoder(RING, PredictorConfig())
     assert len(load_episodes(tmp_path, "test", RING, eyes)) == 4
     with pytest.raises(ValueError, match="kept for nobody"):
         load_episodes(tmp_path, "nobody", RING, eyes)
@@ -240,7 +249,7 @@ def test_who_samples_by_its_card_does_so_whenever_it_is_a_partner(tmp_path):
 
 def test_what_a_partner_does_next_is_known_up_to_the_last_timestep():
     shard = games_with(RING, planner(), uniform("random"), SMALL)
-    episodes = episodes_of(shard, RING, Eyes(RING, PredictorConfig()))
+    episodes = episodes_of(shard, RING, Encoder(RING, PredictorConfig()))
     labels = episodes.partner_labels()
     did = shard["actions"][0, :, 1]
     for step in range(3):

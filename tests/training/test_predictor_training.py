@@ -8,21 +8,21 @@ import pytest
 import torch
 
 import kitchenmind
-from models.catalogue import load_agent
-from models.checkpoint import load_checkpoint
-from models.network_config import NetworkConfig, PredictorConfig
-from models.policy import build_network, save_agent
-from models.predictor import PredictorNetwork, predictor_network
-from models.predictor_at_work import load_trained_predictor
+from models.agents.catalogue import load_agent
+from models.inference.predictor_numpy import load_trained_predictor
+from models.networks.checkpoint import load_checkpoint
+from models.networks.config import NetworkConfig, PredictorConfig
+from models.networks.policy import build_network, save_agent
+from models.networks.predictor import PredictorNetwork, predictor_network
 from models.protocols import Mode
 from overcooked.layout import load_layout
-from training.collect import TEST, Partner, Plan, Target, collect, read_manifest
+from training.collect import TEST, CollectionPlan, Partner, Target, collect, read_manifest
 from training.config import ConfigError
 from training.dataset import load_episodes
 from training.evaluate_predictor import calibration_error, evaluate, fitted_temperature, logits
 from training.predictor_config import TrainingConfig, changed, parsed_changes
+from training.publish_predictor import partners_met, write_predictor
 from training.runlog import RunFolder
-from training.ship_predictor import partners_met, write_predictor
 from training.train_predictor import prepared, train_predictor
 
 RING = load_layout("coordination_ring")
@@ -41,7 +41,7 @@ def games(tmp_path_factory):
     folder = tmp_path_factory.mktemp("games")
     others = [Partner(f"sp_{k}_100", f"sp_{k}", "sp", *load_agent("planner", RING)) for k in range(4)]
     others.append(Partner("sp_9_100", "sp_9", "sp", load_agent("random", RING).policy))
-    collect(folder, RING, target(), others, Plan(trajectories=1, timesteps=200))
+    collect(folder, RING, target(), others, CollectionPlan(trajectories=1, timesteps=200))
     return folder
 
 

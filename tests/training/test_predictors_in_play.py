@@ -5,13 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from models.predictors import WEIGHTS, load_predictor, predictor_names
+from models.agents.predictors import WEIGHTS, load_predictor, predictor_names
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
-from training.collect import Plan, games_with
+from training.collect import CollectionPlan, games_with
 from training.population import load_population, load_target
-from training.ship_predictor import population_folder
-from training.ship_predictor import test_partners as unseen_partners
+from training.publish_predictor import population_folder
+from training.publish_predictor import test_partners as unseen_partners
 
 RING = load_layout("coordination_ring")
 TIMESTEPS = 200
@@ -21,7 +21,7 @@ TIMESTEPS = 200
 def games():
     """The SP agent's games with the test partners at their best."""
     partners = [one for one in unseen_partners(load_population(population_folder(RING), RING)) if "_100" in one.name]
-    target, plan = load_target("sp", RING), Plan(trajectories=2, timesteps=TIMESTEPS)
+    target, plan = load_target("sp", RING), CollectionPlan(trajectories=2, timesteps=TIMESTEPS)
     shards = [games_with(RING, target, partner, plan) for partner in partners]
     return {name: np.concatenate([shard[name] for shard in shards]) for name in shards[0]}
 

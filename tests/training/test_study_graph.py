@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from training.cast import STUDY_LAYOUTS, agent_tasks, foretelling_tasks, load_preset, study_tasks
 from training.config import ConfigError
+from training.pipeline.agent_tasks import STUDY_LAYOUTS, agent_tasks, foretelling_tasks, load_preset, study_tasks
+from training.pipeline.study_tasks import Graph, Task, Work
 from training.runlog import open_run
-from training.study import Graph, Task, Work
 
 
 def _chain(runs: Path, done: list[str], **changed: Any) -> Graph:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from models.catalogue import load_agent
-from models.checkpoint import load_checkpoint
+from models.agents.catalogue import load_agent
+from models.networks.checkpoint import load_checkpoint
 from overcooked.layout import load_layout
 
 TINY = """

@@ -43,10 +43,10 @@ def _collect(arguments: argparse.Namespace) -> int:
     import torch
 
     from overcooked.layout import load_layout
-    from training.collect import Plan, collect
+    from training.collect import CollectionPlan, collect
     from training.compute import request
     from training.population import load_extras, load_target, partners_of, with_itself_and_extras
-    from training.ship_predictor import population_folder
+    from training.publish_predictor import population_folder
 
     if arguments.trajectories < 1 or arguments.timesteps < 10:
         raise ValueError("--trajectories must be at least 1 and --timesteps at least 10")
@@ -57,7 +57,7 @@ def _collect(arguments: argparse.Namespace) -> int:
     population = partners_of(arguments.partners, arguments.population or population_folder(layout), layout)
     partners = with_itself_and_extras(target, population, layout, extras=not arguments.no_extras)
     partners += load_extras({folder.name: folder for folder in arguments.extra}, layout)
-    plan = Plan(arguments.trajectories, arguments.timesteps, arguments.seed)
+    plan = CollectionPlan(arguments.trajectories, arguments.timesteps, arguments.seed)
     out = arguments.out or arguments.runs / "games" / f"{layout.name}_{target.name}"
     with Progress(TextColumn(f"{target.name} on {layout.name}"), BarColumn(), TimeRemainingColumn()) as bar:
         task = bar.add_task("games", total=1.0)

@@ -73,15 +73,15 @@ def _predictors(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 def _of_layout(layout: "Layout", arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """What the predictors of one kitchen do."""
-    from models.catalogue import agent_names
-    from models.checkpoint import load_checkpoint
-    from models.predictor import predictor_network
-    from training.collect import Plan
+    from models.agents.catalogue import agent_names
+    from models.networks.checkpoint import load_checkpoint
+    from models.networks.predictor import predictor_network
+    from training.collect import CollectionPlan
     from training.evaluate_predictor import evaluate
     from training.population import load_target, partners_of
-    from training.ship_predictor import population_folder, unseen_games
+    from training.publish_predictor import population_folder, unseen_games
 
-    plan = Plan(arguments.trajectories, arguments.timesteps)
+    plan = CollectionPlan(arguments.trajectories, arguments.timesteps)
     folder = arguments.population or population_folder(layout)
     population = folder if arguments.partners is None else partners_of(arguments.partners, folder, layout)
     asked = None if arguments.agent is None else load_target(arguments.agent, layout)
@@ -103,12 +103,12 @@ def _of_layout(layout: "Layout", arguments: argparse.Namespace) -> list[dict[str
 
 def _predictor_folders(layout: "Layout", chosen: Path | None) -> list[tuple[Path, str, str]]:
     """Folder, agent and form of one predictor, or of all that are bundled for a kitchen."""
-    from models.catalogue import WEIGHTS
+    from models.agents.catalogue import WEIGHTS
 
     if chosen is None:
         found = [config.parent for config in sorted((WEIGHTS / layout.name).glob("*_predictor_*/config.json"))]
         return [(folder, *folder.name.split("_predictor_", 1)) for folder in found]  # type: ignore[misc]
-    from models.checkpoint import load_checkpoint
+    from models.networks.checkpoint import load_checkpoint
 
     config = load_checkpoint(chosen).config
     return [(chosen, str(config.get("agent", "")), str(config.get("network", {}).get("form", "")))]

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 if TYPE_CHECKING:
-    from models.predictor import PredictorNetwork
+    from models.networks.predictor import PredictorNetwork
     from training.runlog import RunFolder
-    from training.train_predictor import Trainer
+    from training.train_predictor import PredictorTrainer
 
 OUT_OF_TIME, INTERRUPTED = "stopped as its time was over", "interrupted"
 
@@ -37,15 +37,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """0 a predictor was written (also where time is over before it is finished: the same command goes on), 1 it was
     interrupted. Raises ValueError or OSError for wrong input."""
-    from models.checkpoint import load_checkpoint
-    from models.network_config import PredictorConfig
+    from models.networks.checkpoint import load_checkpoint
+    from models.networks.config import PredictorConfig
     from overcooked.layout import load_layout
     from training.collect import TEST, read_manifest
     from training.dataset import load_episodes
     from training.population import load_target
     from training.predictor_config import PRESETS, TrainingConfig, changed, parsed_changes
+    from training.publish_predictor import partners_met, predictor_folder, write_predictor
     from training.runlog import RunFolder
-    from training.ship_predictor import partners_met, predictor_folder, write_predictor
     from training.train_predictor import prepared
 
     defaults = (PredictorConfig(form=arguments.form), TrainingConfig())
@@ -92,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 1 if stopped == INTERRUPTED else 0
 
 
-def _trained(name: str, trainer: "Trainer", folder: "RunFolder") -> "tuple[PredictorNetwork, str]":
+def _trained(name: str, trainer: "PredictorTrainer", folder: "RunFolder") -> "tuple[PredictorNetwork, str]":
     """The network, and what stopped its training before it was finished ("": nothing)."""
     from training.train_predictor import train_predictor, usable
 
@@ -117,7 +117,7 @@ def _trained(name: str, trainer: "Trainer", folder: "RunFolder") -> "tuple[Predi
             return usable(trainer), INTERRUPTED
 
 
-def _estimate(trainer: "Trainer", pace_s: float) -> str:
+def _estimate(trainer: "PredictorTrainer", pace_s: float) -> str:
     config = trainer.config
     minutes = pace_s * (config.updates - trainer.update) / 60
     limit = f"; it stops after {config.minutes:g} (--set minutes=...)" if minutes > config.minutes else ""

@@ -116,9 +116,9 @@ def _show(config: AgentConfig) -> None:
 
 def _train_study(arguments: argparse.Namespace) -> int:
     from overcooked.layout import load_layout
-    from training.cast import STUDY_LAYOUTS, foretelling_tasks, load_preset, study_tasks
-    from training.schedule import run_here, run_on_ray, run_task, show_plan
-    from training.study import Graph
+    from training.pipeline.agent_tasks import STUDY_LAYOUTS, foretelling_tasks, load_preset, study_tasks
+    from training.pipeline.schedule import run_here, run_on_ray, run_task, show_plan
+    from training.pipeline.study_tasks import Graph
 
     preset = load_preset(arguments.preset)
     layouts = arguments.layouts or list(STUDY_LAYOUTS)

@@ -4,13 +4,13 @@ import asyncio
 from collections.abc import Sequence
 from dataclasses import replace
 
+from models.inference.runner import ModelStatistics
 from models.protocols import STEPS, Decision, Question
-from models.runner import ModelStatistics
 from overcooked.constants import ACTIONS, EAST, INTERACT, NORTH, SOUTH, STAY, WEST
 from overcooked.layout import load_layout
+from server.play.episode_spec import EpisodeSpec
 from server.play.messages import Outgoing
 from server.play.recorder import EpisodeRecord, EpisodeResult, PauseRecord, RecorderDown, TickRecord
-from server.play.spec import EpisodeSpec
 
 
 def make_spec(**changes: object) -> EpisodeSpec:

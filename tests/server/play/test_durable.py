@@ -7,8 +7,8 @@ import pytest
 from live_fakes import MemoryRecorder
 
 from server.play.clock import Clock
-from server.play.durable import Durable
 from server.play.recorder import PauseRecord, RecorderDown
+from server.play.retrying_writer import RetryingWriter
 
 
 class Recorder(MemoryRecorder):
@@ -32,7 +32,7 @@ RECORD = PauseRecord("e1", 1, "researcher", datetime(2026, 1, 1, tzinfo=UTC), No
 @pytest.mark.timeout(20)
 async def test_what_was_stored_a_moment_ago_is_not_waited_for_without_end() -> None:
     recorder = Recorder()
-    durable = Durable(recorder, Clock())
+    durable = RetryingWriter(recorder, Clock())
     durable.pause(RECORD)
     await asyncio.sleep(0)  # stored, but the loop has not come to tell anybody
     assert recorder.taken == 1
@@ -42,7 +42,7 @@ async def test_what_was_stored_a_moment_ago_is_not_waited_for_without_end() -> N
 @pytest.mark.timeout(20)
 async def test_flush_waits_until_the_database_takes_it() -> None:
     recorder = Recorder(refusals=2)
-    durable = Durable(recorder, Clock())
+    durable = RetryingWriter(recorder, Clock())
     durable.pause(RECORD)
     durable.pause(RECORD)
     await durable.flush()

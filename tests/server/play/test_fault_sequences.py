@@ -16,11 +16,11 @@ from live_fakes import MemoryRecorder, QuietConnection, RuleModels, make_spec
 from overcooked.constants import STAY
 from server.play import messages as m
 from server.play.clock import Clock
+from server.play.episode_spec import PauseLimits
 from server.play.game import Game
 from server.play.games import Games, NoGame
 from server.play.recorder import EpisodeRecord
 from server.play.session import Session
-from server.play.spec import PauseLimits
 
 HORIZON = 30
 

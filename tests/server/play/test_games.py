@@ -12,9 +12,9 @@ from live_fakes import MemoryRecorder, QuietConnection, RuleModels, make_spec
 from overcooked.constants import EAST, STAY
 from server.play import messages as m
 from server.play.clock import Clock
+from server.play.episode_spec import EpisodeSpec, PauseLimits
 from server.play.games import Games, NoGame
 from server.play.recorder import EpisodeRecord, TickRecord
-from server.play.spec import EpisodeSpec, PauseLimits
 
 SPEED = 20.0
 

@@ -6,15 +6,15 @@ import msgspec
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.play.messages import Countdown, Kitchen, Notice, Tick
-from server.play.outlet import DEAD_AFTER_S, PING_EVERY_S, SLOW_AFTER_S, Close, Outlet
+from server.play.messages import Countdown, KitchenState, Notice, Tick
+from server.play.send_queue import DEAD_AFTER_S, PING_EVERY_S, SLOW_AFTER_S, Close, SendQueue
 
 
 def state(timestep: int) -> Tick:
-    return Tick(Kitchen(timestep, (), (), (), 0, 0), (), (4, 4), -1, late=False)
+    return Tick(KitchenState(timestep, (), (), (), 0, 0), (), (4, 4), -1, late=False)
 
 
-async def waiting(outlet: Outlet) -> list[object]:
+async def waiting(outlet: SendQueue) -> list[object]:
     """Everything that can be sent now, as type or timestep."""
     out: list[object] = []
     while True:
@@ -29,7 +29,7 @@ async def waiting(outlet: Outlet) -> list[object]:
 
 
 async def test_newer_state_replaces_the_one_that_waits() -> None:
-    outlet = Outlet()
+    outlet = SendQueue()
     for timestep in range(100):
         outlet.send(state(timestep))
     assert await waiting(outlet) == [99]
@@ -37,7 +37,7 @@ async def test_newer_state_replaces_the_one_that_waits() -> None:
 
 
 async def test_other_messages_keep_their_place() -> None:
-    outlet = Outlet()
+    outlet = SendQueue()
     outlet.send(state(1))
     outlet.send(Countdown(3))
     outlet.send(state(2))
@@ -46,7 +46,7 @@ async def test_other_messages_keep_their_place() -> None:
 
 
 async def test_line_that_grows_without_states_is_closed() -> None:
-    outlet = Outlet()
+    outlet = SendQueue()
     for _ in range(100):
         outlet.send(Notice("again"))
     told = await waiting(outlet)
@@ -55,7 +55,7 @@ async def test_line_that_grows_without_states_is_closed() -> None:
 
 
 async def test_slow_reader_gets_only_the_newest_state_once_it_answers() -> None:
-    outlet = Outlet()
+    outlet = SendQueue()
     outlet.beat(0.0)
     assert await waiting(outlet) == ["ping"]
     assert not outlet.beat(SLOW_AFTER_S + 0.1)
@@ -68,14 +68,14 @@ async def test_slow_reader_gets_only_the_newest_state_once_it_answers() -> None:
 
 
 async def test_silent_peer_is_given_up() -> None:
-    outlet = Outlet()
+    outlet = SendQueue()
     assert not outlet.beat(0.0)
     assert not outlet.beat(DEAD_AFTER_S - 0.1)
     assert outlet.beat(DEAD_AFTER_S + 0.1)
 
 
 async def test_pings_come_regularly_while_they_are_answered() -> None:
-    outlet = Outlet()
+    outlet = SendQueue()
     now = 0.0
     for number in range(1, 4):
         outlet.beat(now)
@@ -85,14 +85,14 @@ async def test_pings_come_regularly_while_they_are_answered() -> None:
 
 
 async def test_answer_to_nothing_is_no_life_sign() -> None:
-    outlet = Outlet()
+    outlet = SendQueue()
     outlet.beat(0.0)
     assert not outlet.pong(77, 0.1)
     assert outlet.beat(DEAD_AFTER_S + 0.1)
 
 
 async def test_last_words_are_sent_before_the_close_even_to_a_slow_reader() -> None:
-    outlet = Outlet()
+    outlet = SendQueue()
     outlet.beat(0.0)
     outlet.beat(SLOW_AFTER_S + 0.1)
     outlet.send(state(7))
@@ -104,7 +104,7 @@ async def test_last_words_are_sent_before_the_close_even_to_a_slow_reader() -> N
 @given(st.lists(st.sampled_from(["state", "notice", "take"]), max_size=200))
 def test_line_never_holds_more_than_one_state_and_states_never_go_back(events: list[str]) -> None:
     async def run() -> None:
-        outlet = Outlet()
+        outlet = SendQueue()
         timestep = 0
         seen: list[int] = []
         for event in events:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from live_fakes import make_spec
 
-from server.play.overlay import NOTHING_SHOWN, OPACITIES, display
+from server.play.marks import NOTHING_SHOWN, OPACITIES, display
 from server.play.randomness import MARKS, PARTNER, uniform
 
 SURE = tuple(tuple(0.9 if action == step else 0.02 for action in range(6)) for step in range(3))

@@ -9,12 +9,12 @@ import msgspec
 import pytest
 
 from server.play import messages, protocol_tables
-from server.play.budget import BURST, PER_S
-from server.play.holds import NOT_STARTED
+from server.play.pause_reasons import NOT_STARTED
 from server.play.recorder import PAUSE_REASONS
+from server.play.token_bucket import BURST, PER_S
 from server.play.tutorial import LESSONS
-from server.web import forms, pages, rates, watch
-from server.web import socket as game_socket
+from server.web import forms, rate_limits
+from server.web.participant import game_socket, study_pages, watch_agents
 
 PAGE = (Path(__file__).parents[3] / "docs" / "protocol.md").read_text(encoding="utf-8")
 FROM_BROWSER, FROM_SERVER = PAGE.split("## From the server")
@@ -59,7 +59,14 @@ def test_every_reason_code_and_lesson_is_named() -> None:
 SERVER = Path(__file__).parents[3] / "server"
 CALLS = [
     node
-    for path in ("web/socket.py", "web/waiting.py", "play/game.py", "play/games.py", "play/outlet.py", "connections.py")
+    for path in (
+        "web/socket.py",
+        "web/waiting.py",
+        "play/game.py",
+        "play/games.py",
+        "play/outlet.py",
+        "uvicorn_protocols.py",
+    )
     for node in ast.walk(ast.parse((SERVER / path).read_text(encoding="utf-8")))
     if isinstance(node, ast.Call)
 ]
@@ -105,12 +112,12 @@ def test_limits_are_those_of_the_code() -> None:
     assert f"{BURST:g} at once" in PAGE
     assert f"At most {game_socket.MOST_OF_ONE} sockets of one participant" in PAGE
     assert f"after {game_socket.MOST_REFUSED} of them" in PAGE
-    echoes = f"first {pages.ECHOED_CHARACTERS} characters of each text frame"
+    echoes = f"first {study_pages.ECHOED_CHARACTERS} characters of each text frame"
     assert echoes in PAGE
-    assert f"After {pages.MOST_ECHOES} frames or {pages.CHECK_S} seconds" in PAGE
-    assert f"At most {watch.MOST_GAMES} such games" in PAGE
+    assert f"After {study_pages.MOST_ECHOES} frames or {study_pages.CHECK_S} seconds" in PAGE
+    assert f"At most {watch_agents.MOST_GAMES} such games" in PAGE
     assert f"{forms.LARGEST_FORM_BYTES // 1024} KiB and {forms.MOST_FIELDS} fields" in PAGE
-    assert f"may ask {rates.PER_S:g} times a second" in PAGE
+    assert f"may ask {rate_limits.PER_S:g} times a second" in PAGE
 
 
 def test_every_route_of_a_participant_is_described() -> None:

@@ -9,10 +9,10 @@ from live_fakes import MemoryRecorder, RuleModels, make_spec, new_record
 from overcooked.constants import EAST, INTERACT, NORTH, SOUTH, STAY, WEST
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
+from server.play.episode_spec import EpisodeSpec, PauseLimits
 from server.play.messages import Input, encode
 from server.play.recorder import TickRecord
 from server.play.session import ReplayMismatch, Session
-from server.play.spec import EpisodeSpec, PauseLimits
 
 AT = datetime(2026, 1, 1, tzinfo=UTC)
 MODELS = RuleModels()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from live_fakes import RuleModels, make_spec, new_record
 
-from models.planner import PlannerPolicy
+from models.agents.planner import PlannerPolicy
 from overcooked.constants import INTERACT, STAY
 from server.play.messages import Input
 from server.play.session import Session

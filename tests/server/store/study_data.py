@@ -11,8 +11,8 @@ from overcooked.constants import ACTIONS, SOUP_DELIVERY
 from overcooked.layout import load_layout
 from overcooked.score import progress_credit, shaped_reward, sparse_reward
 from overcooked.state import Kitchens
+from server.play.episode_spec import EpisodeSpec
 from server.play.recorder import EpisodeResult, InputRecord, KeyRecord, PauseRecord, TickRecord
-from server.play.spec import EpisodeSpec
 from server.store import answers, audit, episodes, events, participants, studies, ticks
 
 START = datetime(2026, 3, 1, 12, 0, 0, 250, tzinfo=UTC)
@@ -114,7 +114,8 @@ def fill(connection: Connection, people: int = 3, per_person: int = 2, key: str 
         for number in range(1, per_person + 1):
             _play(connection, study.id, participant, condition, number, timesteps, seed=100 * person + number)
         answers.save(
-            connection, answers.Page(participant, "end", {"comment": "=1+1", "agree": True, "ways": ["a", "-b"]})
+            connection,
+            answers.SubmittedPage(participant, "end", {"comment": "=1+1", "agree": True, "ways": ["a", "-b"]}),
         )
         events.add(connection, events.Event("reload", START, participant, detail={"page": "consent"}))
         if person == 0:
@@ -136,5 +137,6 @@ def _play(
     events.add(connection, events.Event("rtt", START, participant, episode, {"ms": 12.5}))
     episodes.end(connection, result_of(records, spec))
     answers.save(
-        connection, answers.Page(participant, f"questions-{number:02d}", {"partner": 7, "predictor": -1}, episode, 5e3)
+        connection,
+        answers.SubmittedPage(participant, f"questions-{number:02d}", {"partner": 7, "predictor": -1}, episode, 5e3),
     )

@@ -5,10 +5,11 @@ from dataclasses import replace
 import pytest
 from study_data import SPEC, new_participant, played, result_of
 
-from server.store import codebook, episodes, overview, studies, ticks
-from server.store.accuracy import Accuracy
+from server.export import codebook
+from server.export.rows import Selection, episode_rows
+from server.store import episodes, overview, studies, ticks
+from server.store.accuracy import RunningAccuracy
 from server.store.database import Database
-from server.store.exported import Selection, episode_rows
 
 
 @pytest.mark.parametrize(("stored", "shown"), [("mine", "mine"), (None, "./agents/bc.onnx")])
@@ -26,7 +27,7 @@ def test_an_agent_is_called_what_the_study_calls_it(database: Database, stored: 
 
     study, episode = database.write_now(fill)
     assert database.read_now(overview.played, episode)[episode].agent == shown
-    accuracy = Accuracy()
+    accuracy = RunningAccuracy()
     database.read_now(accuracy.count, (study,))
     assert {agent for agent, _ in accuracy.hits} == {shown}
     (row,) = database.read_now(lambda connection: list(episode_rows(Selection(connection))))

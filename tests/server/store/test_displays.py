@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from study_data import SPEC, played, result_of
 
-from server.play.overlay import NOTHING_SHOWN
+from server.play.marks import NOTHING_SHOWN
 from server.store import episodes, studies, ticks
 from server.store.database import Database
 from server.store.displays import DisplayCount, violations

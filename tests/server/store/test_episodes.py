@@ -15,8 +15,8 @@ from sqlalchemy import create_engine, delete
 from study_data import SPEC, START, new_participant, played, result_of
 
 from overcooked.score import ProgressWeights
+from server.play.episode_spec import PauseLimits
 from server.play.recorder import EpisodeRecord, EpisodeResult, KeyRecord, PauseRecord, RecorderDown
-from server.play.spec import PauseLimits
 from server.store import episodes, studies, ticks
 from server.store.database import Database
 from server.store.episodes import BrokenEpisode, NewEpisode, StoreRecorder, TickConflict

@@ -14,7 +14,9 @@ from study_data import fill, played
 
 import kitchenmind
 from overcooked.trajectory import read_trajectories
-from server.store import answers, codebook, decisions, dictionary, episodes, export_files, participants, ticks
+from server.export import codebook, data_dictionary
+from server.export import files as export_files
+from server.store import answers, decisions, episodes, participants, ticks
 from server.store.database import Database
 from server.store.tables import answers as answer_table
 from server.store.tables import episodes as episode_table
@@ -107,7 +109,9 @@ def test_every_column_is_in_the_codebook_with_type_and_meaning(filled: Database,
 
 def test_data_dictionary_has_every_table_and_column_of_export_and_database() -> None:
     page = (ROOT / "docs" / "data_dictionary.md").read_text(encoding="utf-8")
-    assert page == dictionary.text(), "print it again: python -m server.store.dictionary > docs/data_dictionary.md"
+    assert page == data_dictionary.text(), (
+        "print it again: python -m server.export.data_dictionary > docs/data_dictionary.md"
+    )
     for table in metadata.tables.values():
         for column in table.columns:
             assert f"| `{column.name}` |" in page
@@ -245,7 +249,7 @@ def test_no_spreadsheet_of_any_country_finds_a_formula_in_a_text(separator: str,
     texts = [f"{before}{sign}1+1" for sign in signs for before in ("", "x;", "x; ", 'x;"', "x\t", "x\n", "x;;", "x;\t")]
     table = pa.table({"number": range(len(texts)), "text": texts})
     (tmp_path / "data").mkdir()
-    with export_files.Writer(tmp_path, "csv", "answers", table.schema) as writer:
+    with export_files.TableWriter(tmp_path, "csv", "answers", table.schema) as writer:
         writer.write(table)
     path = export_files.table_path(tmp_path, "csv", "answers")
     with path.open(encoding="utf-8", newline="") as file:
@@ -283,7 +287,7 @@ def test_participants_table_is_wide(filled: Database, exported: Exported) -> Non
 def test_answers_keep_what_they_were(filled: Database, exported: Exported) -> None:
     person = filled.read_now(participants.of_study, 1)[1].id
     values: dict[str, Any] = {"nothing": None, "text": "7", "number": 7.25, "none": False}
-    filled.write_now(answers.save, answers.Page(person, "more", values))
+    filled.write_now(answers.save, answers.SubmittedPage(person, "more", values))
     rows = parquet(exported(), "answers").filter(pl.col("step") == "more").to_dicts()
     assert [(row["value"], row["value_type"]) for row in rows] == [
         (None, "null"),
@@ -339,7 +343,7 @@ def test_failed_export_leaves_nothing_behind(
 
     folder = tmp_path / "results"
     folder.mkdir()
-    monkeypatch.setattr(export_files.Writer, "write", no_space)
+    monkeypatch.setattr(export_files.TableWriter, "write", no_space)
     assert kitchenmind.main(["export", "--database", url, "--out", str(folder / "out")]) == 2
     assert list(folder.iterdir()) == []
 
@@ -380,5 +384,5 @@ def test_trajectories_alone_are_refused(
 
 
 def test_export_needs_neither_torch_nor_a_web_server() -> None:
-    code = "import server.store.export, sys; assert not {'torch', 'fastapi'} & set(sys.modules)"
+    code = "import server.export.writer, sys; assert not {'torch', 'fastapi'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)

@@ -11,12 +11,13 @@ from sqlalchemy import select
 from study_data import fill
 
 import kitchenmind
-from analysis import cards, measures, quality
+from analysis import cards, data_quality, measures
+from analysis.episode_quality import judge
 from analysis.report import write_report
 from analysis.study import Options
 from analysis.tables import COLUMNS, OPTIONAL, read_export
-from analysis.verdict import judge
-from server.store import codebook, decisions, judged, participants
+from server.export import codebook, quality_inputs
+from server.store import decisions, participants
 from server.store.database import Database
 from server.store.migrate import migrate
 from server.store.tables import episodes as episode_table
@@ -119,17 +120,17 @@ def test_the_example_of_the_guide_runs_and_finds_the_same_accuracy(
 
 
 def test_the_dashboard_says_of_each_episode_what_the_report_says(folder: Path, database: Database) -> None:
-    report = quality.verdicts(measures.episode_measures(read_export(folder)), read_export(folder).answers)
+    report = data_quality.verdicts(measures.episode_measures(read_export(folder)), read_export(folder).answers)
     wanted = {row["episode"]: (row["proposal"], row["rules"] or "") for row in report.to_dicts()}
     found = {}
     for episode in wanted:  # one at a time, as the dashboard judges them
-        found |= judge(database.read_now(judged.tables, [episode]))
+        found |= judge(database.read_now(quality_inputs.tables, [episode]))
     assert found == wanted
     assert len(wanted) == 2 * PEOPLE
 
 
 def test_what_the_researcher_excludes_is_left_out_and_listed(database: Database, tmp_path: Path) -> None:
-    over = database.read_now(judged.over, (1,))
+    over = database.read_now(quality_inputs.over, (1,))
     (episode, first, _), (_, second, _) = over[0], next(key for key in over if key[1] != over[0][1])
     numbers = [
         database.write_now(decisions.exclude, first, episode, ("not attentive", "saw it myself"), "anna"),

@@ -14,9 +14,9 @@ from pyarrow import parquet
 from study_data import SPEC, fill, new_participant, played
 
 import kitchenmind
+from server.export.import_checks import write_sums
 from server.store import answers, arrivals, decisions, episodes, events, participants, studies, ticks
 from server.store.database import Database
-from server.store.import_checks import write_sums
 from server.store.withdrawal import withdraw
 
 
@@ -30,7 +30,7 @@ def export(url: str, tmp_path: Path) -> Iterator[Path]:
         database.write_now(withdraw, database.write_now(new_participant, study))
         person = database.write_now(new_participant, study)
         said = {"a": "'=1", "b": "", "c": None, "d": -1.5, "e": 'a "quote",\nand a line', "f": ["x", 1], "g": "-3"}
-        database.write_now(answers.save, answers.Page(person, "odd, page", said))
+        database.write_now(answers.save, answers.SubmittedPage(person, "odd, page", said))
         for timesteps in (None, 0, 5):
             new = episodes.NewEpisode(SPEC, f"episode-{timesteps}", (person, None), study, "tom")
             episode = database.write_now(episodes.create, new)

@@ -37,7 +37,7 @@ def make_as_of(url: str, revision: str) -> None:
     """The tables as that version had them."""
     config = Config()
     config.set_main_option("script_location", str(MIGRATIONS))
-    writer = engines.Writer(engines.normal_url(url))
+    writer = engines.WriteConnection(engines.normal_url(url))
     with writer.transaction() as connection:
         config.attributes["connection"] = connection
         command.upgrade(config, revision)

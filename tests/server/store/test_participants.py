@@ -117,8 +117,8 @@ def test_number_of_somebody_who_withdrew_is_never_given_again(database: Database
 
 def test_first_answer_to_a_question_stays(database: Database, study_id: int) -> None:
     person = database.write_now(new_participant, study_id)
-    assert database.write_now(answers.save, answers.Page(person, "page", {"a": 7, "b": ["x", None, 1.5]})) == 2
-    assert database.write_now(answers.save, answers.Page(person, "page", {"a": 1, "c": "new"})) == 1
+    assert database.write_now(answers.save, answers.SubmittedPage(person, "page", {"a": 7, "b": ["x", None, 1.5]})) == 2
+    assert database.write_now(answers.save, answers.SubmittedPage(person, "page", {"a": 1, "c": "new"})) == 1
     assert database.read_now(answers.of_participant, person) == {"page": {"a": 7, "b": ["x", None, 1.5], "c": "new"}}
 
 

@@ -38,7 +38,7 @@ class Before:
             .where(episodes.c.id == self.shared)
             .values(participant_1=self.mate, agent_1=None, step_key="shared")
         )
-        answers.save(connection, answers.Page(self.mate, "after", {"partner": 5}, self.shared))
+        answers.save(connection, answers.SubmittedPage(self.mate, "after", {"partner": 5}, self.shared))
 
     def delete(self) -> None:
         with Database(self.url) as database:

@@ -7,8 +7,8 @@ import pytest
 from study_text import SMALL_STUDY
 
 from server.study.assignment import Count, StudyFullError, next_condition, participant_seed
+from server.study.definition import Study
 from server.study.loader import parse_study
-from server.study.plan import Study
 
 THREE = "  - {name: third, predictor: random}\nagents:"
 

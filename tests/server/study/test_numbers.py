@@ -4,7 +4,7 @@ import pytest
 from written_numbers import WRITTEN
 
 from server.study.numbers import read_number
-from server.study.questionnaire import Fault, NumberQuestion, check_answers
+from server.study.questionnaire import AnswerError, NumberQuestion, check_answers
 
 
 @pytest.mark.parametrize("text", WRITTEN)
@@ -38,4 +38,4 @@ def test_answer_is_stored_as_the_number_or_comes_back(text: str, whole: bool, ex
 def test_message_about_an_ambiguous_number_repeats_it() -> None:
     question = NumberQuestion.model_validate({"key": "n", "type": "number", "text": "N", "minimum": 0, "maximum": 5000})
     fault = check_answers((question,), {"n": ["1,200"]}).faults["n"]
-    assert fault == Fault("ambiguous_number", {"low": "0", "high": "5000", "given": "1,200"})
+    assert fault == AnswerError("ambiguous_number", {"low": "0", "high": "5000", "given": "1,200"})

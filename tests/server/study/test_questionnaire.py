@@ -4,7 +4,7 @@ import pytest
 from study_text import SMALL_STUDY
 
 from server.study.loader import parse_study
-from server.study.questionnaire import Fault, TextQuestion, asked, check_answers, is_attentive, is_correct
+from server.study.questionnaire import AnswerError, TextQuestion, asked, check_answers, is_attentive, is_correct
 
 STUDY = parse_study(SMALL_STUDY).study
 QUESTIONS = STUDY.questions("everything")
@@ -43,7 +43,7 @@ def test_words_are_kept_as_they_were_written(words: str) -> None:
 def test_control_character_is_refused_and_not_removed(control: str) -> None:
     question = TextQuestion.model_validate({"key": "words", "type": "text", "text": "Words", "required": False})
     checked = check_answers((question,), {"words": [f"before{control}after"]})
-    assert checked.faults == {"words": Fault("control", {"before": "before"})}
+    assert checked.faults == {"words": AnswerError("control", {"before": "before"})}
 
 
 @pytest.mark.parametrize("blank", [" ", "\u3000", "\u00a0\n", "\ufeff"])

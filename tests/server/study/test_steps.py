@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from study_text import SMALL_STUDY
 
+from server.study.definition import Study
 from server.study.loader import load_study, parse_study
 from server.study.order import balanced_square, episode_order
-from server.study.plan import Study
 from server.study.steps import episodes_of, position, steps
 
 PUBLISHED = Path(__file__).parents[3] / "studies" / "external_predictor.yaml"

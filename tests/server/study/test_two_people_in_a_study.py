@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from server.participation.episode_specs import models_of
 from server.study.loader import StudyError, parse_study
-from server.web.episodes import models_of
 
 STUDY = (Path(__file__).parents[3] / "studies" / "two_people.yaml").read_text(encoding="utf-8")
 

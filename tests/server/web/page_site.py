@@ -15,6 +15,10 @@ import uvicorn
 from fastapi import FastAPI
 from fastapi.staticfiles import StaticFiles
 
+from server.cluster.dispatch import ClusterControl
+from server.monitoring.control import Control
+from server.participation.episode_specs import episode_spec
+from server.participation.served_studies import Studies
 from server.play.recorder import EpisodeResult
 from server.settings import ROOT
 from server.store import episodes, participants
@@ -22,16 +26,12 @@ from server.store.database import Database
 from server.store.migrate import migrate
 from server.store.participants import Participant
 from server.study.loader import parse_study
-from server.study.steps import Step
-from server.web import leaving, pages
-from server.web.auth import Guard
-from server.web.control import Control
-from server.web.deps import Web, templates
-from server.web.episodes import episode_spec
-from server.web.errors import install_error_pages
-from server.web.everywhere import Everywhere
-from server.web.headers import SecurityHeaders
-from server.web.studies import Studies
+from server.study.steps import StudyStep
+from server.web.auth import CsrfProtection
+from server.web.dependencies import Web, templates
+from server.web.error_pages import install_error_pages
+from server.web.participant import exits, study_pages
+from server.web.security_headers import SecurityHeaders
 
 SMALL_STUDY = (ROOT / "tests" / "data" / "small_study.yaml").read_text(encoding="utf-8")
 SECRET = b"a secret for tests only, never served"
@@ -51,11 +51,11 @@ class Site:
         self.app.add_middleware(SecurityHeaders)
         self.app.mount("/static", StaticFiles(directory=ROOT / "static"))
         install_error_pages(self.app)
-        self.app.include_router(pages.router)
-        self.app.include_router(leaving.router)
-        self.app.state.web = Web(self.database, self.studies, Guard(SECRET), templates())
+        self.app.include_router(study_pages.router)
+        self.app.include_router(exits.router)
+        self.app.state.web = Web(self.database, self.studies, CsrfProtection(SECRET), templates())
         control = Control({}, self.database, self.studies)  # type: ignore[arg-type] - no game runs here
-        self.app.state.control = Everywhere(control)
+        self.app.state.control = ClusterControl(control)
         self.clients: list[httpx.Client] = []
         self._server = uvicorn.Server(uvicorn.Config(self.app, log_level="warning", ws="websockets-sansio"))
 
@@ -84,7 +84,7 @@ class Site:
         (participant,) = self.everybody(name)
         return participant
 
-    def step(self, participant: Participant) -> Step:
+    def step(self, participant: Participant) -> StudyStep:
         fresh = self.database.read_now(participants.get, participant.id)
         assert fresh is not None
         return self.studies.step(fresh)

@@ -22,25 +22,26 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from overcooked.constants import STAY
+from server.cluster.dispatch import ClusterControl
+from server.monitoring import invented_participants
+from server.monitoring.alerts import Alert, Alerts, message_of
+from server.monitoring.control import Control
+from server.monitoring.dashboard import Dashboard
+from server.monitoring.enrolment_flow import flow_of, stock
+from server.monitoring.latency_history import LatencyHistory
+from server.monitoring.live_games import LiveGames
+from server.monitoring.peers import Process, SingleProcess
+from server.participation.episode_specs import episode_spec, layout_of
 from server.play.clock import Clock
 from server.play.lateness import LATELY_S, Lateness
 from server.play.recorder import EpisodeResult, InputRecord, PauseRecord, TickRecord
-from server.play.trace import Trace
+from server.play.simulation import Simulation
 from server.settings import Settings
 from server.store import admins, audit, decisions, episodes, events, inputs, participants, ticks
 from server.store.tables import participants as participants_table
-from server.web import actions, admin, crowding, downloads, live, replay
-from server.web.alerts import Alert, Alerts, message_of
-from server.web.control import Control
-from server.web.course import Course
-from server.web.elsewhere import Alone, Process
-from server.web.episodes import episode_spec, layout_of
-from server.web.everywhere import Everywhere
-from server.web.figures import Figures
-from server.web.flow import flow_of, stock
-from server.web.guessing import Hashing
-from server.web.live import Live
-from server.web.socket import Sockets
+from server.web.admin import actions, downloads, live_boards, replay_page, researcher_pages
+from server.web.guess_limits import Hashing
+from server.web.participant.game_socket import Sockets
 
 PASSWORD = "a good long password"
 HASH = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1).hash(PASSWORD)  # quick: the cost is in the hash itself
@@ -66,12 +67,12 @@ def site(tmp_path: Path) -> Iterator[Site]:
     state = made.app.state
     state.settings = Settings(database=f"sqlite:///{tmp_path}/site.db")
     state.sockets = Sockets(games, lambda *_: asyncio.sleep(0, None), state.web.guard.is_own_origin)
-    state.hashing, state.live = Hashing(), Live(state.web, games, state.sockets)
-    state.figures = Figures(state.live, tmp_path / "site.db")
-    state.course = Course(state.live)
+    state.hashing, state.live = Hashing(), LiveGames(state.web, games, state.sockets)
+    state.figures = Dashboard(state.live, tmp_path / "site.db")
+    state.course = LatencyHistory(state.live)
     state.alerts = Alerts(state.live, tmp_path / "site.db", lambda *_: None)
-    state.control = Everywhere(Control(games, made.database, made.studies))
-    for doors in (admin, live, replay, actions, downloads):
+    state.control = ClusterControl(Control(games, made.database, made.studies))
+    for doors in (researcher_pages, live_boards, replay_page, actions, downloads):
         made.app.include_router(doors.router)
     for role in ROLES:
         made.database.write_now(admins.create, role, HASH, role)
@@ -115,7 +116,7 @@ def played(site: Site, timesteps: int = 12) -> str:
     spec = episode_spec(study, step, participant.condition, "en")
     new = episodes.NewEpisode(spec, step.key, (participant.id, None), participant.study_id, participant.condition)
     episode = site.database.write_now(episodes.create, new)
-    trace = Trace(layout_of(study.layout(step.layout)), spec.horizon)
+    trace = Simulation(layout_of(study.layout(step.layout)), spec.horizon)
     rows = []
     for timestep in range(timesteps + 1):
         actions_then = (STAY, STAY) if timestep else None
@@ -135,7 +136,7 @@ def paths(site: Site, episode: str) -> list[tuple[str, str]]:
     person = site.only("small").id
     values = {"name": "small", "episode": episode, "person": person, "account": "watch"}
     found = []
-    for router in (admin, replay, actions, downloads):
+    for router in (researcher_pages, replay_page, actions, downloads):
         for route in router.router.routes:
             if not isinstance(route, APIRoute):
                 continue  # a websocket: test_sockets_are_for_researchers_only
@@ -323,7 +324,7 @@ def test_alerts_are_told_when_they_begin_and_when_they_are_over(site: Site, tmp_
 
 def test_an_alert_tells_of_people_who_consent_and_do_nothing(site: Site, tmp_path: Path) -> None:
     alerts = Alerts(site.app.state.live, tmp_path / "site.db", lambda *_: None)
-    for _ in range(crowding.FEWEST):
+    for _ in range(invented_participants.FEWEST):
         Visitor(site).consent("small")
     asyncio.run(alerts.look())
     assert alerts.open == {}
@@ -356,7 +357,7 @@ def test_an_alert_tells_the_newest_figure_and_ends_when_no_tick_was_late_lately(
 
 
 def test_of_several_processes_one_tells_what_all_see(site: Site, tmp_path: Path) -> None:
-    class Several(Alone):
+    class Several(SingleProcess):
         other = ""
 
         async def processes(self) -> list[Process]:

@@ -7,12 +7,12 @@ import polars as pl
 import pytest
 from page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
 
-from analysis import measures, quality
+from analysis import data_quality, measures
 from analysis.tables import read_export
+from server.export.writer import export
+from server.monitoring.enrolment_flow import arms_of, flow_of, stock
 from server.store import answers, events, participants
-from server.store.export import export
 from server.study.loader import StudyError, parse_study
-from server.web.flow import arms_of, flow_of, stock
 
 AFTER = "      - {key: marks, type: scale, conditions: with_predictor"
 CHECKED_AFTER = (
@@ -118,7 +118,7 @@ def test_export_has_the_checks_and_the_analysis_leaves_them_out_of_its_measures(
     assert counted == (2, 2)
     read = read_export(tmp_path / "data")
     assert "awake" not in read.answers["question"].to_list()
-    judged = quality.verdicts(measures.episode_measures(read), read.answers).filter(pl.col("participant") == me.id)
+    judged = data_quality.verdicts(measures.episode_measures(read), read.answers).filter(pl.col("participant") == me.id)
     assert judged["proposal"].to_list() == ["drop"]
     assert "inattentive" in str(judged["rules"][0])
 

@@ -10,11 +10,13 @@ import httpx
 import pytest
 from page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
 
+from server.monitoring import invented_participants
+from server.participation import progress
 from server.store import participants
 from server.store.tables import participants as table
-from server.web import crowding, rates, walk
-from server.web.addresses import address_of
-from server.web.rates import NewPlaces
+from server.web import rate_limits
+from server.web.client_address import address_of
+from server.web.rate_limits import NewPlaces
 
 ONE_EACH = SMALL_STUDY.replace("predictor: none}", "predictor: none, quota: 1}").replace(
     "predictor: tom}", "predictor: tom, quota: 1}"
@@ -85,7 +87,7 @@ def test_copies_of_a_page_that_are_on_their_way_at_once_take_one_place() -> None
 
 def test_a_place_comes_back_with_time_and_not_before(monkeypatch: pytest.MonkeyPatch) -> None:
     now = 1000.0
-    monkeypatch.setattr(rates.time, "monotonic", lambda: now)
+    monkeypatch.setattr(rate_limits.time, "monotonic", lambda: now)
     places = NewPlaces(6)
     assert [places.reserve("192.0.2.1", "study", f"{n}") for n in range(7)] == [True] * 6 + [False]
     now += 599
@@ -202,11 +204,11 @@ def test_a_game_that_has_begun_is_a_sign_of_life(site: Site) -> None:
 
 
 def signs(site: Site, name: str, leads: bool = True) -> dict[str, str]:
-    return asyncio.run(crowding.signs(site.app.state.web, name, site.studies.versions(name), leads))
+    return asyncio.run(invented_participants.signs(site.app.state.web, name, site.studies.versions(name), leads))
 
 
 def test_researchers_are_told_of_people_who_consent_and_do_nothing(site: Site) -> None:
-    for _ in range(crowding.FEWEST):
+    for _ in range(invented_participants.FEWEST):
         Visitor(site).consent("wide")
     assert signs(site, "wide") == {}, "they may still begin"
     consented_ago(site, 15)
@@ -234,7 +236,7 @@ def test_assignment_counts_who_holds_a_place(site: Site) -> None:
     consented_ago(site, 11)
     (number, study) = site.studies.open("small") or (0, None)
     assert study is not None
-    assert [count.held for count in site.database.read_now(walk.held, number, study).values()] == [0, 0]
+    assert [count.held for count in site.database.read_now(progress.held, number, study).values()] == [0, 0]
 
 
 def test_twenty_at_once_get_the_places_that_there_are(site: Site) -> None:

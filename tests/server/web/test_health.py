@@ -13,7 +13,7 @@ import pytest
 from live_server import LiveServer
 from real_server import SHORT_STUDY
 
-from server import logs
+from server import logging_setup
 from server.web.health import FIGURES
 
 TOKEN = "a token for those who watch"
@@ -78,7 +78,7 @@ def test_a_log_for_machines_is_a_json_object_a_line(capfd: pytest.CaptureFixture
     root = logging.getLogger()
     before = root.handlers, root.level
     try:
-        logs.configure("json")
+        logging_setup.configure("json")
         try:
             raise ValueError("broken on purpose")
         except ValueError:

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from page_site import SMALL_STUDY
 
+from models.inference.runner import ModelServer
 from models.protocols import History, Question
-from models.runner import ModelServer
 from overcooked.state import Kitchens
-from server.cast import WEIGHTS, cast_of, fingerprint
+from server.participation.episode_specs import layout_of
+from server.required_models import WEIGHTS, fingerprint, required_models
 from server.settings import ROOT
 from server.study.loader import StudyError, parse_study
 from server.study_check import stage_problems
-from server.web.episodes import layout_of
 
 OWN = SMALL_STUDY.replace(
     "{name: matrix, title: {en: Matrix, zh: 矩阵}}", '{name: own, title: Own, grid: "XXPXX\\nO1 2O\\nX   X\\nXDXSX"}'
@@ -23,7 +23,7 @@ OWN = SMALL_STUDY.replace(
 
 async def test_agent_and_predictor_answer_in_a_kitchen_that_the_study_draws() -> None:
     file = parse_study(OWN)
-    cast = cast_of([file])
+    cast = required_models([file])
     assert set(cast.grids) == {"own"}
     layout = layout_of(file.study.layout("own"))
     observations = Kitchens.start(layout).encode(horizon=400)[:, 1]
@@ -46,7 +46,7 @@ async def test_agent_and_predictor_answer_in_a_kitchen_that_the_study_draws() ->
 def test_two_studies_cannot_draw_one_name_differently() -> None:
     other = parse_study(OWN.replace("X   X", "X X X"), "other.yaml")
     with pytest.raises(StudyError, match=r"other.yaml: 'own' is another kitchen"):
-        cast_of([parse_study(OWN), other])
+        required_models([parse_study(OWN), other])
 
 
 def test_an_agent_that_was_trained_here_is_named_by_its_folder(tmp_path: Path) -> None:

@@ -10,9 +10,9 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from server.store.database import Database
-from server.web.auth import FORM_S, Guard
-from server.web.headers import policy
-from server.web.pages import MOST_ECHOES
+from server.web.auth import FORM_S, CsrfProtection
+from server.web.participant.study_pages import MOST_ECHOES
+from server.web.security_headers import policy
 
 
 @pytest.fixture(scope="module")
@@ -100,18 +100,18 @@ def test_form_without_our_mark_or_with_anothers_is_refused(site: Site) -> None:
 
 
 def test_form_token_is_for_one_session_and_half_a_day() -> None:
-    guard = Guard(b"secret")
+    guard = CsrfProtection(b"secret")
     token = guard.form_token("mine", 1000)
     assert guard.is_own_form(token, "mine", 1000 + FORM_S)
     assert not guard.is_own_form(token, "mine", 1001 + FORM_S)
     assert guard.is_own_form(token, "mine", 1000 - 3600), "the clock was set back by an hour meanwhile"
     assert not guard.is_own_form(token, "yours", 1000)
-    assert not Guard(b"another").is_own_form(token, "mine", 1000)
+    assert not CsrfProtection(b"another").is_own_form(token, "mine", 1000)
 
 
 def test_cookie_travels_over_tls_only_where_the_address_is_https() -> None:
-    assert Guard(b"s", "https://lab.example.org").secure
-    assert not Guard(b"s", "http://127.0.0.1:8000").secure
+    assert CsrfProtection(b"s", "https://lab.example.org").secure
+    assert not CsrfProtection(b"s", "http://127.0.0.1:8000").secure
 
 
 @pytest.mark.parametrize(

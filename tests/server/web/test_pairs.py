@@ -14,14 +14,14 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 from websockets.typing import Origin
 
-from server.bots import Bot, Habits
-from server.own_server import OwnServer
+from server.bots.local_server import OwnServer
+from server.bots.participant import Bot, Habits
+from server.participation.waiting_room import COME_AGAIN
 from server.play import messages
 from server.store.database import Database
 from server.store.participants import token_hash
 from server.store.tables import episodes, events, participants, ticks
 from server.verification import verify_all
-from server.web.waiting import COME_AGAIN
 
 STUDY = """
 name: pairs

@@ -9,10 +9,10 @@ from urllib.parse import urlencode
 import pytest
 from page_site import SMALL_STUDY, Site, Visitor
 
+from server.participation.recruiter_links import recruitment_of, way_back
 from server.store import participants
 from server.store.attempts import LIMIT
 from server.store.database import Database
-from server.web.recruiting import recruitment_of, way_back
 
 CC = "https://app.prolific.com/submissions/complete?cc={code}"
 SONA = "https://lab.sona-systems.com/webstudy_credit.aspx?experiment_id=7&credit_token=ab&survey_code={person}"

@@ -9,15 +9,15 @@ import pytest
 from page_site import Site, Visitor
 from pydantic import BaseModel
 
-from server.play.spec import EpisodeSpec
+from server.participation.episode_specs import episode_spec, models_of
+from server.play.episode_spec import EpisodeSpec
 from server.settings import ROOT
 from server.store import events, participants
 from server.study.assignment import Count, StudyFullError, next_condition
+from server.study.definition import Study
 from server.study.loader import parse_study
-from server.study.plan import Study
-from server.study.steps import Step, steps
+from server.study.steps import StudyStep, steps
 from server.study_check import stage_problems
-from server.web.episodes import episode_spec, models_of
 
 TEXT = (ROOT / "tests" / "data" / "every_setting.yaml").read_text(encoding="utf-8")
 LINK = "?PID=p1&WAVE=w2&OTHER=x"
@@ -58,7 +58,7 @@ def test_the_study_sets_everything_that_can_be_set(study: Study) -> None:
     assert {name for name in never if name not in OF_TWO_PEOPLE} == questions
 
 
-def spec(study: Study, condition: str, kind: str = "episode", language: str = "en") -> tuple[Step, EpisodeSpec]:
+def spec(study: Study, condition: str, kind: str = "episode", language: str = "en") -> tuple[StudyStep, EpisodeSpec]:
     step = next(step for step in steps(study, condition, 3, 1) if step.kind == kind)
     return step, episode_spec(study, step, condition, language)
 

@@ -18,20 +18,21 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.typing import Origin
 
-from server.bot_cook import Traits
-from server.bot_game import BotGame, Journal
-from server.connections import SparingProtocol
-from server.play import outlet
-from server.play.budget import Budget
+from server.bots.cook import Traits
+from server.bots.game_client import BotGame, Journal
+from server.participation.seating import ConnectedPlayer
+from server.play import send_queue
 from server.play.clock import Clock
 from server.play.game import Game
 from server.play.games import Games
 from server.play.messages import MAX_FRAME_BYTES, MAX_READ_BYTES
 from server.play.recorder import EpisodeRecord
+from server.play.token_bucket import TokenBucket
 from server.store.database import DatabaseDown
-from server.web import socket as game_socket
-from server.web.auth import Guard
-from server.web.socket import Player, Sockets
+from server.uvicorn_protocols import SparingProtocol
+from server.web.auth import CsrfProtection
+from server.web.participant import game_socket
+from server.web.participant.game_socket import Sockets
 
 # Half a megabyte of small messages, masked with zeros.
 FLOOD = 30_000 * (bytes([0x81, 0x80 | 10, 0, 0, 0, 0]) + b'{"type":1}')
@@ -48,7 +49,7 @@ class Served:
         self.troubles: list[str] = []
         self.app = FastAPI()
         self.app.include_router(game_socket.router)
-        self.sockets = Sockets(self.games, self.find, Guard(b"secret").is_own_origin, self.report)
+        self.sockets = Sockets(self.games, self.find, CsrfProtection(b"secret").is_own_origin, self.report)
         self.app.state.sockets = self.sockets
         self.url = ""
         self.database_down = False
@@ -56,13 +57,13 @@ class Served:
     async def load(self, episode: str) -> EpisodeRecord | None:
         return self.recorder.load(self.spec, episode)
 
-    async def find(self, connection: HTTPConnection, study: str) -> Player | None:
+    async def find(self, connection: HTTPConnection, study: str) -> ConnectedPlayer | None:
         if self.database_down:
             raise DatabaseDown("switched off")
         who = connection.cookies.get("participant")
         if who is None or study != "demo":
             return None
-        return Player(who, None if who == "reader" else f"episode-of-{who}", 0, "/s/demo/now")
+        return ConnectedPlayer(who, None if who == "reader" else f"episode-of-{who}", 0, "/s/demo/now")
 
     async def report(self, participant: str, text: str) -> None:
         self.troubles.append(f"{participant}: {text}")
@@ -273,7 +274,7 @@ async def test_simulated_participants_may_send_as_fast_as_the_games_that_wait_fo
 async def test_a_simulated_participant_who_is_taken_for_a_flood_says_so(
     served: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(game_socket, "budget_of", lambda clock: Budget(clock.now(), burst=0.0))
+    monkeypatch.setattr(game_socket, "budget_of", lambda clock: TokenBucket(clock.now(), burst=0.0))
     with pytest.raises(RuntimeError, match="closed: too many messages"):
         await BotGame(served.url, "participant=ann", Journal(), Traits.drawn(1)).play()
 
@@ -382,7 +383,7 @@ async def test_round_trip_is_measured(served: Served) -> None:
 async def test_peer_that_answers_nothing_is_given_up_and_its_game_pauses(
     served: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(outlet, "DEAD_AFTER_S", 0.5)
+    monkeypatch.setattr(send_queue, "DEAD_AFTER_S", 0.5)
     async with served.connect(max_queue=None) as socket:
         await say(socket, **HELLO)
         await say(socket, type="ready")

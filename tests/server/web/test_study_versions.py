@@ -11,12 +11,12 @@ from page_site import SMALL_STUDY, Site, Visitor
 from test_admin import signed_in
 from test_admin import site as admin_site
 
-from models.lane import ModelsDown
+from models.inference.supervised_worker import ModelsDown
+from server.monitoring.alerts import Alerts
+from server.participation.study_versions import StudyVersions
 from server.settings import Settings
 from server.store import audit
 from server.study.loader import StudyError, load_study
-from server.study_versions import StudyVersions
-from server.web.alerts import Alerts
 
 site = admin_site
 OTHER_AGENT = ("name: stay, predictor: random", "name: random, predictor: random")

@@ -11,7 +11,7 @@ from real_server import SHORT_STUDY
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from server.web.watch import MOST_GAMES, MOST_OF_ONE_ADDRESS, Demonstrations
+from server.web.participant.watch_agents import MOST_GAMES, MOST_OF_ONE_ADDRESS, Demonstrations
 
 PUBLIC = "https://lab.example.org"
 HELLO = json.dumps({"type": "hello", "protocol": 1, "tab": "tab-0001"})

@@ -1,0 +1,281 @@
+"""Findings and APA sentences made of result rows, ready to paste. Says what the rows say, also when nothing was found.
+
+Both report the tests over people. The published tests, which treat episodes as independent, are named as such.
+Marked up with <i> for statistical letters, as both HTML and word processors take it.
+"""
+
+import math
+from collections.abc import Sequence
+
+from analysis.formatting import listed, number, p_equals, word
+from analysis.phrases import (
+    ALPHA,
+    agent,
+    condition,
+    corrected,
+    interval,
+    layout,
+    lowered,
+    note,
+    places,
+    question,
+    raised,
+    significant,
+    span,
+    statistic,
+    with_p,
+)
+from analysis.results import Result, select
+from analysis.study import Analysis
+
+
+def findings(analysis: Analysis) -> list[str]:
+    """The two or three lines at the top of the report."""
+    found = [_reward_finding(analysis), _layouts_finding(analysis), _accuracy_finding(analysis)]
+    return [line for line in found if line] or ["There is too little data for a comparison yet."]
+
+
+def _reward_finding(analysis: Analysis) -> str:
+    tests = with_p(select(analysis.rows, section="reward", test="kruskal_wallis_people"))
+    if not tests:
+        tried = [row for row in select(analysis.rows, section="reward", test="kruskal_wallis") if row.n]
+        return f"The conditions could not be compared by reward: {note(tried[0])}." if tried else ""
+    sure = [agent(row.agent) for row in tests if significant(row)]
+    values = ", ".join(f"{agent(row.agent)} <i>p</i> {p_equals(row.p_adjusted)}" for row in tests)
+    how = f"(Kruskal-Wallis, conditions permuted over people, {_corrected_for(tests)}{values}; {_size(analysis)})"
+    if not sure:
+        return f"No difference in reward between the conditions was found {how}."
+    if len(sure) < len(tests):
+        return f"Reward differs between the conditions for {listed(sure)} only {how}."
+    who = "both agents" if len(tests) == 2 else "every agent" if len(tests) > 1 else f"the {sure[0]} agent"
+    return f"Reward differs between the conditions for {who} {how}."
+
+
+def _corrected_for(tests: Sequence[Result]) -> str:
+    return f"corrected over {len(tests)} agents: " if len(tests) > 1 else ""
+
+
+def _size(analysis: Analysis) -> str:
+    """860 episodes of 87 people."""
+    return f"{analysis.episodes.height} episodes of {analysis.episodes['participant'].n_unique()} people"
+
+
+def _main_tests(analysis: Analysis) -> list[Result]:
+    """The tests over people per layout and agent of the comparison that the study is about."""
+    if analysis.contrast is None:
+        return []
+    contrast = " - ".join(analysis.contrast)
+    return with_p(select(analysis.rows, section="reward", test="t_test_people", contrast=contrast))
+
+
+def _layouts_finding(analysis: Analysis) -> str:
+    tests = _main_tests(analysis)
+    if not tests or analysis.contrast is None:
+        return ""
+    first, second = (condition(name) for name in analysis.contrast)
+    how = f"(t-tests over people, Benjamini-Hochberg over {len(tests)})"
+    more, less = raised(tests), lowered(tests)
+    if not more and not less:
+        text = f"Reward does not differ significantly between {first} and {second} in any layout {how}."
+    else:
+        ways = (("more", more), ("less", less))
+        parts = [f"{way} in {_counted(analysis, tests, found)}" for way, found in ways if found]
+        text = f"With {first} teams earn {listed(parts)} than with {second} {how}."
+    depends = [name for name in ("layout", "agent") if _dependent(analysis, name)]
+    return text + (f" The difference depends on the {listed(depends)}." if depends else "")
+
+
+def _counted(analysis: Analysis, tests: Sequence[Result], found: Sequence[Result]) -> str:
+    """4 of 5 layouts with SP and 0 of 5 with FCP."""
+    parts: list[str] = []
+    for name in analysis.agents:
+        rows, mine = ([row for row in some if row.agent == name] for some in (tests, found))
+        layouts = "" if parts else " layouts"
+        parts += [f"{len(mine)} of {len(rows)}{layouts} with {agent(name)}"] if rows else []
+    return listed(parts)
+
+
+def _dependent(analysis: Analysis, column: str) -> bool:
+    """True if the difference of the main comparison depends on the layout or agent."""
+    return any(significant(row) for row in with_p(select(analysis.rows, test=f"contrast_by_{column}")))
+
+
+def _accuracy_finding(analysis: Analysis) -> str:
+    lives = select(analysis.rows, section="accuracy", test="live", layout="all", condition="all", step=0)
+    if not lives:
+        return ""
+    live = 100 * sum(row.estimate for row in lives) / len(lives)
+    text = f"The predictor is right {number(live, 1)} % of the time with people"
+    offline = select(analysis.rows, section="accuracy", test="offline", layout="all", step=0)
+    if len(offline) == len(lives):
+        gap = live - 100 * sum(row.estimate for row in offline) / len(offline)
+        text += f", {number(abs(gap), 1)} points {'less' if gap < 0 else 'more'} than in the offline test"
+    return text + "."
+
+
+def sentences(analysis: Analysis) -> list[str]:
+    """Sentences for a results section."""
+    made = [
+        _excluded(analysis),
+        _kruskal(analysis),
+        _pairwise(analysis),
+        _mixed(analysis),
+        *_questionnaire(analysis),
+        _accuracy_sentence(analysis),
+    ]
+    return [text for text in made if text]
+
+
+REASONS = {  # steps of the flow, in words
+    "of_incomplete": "of participants who did not finish the study",
+    "unfinished": "not played to the end",
+    "removed": "removed by the researcher",
+    "of_excluded": "of participants whom the researcher excluded",
+}
+
+
+def _excluded(analysis: Analysis) -> str:
+    counts = select(analysis.rows, section="exclusions", condition="all", unit="episodes")
+    begun = sum(row.n for row in counts if row.test == "played")
+    left = sum(row.n for row in counts if row.test == "analysed")
+    people = next(row.n for row in select(analysis.rows, test="analysed", condition="all", unit="people"))
+    if not begun:
+        return ""
+    text = f"The analysis is of {left} episodes of {people} participants."
+    if left == begun:
+        return text
+    parts = []
+    for step, reason in REASONS.items():
+        count = sum(row.n for row in counts if row.test == step)
+        number_of = "" if count == begun - left else f"{word(count)} "
+        parts += [f"{number_of}{reason} ({100 * count / begun:.1f} %)"] if count else []
+    were = "was" if begun - left == 1 else "were"
+    return f"{text} Of {begun} episodes begun, {word(begun - left)} {were} left out: {listed(parts)}."
+
+
+def _kruskal(analysis: Analysis) -> str:
+    tests = with_p(select(analysis.rows, section="reward", test="kruskal_wallis_people"))
+    if not tests:
+        return ""
+    people = {row.agent: row.n for row in tests}
+    sure, other = ([row for row in tests if significant(row) is way] for way in (True, False))
+    ways = (("differed", sure), ("did not differ significantly", other))
+    parts = [f"{verb} {_agents_p(rows)}" for verb, rows in ways if rows]
+    published = [
+        f"with the {agent(row.agent)} agent {statistic(row)}, ε² = {number(row.effect)}, "
+        f"{row.n} episodes of {people[row.agent]} people"
+        for row in with_p(select(analysis.rows, section="reward", test="kruskal_wallis"))
+    ]
+    correction = f", corrected over {len(tests)} agents" if len(tests) > 1 else ""
+    return (
+        f"Between the {word(len(analysis.conditions))} conditions rewards {listed(parts)} (Kruskal-Wallis with "
+        f"conditions permuted over people{correction}). The published test, which treats the episodes of a person as "
+        f"independent, gives: {'; '.join(published)}."
+    )
+
+
+def _agents_p(rows: Sequence[Result]) -> str:
+    return listed([f"with the {agent(row.agent)} agent (<i>p</i> {p_equals(row.p_adjusted)})" for row in rows])
+
+
+def _pairwise(analysis: Analysis) -> str:
+    tests = _main_tests(analysis)
+    if not tests or analysis.contrast is None:
+        return ""
+    first, second = (condition(name) for name in analysis.contrast)
+    count = f"{len(tests)} t-tests" if len(tests) > 1 else "one t-test"
+    how = f"After Benjamini-Hochberg correction over {count} over people, "
+    more, less = raised(tests), lowered(tests)
+    if not more and not less:
+        estimates = span([row.estimate for row in tests], 1)
+        return (
+            f"{how}the reward did not differ significantly between {first} and {second} on any layout "
+            f"(estimates {estimates} points)."
+        )
+    parts = [f"raised the reward {places(more)}"] if more else []
+    parts += [f"lowered {'it' if more else 'the reward'} {places(less)}"] if less else []
+    sizes = span([row.effect for row in [*more, *less]])
+    rest = len(tests) - len(more) - len(less)
+    others = f"; the other {word(rest)} did not differ significantly" if rest else ""
+    return f"{how}{first} {listed(parts)}, compared with {second} (Hedges’ <i>g</i> {sizes}{others})."
+
+
+def _mixed(analysis: Analysis) -> str:
+    if analysis.contrast is None or analysis.model.variance is None:
+        return ""
+    contrast = " - ".join(analysis.contrast)
+    rows = with_p(select(analysis.rows, section="mixed model", test="fixed_effect", contrast=contrast))
+    if not rows:
+        return ""
+    row = rows[0]
+    first, second = (condition(name) for name in analysis.contrast)
+    inside = f"{interval(row)}, {statistic(row)}; ICC = {number(analysis.model.variance.icc)}"
+    if row.p < ALPHA:
+        way = "higher" if row.estimate > 0 else "lower"
+        result = f"was {number(abs(row.estimate), 1)} points {way} with {first} than with {second} ({inside})"
+    else:
+        estimate = f"estimate {number(row.estimate, 1)} points"
+        result = f"did not differ significantly between {first} and {second} ({estimate}, {inside})"
+    return (
+        "In a mixed model with participants as random effect and agent and layout as fixed effects, the reward "
+        f"{result}.{_depends(analysis)}"
+    )
+
+
+def _depends(analysis: Analysis) -> str:
+    """Whether one difference describes all layouts and agents."""
+    made = []
+    for column in ("layout", "agent"):
+        for row in with_p(select(analysis.rows, section="reward", test=f"contrast_by_{column}")):
+            verb = "depended" if significant(row) else "did not depend significantly"
+            made.append(f"{verb} on the {column} (<i>p</i> {p_equals(row.p_adjusted)})")
+    how = "conditions permuted over people" + (", corrected over both" if len(made) > 1 else "")
+    return f" The difference {listed(made)}; {how}." if made else ""
+
+
+def _questionnaire(analysis: Analysis) -> list[str]:
+    """A summary, and a sentence for every question and comparison, also where nothing was found."""
+    tests = select(analysis.rows, section="questionnaire", test="t_test_people")
+    tested = with_p(tests)
+    if not tested:
+        return []
+    where = listed([layout(name) for name in analysis.questionnaire_layouts])
+    sure = sum(significant(row) for row in tested)
+    count = word(sure) if sure else "none"
+    made = [
+        f"Answers about {where} were averaged for each person and compared by {len(tested)} t-tests over people, with "
+        f"Benjamini-Hochberg correction over all of them; {count} of {len(tested)} differed significantly."
+    ]
+    for key, contrast in dict.fromkeys((row.question, row.contrast) for row in tested):
+        rows = select(tested, question=key, contrast=contrast)
+        made.append(f"“{question(key)}” {_rated(rows, contrast)}.")
+    return made
+
+
+def _rated(rows: Sequence[Result], contrast: str) -> str:
+    first, second = (condition(name) for name in contrast.split(" - "))
+    ways = (("higher", raised(rows)), ("lower", lowered(rows)))
+    parts = [f"{way} with {_agents_statistic(found)}" for way, found in ways if found]
+    rest = [row for row in rows if not significant(row)]
+    if not parts:
+        return f"did not differ significantly between {first} and {second}: {_estimates(rest)}"
+    others = f"; the difference was not significant {_estimates(rest)}" if rest else ""
+    return f"was rated {listed(parts)} under {first} than under {second}{others}"
+
+
+def _agents_statistic(rows: Sequence[Result]) -> str:
+    return listed([f"{agent(row.agent)} ({corrected(row)}, <i>g</i> = {number(row.effect)})" for row in rows])
+
+
+def _estimates(rows: Sequence[Result]) -> str:
+    values = [f"with {agent(row.agent)} (estimate {number(row.estimate)}, {corrected(row)})" for row in rows]
+    return listed(values)
+
+
+def _accuracy_sentence(analysis: Analysis) -> str:
+    parts = []
+    for row in select(analysis.rows, section="accuracy", test="live", layout="all", condition="all", step=0):
+        low, high = (number(100 * bound, 1) for bound in (row.estimate_low, row.estimate_high))
+        bounds = "" if math.isnan(row.estimate_low) else f" (95 % CI [{low}, {high}])"
+        parts.append(f"{number(100 * row.estimate, 1)} % of the {agent(row.agent)} agent’s actions{bounds}")
+    return f"In the games with people the predictor foresaw {listed(parts)}, mean of the three steps." if parts else ""

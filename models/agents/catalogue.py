@@ -1,0 +1,104 @@
+"""The names a study may ask for, and what they load: scripted agents, checkpoints, other people's (`blackbox`)."""
+
+from dataclasses import asdict, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import NamedTuple
+
+from models.agents import planner, scripted
+from models.agents.blackbox import is_foreign, load_foreign_agent
+from models.agents.model_paths import is_class, source_file
+from models.agents.onnx_weights import onnx_sha256
+from models.inference.policy_numpy import policy_at_work
+from models.networks.checkpoint import SUMS, CheckpointError, load_checkpoint
+from models.protocols import Mode, Policy
+from overcooked.layout import Layout
+
+WEIGHTS = Path(__file__).parents[1] / "weights"
+SCRIPTED: dict[str, tuple[type[Policy], Mode]] = {
+    "planner": (planner.PlannerPolicy, planner.MODE),
+    "guide": (scripted.GuidePolicy, scripted.SURE),
+    "random": (scripted.UniformPolicy, scripted.PLAIN),
+    "stay": (scripted.StayPolicy, scripted.SURE),
+}
+TEMPERATURES = {"greedy": 0.0, "sampled": 1.0}  # by what follows the @ of an agent's name
+
+
+class LoadedAgent(NamedTuple):
+    """An agent ready to play: what it would do, and how it makes up its mind."""
+
+    policy: Policy
+    mode: Mode
+
+
+class UnknownAgent(ValueError):
+    """A name that the catalogue does not have for that layout; says which it has."""
+
+
+def agent_names(layout: str) -> list[str]:
+    """The agents that can play on a layout: scripted ones and shipped checkpoints."""
+    shipped = [path.parent.name for path in sorted((WEIGHTS / layout).glob("*/config.json")) if _is_agent(path)]
+    return [*SCRIPTED, *shipped]
+
+
+def load_agent(name: str, layout: Layout) -> LoadedAgent:
+    """The agent of that name, in that folder, or somebody else's (`module:Class`, an ONNX file, an address), for
+    `layout`; `name@greedy` and `name@sampled` act otherwise than their card says. Raises UnknownAgent, CheckpointError
+    or BlackBoxError."""
+    base, wanted = _parts(name)
+    agent = _load(base, layout)
+    if not wanted:
+        return agent
+    if wanted not in TEMPERATURES:
+        raise UnknownAgent(f"{name}: after @ comes how the agent acts: {', '.join(TEMPERATURES)}.")
+    return LoadedAgent(agent.policy, replace(agent.mode, temperature=TEMPERATURES[wanted]))
+
+
+def _parts(name: str) -> tuple[str, str]:
+    """An agent's own name, and how it shall act: "" as its card says. An address may have an @ of its own."""
+    base, _, wanted = name.rpartition("@")
+    return (base, wanted) if base and (wanted in TEMPERATURES or not is_foreign(name)) else (name, "")
+
+
+def _load(name: str, layout: Layout) -> LoadedAgent:
+    if is_foreign(name):
+        return LoadedAgent(*load_foreign_agent(name, layout))
+    if name in SCRIPTED:
+        scripted_policy, mode = SCRIPTED[name]
+        return LoadedAgent(scripted_policy(), mode)
+    checkpoint = load_checkpoint(agent_folder(name, layout))
+    policy, trained_on = policy_at_work(checkpoint)
+    if trained_on.text != layout.text:
+        raise CheckpointError(
+            f"{checkpoint.folder}: this agent was trained on another grid ({trained_on.name}) and cannot play "
+            f"{layout.name}. Choose one of: {', '.join(agent_names(layout.name))}."
+        )
+    return LoadedAgent(policy, Mode(**checkpoint.config["mode"]))
+
+
+def agent_folder(name: str, layout: Layout) -> Path:
+    """Where an agent's checkpoint lies: a path as it is, a name among the shipped ones. Raises UnknownAgent."""
+    bundled = WEIGHTS / layout.name / name
+    folder = Path(name) if "/" in name or (not bundled.is_dir() and Path(name).is_dir()) else bundled
+    if not folder.is_dir():
+        known = ", ".join(agent_names(layout.name))
+        raise UnknownAgent(f"no agent {name!r} for {layout.name}. Known: {known}; or give a checkpoint folder.")
+    return folder
+
+
+def agent_sha256(name: str, layout: Layout) -> str:
+    """What names exactly this agent in data: its checkpoint's sha256, for a scripted one the hash of name and mode,
+    for a foreign one that of its file, of its module's source file, or of its address."""
+    base, _ = _parts(name)
+    if base.endswith(".onnx") and Path(base).is_file():
+        return onnx_sha256(Path(base))
+    if is_foreign(base):
+        file = Path(base) if not is_class(base) else source_file(base)
+        return sha256(file.read_bytes() if file is not None and file.is_file() else base.encode()).hexdigest()
+    if base in SCRIPTED:
+        return sha256(f"{base} {asdict(SCRIPTED[base][1])}".encode()).hexdigest()
+    return sha256((agent_folder(base, layout) / SUMS).read_bytes()).hexdigest()
+
+
+def _is_agent(config: Path) -> bool:
+    return "kitchenmind agent" in config.read_text(encoding="utf-8")

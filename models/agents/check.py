@@ -1,0 +1,175 @@
+"""`kitchenmind agent check NAME --layout L`: would this agent (or predictor) do in a study? Asked before one starts,
+not in it."""
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.acting import Stuck, distribution, draw
+from models.agents.catalogue import load_agent
+from models.agents.predictors import load_predictor
+from models.protocols import STEPS, Mode, Observations, Policy, Predictor
+from overcooked.constants import ACTIONS, HORIZON, PLAYERS
+from overcooked.layout import Layout, load_layout
+from overcooked.score import sparse_reward
+from overcooked.state import Kitchens
+
+DEADLINE_MS = 120.0  # of a tick, unless the study says otherwise
+ROWS_SUM_TO_ONE = 1e-2  # within this
+
+
+class NotFit(ValueError):
+    """It loads, but what it answers cannot be used; the text says what was wanted."""
+
+
+@dataclass(frozen=True)
+class AgentFinding:
+    """What came of asking it about states of random games."""
+
+    median_ms: float  # for one game
+    slowest_ms: float
+    batch_ms: float  # for 32 games at once
+    deterministic: bool  # the same question has the same answer
+    certain: float  # share of answers that are one single action
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The one thing that can be done with an agent."""
+    kinds = parser.add_subparsers(dest="what", metavar="check", required=True)
+    check = kinds.add_parser("check", help="does it load, does it fit, how long does it take, is it deterministic")
+    check.add_argument("name", help="catalogue name, checkpoint folder, ONNX file, module:Class or URL")
+    check.add_argument("--layout", required=True, help="a shipped layout or a .layout file")
+    check.add_argument("--predictor", action="store_true", help="NAME is a predictor, not an agent")
+    check.add_argument("--deadline-ms", type=float, default=DEADLINE_MS, help="of a tick (default: 120)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """0 it can be used, 1 it cannot (said on standard error), 2 it does not load or the layout is none."""
+    try:
+        layout = load_layout(arguments.layout)
+        print(f"{arguments.name} on {layout.name} ({layout.width} x {layout.height})")
+        if arguments.predictor:
+            finding = check_predictor(load_predictor(arguments.name, layout), layout)
+        else:
+            policy, mode = load_agent(arguments.name, layout)
+            finding = check_policy(policy, mode, layout)
+            _say("acts", f"temperature {mode.temperature:g}, {mode.stuck_mix:.0%} moves after {mode.stuck_after} stuck")
+            points = points_with_itself(policy, mode, layout)
+            _say("with itself", f"{points} points in {HORIZON} timesteps")
+            if points == 0:
+                _warn(f"it delivers no soup with itself in {HORIZON} timesteps. Was it trained for {layout.name}?")
+    except NotFit as wrong:
+        print(f"kitchenmind agent check: {arguments.name} does not fit {arguments.layout}: {wrong}", file=sys.stderr)
+        return 1
+    except Exception as error:  # noqa: BLE001 somebody else's model may raise anything
+        print(f"kitchenmind agent check: {arguments.name} cannot be used: {error}", file=sys.stderr)
+        return 2
+    _say("one game", f"{finding.median_ms:.2f} ms, at most {finding.slowest_ms:.2f} ms")
+    _say("32 games", f"{finding.batch_ms:.2f} ms")
+    _say("deterministic", "yes" if finding.deterministic else "no: the same question has different answers")
+    _say("certain", f"in {finding.certain:.0%} of the states")
+    if max(finding.slowest_ms, finding.batch_ms) > arguments.deadline_ms:
+        wanted = f"{arguments.deadline_ms:g} ms are allowed. Make it quicker, or give the study a longer deadline."
+        print(f"kitchenmind agent check: {arguments.name} is too slow: {wanted}", file=sys.stderr)
+        return 1
+    print("it can be used")
+    return 0
+
+
+def check_policy(policy: Policy, mode: Mode, layout: Layout) -> AgentFinding:
+    """Asks an agent about states of random games. Raises NotFit, and whatever the agent raises."""
+    states, _ = random_games(layout)
+
+    def ask(games: int, timestep: int) -> NDArray[np.float32]:
+        answer = _checked(policy.probabilities(states[:games, timestep].copy()), (games, ACTIONS))
+        return distribution(answer, np.zeros(games, np.int32), mode)
+
+    return _finding(ask, states.shape[1])
+
+
+def check_predictor(predictor: Predictor, layout: Layout) -> AgentFinding:
+    """Lets a predictor watch random games. Raises NotFit, and whatever the predictor raises."""
+    states, actions = random_games(layout)
+
+    def ask(games: int, timestep: int) -> NDArray[np.float32]:
+        slots = np.arange(games, dtype=np.intp)
+        if timestep == 0:
+            predictor.begin(slots)
+        answer = predictor.predict(slots, states[:games, timestep].copy(), actions[:games, timestep])
+        return _checked(answer, (games, STEPS, ACTIONS))
+
+    return _finding(ask, states.shape[1])
+
+
+def points_with_itself(policy: Policy, mode: Mode, layout: Layout) -> int:
+    """Points of one episode that the agent plays with itself, in its mode."""
+    kitchens, events, draws = Kitchens.start(layout), np.zeros((1, PLAYERS), np.int32), np.random.default_rng(0)
+    stuck = [Stuck(kitchens.players[:, seat]) for seat in range(PLAYERS)]
+    points = 0
+    for _ in range(HORIZON):
+        seen = kitchens.encode()
+        actions = [
+            draw(distribution(policy.probabilities(seen[:, k].copy()), stuck[k].counts, mode), draws.random(1))
+            for k in range(PLAYERS)
+        ]
+        kitchens.step(np.stack(actions, 1), events)
+        for seat in range(PLAYERS):
+            stuck[seat].update(kitchens.players[:, seat])
+        points += sum(sparse_reward(int(event)) for event in events[0])
+    return points
+
+
+def random_games(layout: Layout, games: int = 32, timesteps: int = 40) -> tuple[Observations, NDArray[np.int8]]:
+    """States (games, timesteps, width, height, 26) as the first chef sees them, and the joint actions that led
+    there."""
+    draws, kitchens = np.random.default_rng(0), Kitchens.start(layout, games)
+    events = np.zeros((games, PLAYERS), np.int32)
+    actions = draws.integers(0, ACTIONS, (timesteps, games, PLAYERS)).astype(np.int8)
+    states = []
+    for joint in actions:
+        states.append(kitchens.encode()[:, 0])
+        kitchens.step(joint, events)
+    before = np.concatenate([np.full((1, games, PLAYERS), -1, np.int8), actions[:-1]])
+    return np.stack(states, 1), np.ascontiguousarray(before.swapaxes(0, 1))
+
+
+def _finding(ask: Callable[[int, int], NDArray[np.float32]], timesteps: int) -> AgentFinding:
+    rounds: list[list[NDArray[np.float32]]] = []
+    times = []
+    for _ in range(2):
+        answers = []
+        for timestep in range(timesteps):
+            began = time.perf_counter()
+            answers.append(ask(1, timestep))
+            times.append(1000 * (time.perf_counter() - began))
+        rounds.append(answers)
+    ask(32, 0)
+    began = time.perf_counter()
+    ask(32, 1)
+    batch_ms = 1000 * (time.perf_counter() - began)
+    same = all(np.array_equal(one, other) for one, other in zip(*rounds, strict=True))
+    certain = np.mean([answer.max(-1) > 0.999 for answer in rounds[0]])
+    warm = times[timesteps // 2 :]  # the first calls of a network are slow, and it is warmed before it is used
+    return AgentFinding(float(np.median(warm)), max(warm), batch_ms, same, float(certain))
+
+
+def _checked(answer: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.float32]:
+    given = np.asarray(answer)
+    if given.shape != shape:
+        raise NotFit(f"its answer has the shape {given.shape}, wanted {shape}.")
+    if not np.isfinite(given).all() or (given < 0).any() or (np.abs(given.sum(-1) - 1) > ROWS_SUM_TO_ONE).any():
+        raise NotFit("its answers are no probabilities: each row must sum to 1, without NaN or negative numbers.")
+    return given
+
+
+def _warn(words: str) -> None:
+    print(f"warning: {words}", file=sys.stderr)
+
+
+def _say(what: str, value: str) -> None:
+    print(f"  {what:14} {value}")

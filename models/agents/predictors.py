@@ -1,0 +1,131 @@
+"""The predictors that a study may name, and those that are no network: uniform, and degraded to a wanted accuracy."""
+
+import zlib
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.agents.blackbox import is_foreign, load_foreign_predictor
+from models.agents.scripted import GuidePredictor
+from models.inference.predictor_numpy import load_trained_predictor
+from models.protocols import STEPS, Observations, Predictions, Predictor
+from overcooked.constants import ACTIONS
+from overcooked.layout import Layout
+
+WEIGHTS = Path(__file__).parents[1] / "weights"
+RANDOM = "random"
+GUIDE = "guide"  # of the tutorial's agent of the same name
+
+
+class UnknownPredictor(ValueError):
+    """A name that no predictor has on this layout; the text says which there are."""
+
+
+def load_predictor(name: str, layout: Layout) -> Predictor:
+    """The predictor called `name`: `random`, `guide` (of the scripted guide), a shipped one such as
+    `sp_predictor_stream`, a folder that `kitchenmind train predictor` wrote, a foreign one (`module:Class`, an ONNX
+    file); `sp_predictor_stream@60` is made worse until 60 % of its steps are right. Raises ValueError (its kinds) or
+    OSError."""
+    if is_foreign(name):
+        return load_foreign_predictor(name, layout)
+    base, _, wanted = name.rpartition("@")
+    if not base or "/" in wanted:  # an @ in the path of a folder
+        base, wanted = name, ""
+    predictor, accuracy = _load(base, layout)
+    return DegradedPredictor(predictor, accuracy, _share(name, wanted)) if wanted else predictor
+
+
+def _load(name: str, layout: Layout) -> tuple[Predictor, float]:
+    """A predictor and how often its steps are right."""
+    if name == RANDOM:
+        return UniformPredictor(), 1 / ACTIONS
+    if name == GUIDE:
+        return GuidePredictor(), 1.0
+    folder = predictor_folder(name, layout)
+    if not (folder / "config.json").is_file():
+        known = ", ".join([*predictor_names(layout), RANDOM, GUIDE])
+        remedy = f"Known there: {known}; or give the folder that `kitchenmind train predictor` wrote."
+        raise UnknownPredictor(f"{layout.name} has no predictor {name!r}. {remedy}")
+    return load_trained_predictor(folder, layout)
+
+
+def predictor_folder(name: str, layout: Layout) -> Path:
+    """Return where a predictor's checkpoint is: a path as it is, a bundled one among the weights, else a folder."""
+    bundled = WEIGHTS / layout.name / name
+    return Path(name) if "/" in name or (not bundled.is_dir() and Path(name).is_dir()) else bundled
+
+
+def predictor_names(layout: Layout) -> list[str]:
+    """The trained predictors shipped for a layout."""
+    return sorted(path.parent.name for path in (WEIGHTS / layout.name).glob("*_predictor_*/config.json"))
+
+
+def _share(name: str, text: str) -> float:
+    try:
+        value = float(text) / 100
+    except ValueError:
+        raise UnknownPredictor(f"{name}: after @ comes the wanted accuracy in percent, e.g. @60.") from None
+    if not 1 / ACTIONS <= value <= 1:
+        raise UnknownPredictor(f"{name}: an accuracy between {100 / ACTIONS:.0f} and 100 can be asked for.")
+    return value
+
+
+class UniformPredictor:
+    """Knows nothing: every action is as likely as any other. (What the random condition draws comes from the
+    episode's seed.)"""
+
+    memory = 1
+
+    def begin(self, slots: NDArray[np.intp]) -> None:
+        """Nothing to forget."""
+
+    def predict(
+        self,
+        slots: NDArray[np.intp],
+        observations: Observations,  # noqa: ARG002
+        last_actions: NDArray[np.int8],  # noqa: ARG002
+    ) -> Predictions:
+        return np.full((len(slots), STEPS, ACTIONS), 1 / ACTIONS, np.float32)
+
+
+class DegradedPredictor:
+    """A predictor made worse on purpose, to a wanted accuracy.
+
+    At some rate a step's answer is replaced by another action than the likeliest, which is right about one time in
+    five of those where the predictor errs. With accuracy a and rate r the result is a(1-r) + (1-a) r / 5; r follows
+    from it. Which steps are hit depends on the state and the actions before it, so that a repeated question gets the
+    same answer.
+    """
+
+    def __init__(self, predictor: Predictor, accuracy: float, wanted: float) -> None:
+        """`accuracy` as measured on unseen partners, `wanted` <= accuracy; both 0-1. Raises UnknownPredictor."""
+        if wanted > accuracy:
+            raise UnknownPredictor(
+                f"the predictor reaches {accuracy:.0%}; {wanted:.0%} cannot be had by making it worse."
+            )
+        self._predictor = predictor
+        self.memory = int(getattr(predictor, "memory", 1))
+        by_luck = (1 - accuracy) / (ACTIONS - 1)
+        self._rate = min(1.0, (accuracy - wanted) / (accuracy - by_luck))
+
+    def begin(self, slots: NDArray[np.intp]) -> None:
+        self._predictor.begin(slots)
+
+    def predict(
+        self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
+    ) -> Predictions:
+        answer = self._predictor.predict(slots, observations, last_actions).copy()
+        for row, (state, actions) in enumerate(zip(observations, last_actions, strict=True)):
+            draws = np.random.default_rng(zlib.crc32(state.tobytes(), zlib.crc32(actions.tobytes())))
+            for step in range(STEPS):
+                if draws.random() < self._rate:
+                    _mislead(answer[row, step], int(draws.integers(1, ACTIONS)))
+        return answer
+
+
+def _mislead(law: NDArray[np.float32], shift: int) -> None:
+    """Makes another action the likeliest: the two change places."""
+    right = int(law.argmax())
+    wrong = (right + shift) % ACTIONS
+    law[right], law[wrong] = law[wrong], law[right]

@@ -1,0 +1,84 @@
+"""Agents that are a few lines: `random`, `stay`, and the tutorial's `guide`, whose next actions anybody can foresee."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.agents.observation_parser import Cell, Sight, certain, sight
+from models.protocols import STEPS, Mode, Observations, Predictions, Probabilities
+from overcooked.constants import ACTIONS, STAY, STEP_X, STEP_Y
+
+PLAIN = Mode(temperature=1.0, stuck_after=1, stuck_mix=0.0)
+SURE = Mode(temperature=0.0, stuck_after=1, stuck_mix=0.0)
+
+_NORTH, _SOUTH = 0, 1
+
+
+class UniformPolicy:
+    """Every action is as likely as any other."""
+
+    def probabilities(self, observations: Observations) -> Probabilities:
+        return np.full((len(observations), ACTIONS), 1 / ACTIONS, np.float32)
+
+
+class StayPolicy:
+    """Waits."""
+
+    def probabilities(self, observations: Observations) -> Probabilities:
+        return np.tile(certain(STAY), (len(observations), 1))
+
+
+class GuidePolicy:
+    """Paces up and down its column: straight on while the way is free, else it turns round. Uses nothing.
+
+    It decides by what it sees in this timestep alone, so whoever watches it can tell its next steps.
+    """
+
+    def probabilities(self, observations: Observations) -> Probabilities:
+        return np.stack([certain(_pace(*_where(sight(planes)))) for planes in observations])
+
+
+class GuidePredictor:
+    """Foretells the guide, which is all it knows."""
+
+    memory = 1
+
+    def begin(self, slots: NDArray[np.intp]) -> None:
+        """Nothing to forget."""
+
+    def predict(
+        self,
+        slots: NDArray[np.intp],  # noqa: ARG002 - every state tells enough
+        observations: Observations,
+        last_actions: NDArray[np.int8],  # noqa: ARG002
+    ) -> Predictions:
+        return guide_ahead(observations)
+
+
+def guide_ahead(observations: Observations) -> Predictions:
+    """The guide's next actions if the other chef stays where it is: (games, STEPS, 6), nearly certain."""
+    laws = np.full((len(observations), STEPS, ACTIONS), 0.01 / (ACTIONS - 1), np.float32)
+    for game, planes in enumerate(observations):
+        seen = sight(planes)
+        me, facing, is_free = _where(seen)
+        for step in range(STEPS):
+            action = _pace(me, facing, is_free)
+            laws[game, step, action] = 0.99
+            if action < STAY:
+                ahead = (me[0] + STEP_X[action], me[1] + STEP_Y[action])
+                me, facing = (ahead if is_free[ahead] else me), action
+    return laws
+
+
+def _where(seen: Sight) -> tuple[Cell, int, np.ndarray[tuple[int, int], np.dtype[np.bool_]]]:
+    is_free = seen.floor.copy()
+    is_free[seen.other] = False
+    return seen.me, seen.facing, is_free.reshape(is_free.shape[0], is_free.shape[1])
+
+
+def _pace(me: Cell, facing: int, is_free: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> int:
+    """On in the direction of its face, else back, else wait."""
+    direction = facing if facing in (_NORTH, _SOUTH) else _NORTH
+    for way in (direction, 1 - direction):
+        if is_free[me[0], me[1] + STEP_Y[way]]:
+            return way
+    return STAY

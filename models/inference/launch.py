@@ -1,0 +1,42 @@
+"""Launches the process of a model worker. It imports next to nothing: the server does this before its own imports, so
+that both start at the same time."""
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+_ROOT = Path(__file__).resolve().parents[2]
+
+
+@dataclass(frozen=True)
+class Launched:
+    """A process of `models.inference.worker` that waits to be told what to load, and our end of its connection."""
+
+    process: "subprocess.Popen[bytes]"
+    connection: socket.socket
+
+    def end(self) -> None:
+        """Kills the process and leaves nothing behind. May be called twice."""
+        self.connection.close()
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+
+
+def launch() -> Launched:
+    """A new process. It ends by itself when the connection closes; on Linux at the very moment at which this process
+    dies, so that the next server need not share its cores with orphans that are still importing."""
+    ours, theirs = socket.socketpair()
+    one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment = {**os.environ, **one_thread, "PYTHONPATH": os.pathsep.join([str(_ROOT), *sys.path])}
+    setpriv = shutil.which("setpriv")
+    ends_with_us = [setpriv, "--pdeathsig", "KILL"] if setpriv else []
+    command = [*ends_with_us, sys.executable, "-m", "models.inference.worker", str(theirs.fileno())]
+    with theirs:
+        process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=environment)  # noqa: S603
+    return Launched(process, ours)

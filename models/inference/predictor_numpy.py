@@ -1,0 +1,238 @@
+"""The predictor's two forms at work: timestep by timestep, many games at once, everything that can be kept is kept.
+
+Numpy and a few compiled loops: for the few rows of a tick, torch's own overhead would cost more than the network.
+`models.networks.predictor` has the network; a test holds the two to the same answers. It must not know who asks.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.inference.attention import look_around, look_back, norm
+from models.inference.convolutions_numpy import NumpyConvolutions
+from models.networks.checkpoint import Checkpoint, CheckpointError, load_checkpoint
+from models.networks.columns import varying_columns
+from models.networks.config import ROTARY_BASE, PredictorConfig
+from models.protocols import HISTORY, STEPS, Observations, Predictions, Predictor
+from overcooked.constants import ACTIONS
+from overcooked.layout import Layout, parse_layout
+
+_SLOTS_AT_ONCE = 64
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class _Linear:
+    weight: Floats  # (inputs, outputs)
+    bias: Floats
+
+    def __call__(self, x: Floats) -> Floats:
+        out = x @ self.weight
+        out += self.bias
+        return out
+
+
+@dataclass(frozen=True)
+class _Norm:
+    weight: Floats
+    bias: Floats
+
+    def __call__(self, x: Floats) -> Floats:
+        normed: Floats = norm(x, self.weight, self.bias)
+        return normed
+
+
+class _Weights:
+    """A checkpoint's tensors by name, as the parts of a network. Raises KeyError for one that is missing."""
+
+    def __init__(self, tensors: Mapping[str, NDArray[Any]]) -> None:
+        self._tensors = tensors
+
+    def array(self, name: str) -> Floats:
+        return np.ascontiguousarray(self._tensors[name], np.float32)
+
+    def linear(self, name: str) -> _Linear:
+        return _Linear(np.ascontiguousarray(self.array(f"{name}.weight").T), self.array(f"{name}.bias"))
+
+    def norm(self, name: str) -> _Norm:
+        return _Norm(self.array(f"{name}.weight"), self.array(f"{name}.bias"))
+
+
+class _Layer:
+    def __init__(self, weights: _Weights, name: str) -> None:
+        self._before_attention = weights.norm(f"{name}.before_attention")
+        self._qkv, self._out = weights.linear(f"{name}.qkv"), weights.linear(f"{name}.out")
+        self._before_feed_forward = weights.norm(f"{name}.before_feed_forward")
+        self._widen, self._narrow = weights.linear(f"{name}.widen"), weights.linear(f"{name}.narrow")
+
+    def qkv(self, x: Floats) -> Floats:
+        return self._qkv(self._before_attention(x))
+
+    def go_on(self, x: Floats, seen: Floats) -> Floats:
+        """From what came in and what the attention saw to the next layer, both (rows, hidden)."""
+        x = x + self._out(seen)
+        wide = self._widen(self._before_feed_forward(x))
+        np.maximum(wide, 0, out=wide)
+        x += self._narrow(wide)
+        return x
+
+
+class _Games:
+    """What both forms have: the network around its layers, and arrays with a row a slot, which grow when a slot beyond
+    the last is begun."""
+
+    def __init__(self, config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], eyes: "_Encoder") -> None:
+        weights = _Weights(tensors)
+        self._eyes, self._heads, self._hidden = eyes, config.heads, config.hidden
+        self.memory = config.memory
+        state, token, action = (weights.linear(name) for name in ("state", "token", "action"))
+        self._state = _Linear(state.weight * eyes.scale[:, None], state.bias)
+        self._token_of_state = token.weight[: config.state_width]
+        # What each joint action adds to its token, (49, hidden), see `_joint_index`; -1 (none) is all zeros.
+        hot = np.concatenate([np.zeros((1, ACTIONS), np.float32), np.eye(ACTIONS, dtype=np.float32)])
+        joint = np.concatenate([hot.repeat(ACTIONS + 1, 0), np.tile(hot, (ACTIONS + 1, 1))], 1)
+        self._token_of_action = action(joint) @ token.weight[config.state_width :] + token.bias
+        self._layers = [_Layer(weights, f"layers.{k}") for k in range(config.layers)]
+        self._norm = weights.norm("norm")
+        self._first, self._second = weights.linear("decoder.0"), weights.linear("decoder.2")
+        self._temperature = weights.array("temperature")[:, None]
+        self._kept: list[NDArray[Any]] = []
+
+    def begin(self, slots: NDArray[np.intp]) -> None:
+        missing = int(slots.max(initial=-1)) + 1 - len(self._kept[0])
+        if missing > 0:
+            more = max(missing, _SLOTS_AT_ONCE, len(self._kept[0]) // 2)
+            self._kept = [np.concatenate([kept, np.zeros((more, *kept.shape[1:]), kept.dtype)]) for kept in self._kept]
+        self._kept[0][slots] = 0
+
+    def _state_tokens(self, observations: Observations) -> Floats:
+        """(games, hidden): what a state adds to its token."""
+        state = self._state(self._eyes.look(observations))
+        np.maximum(state, 0, out=state)
+        return state @ self._token_of_state
+
+    def _probabilities(self, x: Floats) -> Predictions:
+        inside = self._first(self._norm(x))
+        np.maximum(inside, 0, out=inside)
+        logits = self._second(inside).reshape(-1, STEPS, ACTIONS) / self._temperature
+        logits -= logits.max(-1, keepdims=True)
+        np.exp(logits, out=logits)
+        return np.asarray(logits / logits.sum(-1, keepdims=True), np.float32)
+
+
+def _joint_index(actions: NDArray[np.integer[Any]]) -> NDArray[np.intp]:
+    """Joint actions (games, 2), -1 for none, to rows of `_token_of_action`."""
+    return (actions[:, 0].astype(np.intp) + 1) * (ACTIONS + 1) + actions[:, 1] + 1
+
+
+class StreamPredictor(_Games):
+    """The stream form at work: a ring of keys and values a layer and game, one token a timestep."""
+
+    def __init__(self, config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], eyes: "_Encoder") -> None:
+        super().__init__(config, tensors, eyes)
+        dim = config.hidden // config.heads
+        self._speeds = np.exp(-np.log(ROTARY_BASE) * np.arange(dim // 2) / (dim // 2)).astype(np.float32)
+        ring = np.zeros((0, config.look_back, 2, config.heads, dim), np.float32)
+        self._kept = [np.zeros(0, np.int64), *(ring for _ in range(config.layers))]  # timesteps, then a ring a layer
+
+    def predict(
+        self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
+    ) -> Predictions:
+        timesteps, *rings = self._kept
+        now = timesteps[slots]
+        timesteps[slots] += 1
+        angles = now[:, None] * self._speeds
+        cosine, sine = np.cos(angles, dtype=np.float32), np.sin(angles, dtype=np.float32)
+        x = self._state_tokens(observations) + self._token_of_action[_joint_index(last_actions)]
+        for layer, ring in zip(self._layers, rings, strict=True):
+            qkv = layer.qkv(x).reshape(len(x), 3, self._heads, -1)
+            x = layer.go_on(x, look_back(qkv, ring, slots, now, cosine, sine))
+        return self._probabilities(x)
+
+
+class WindowPredictor(_Games):
+    """The window form at work: what each state adds to its token is kept, the transformer runs over ten tokens anew."""
+
+    def __init__(self, config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], eyes: "_Encoder") -> None:
+        super().__init__(config, tensors, eyes)
+        self._position = _Weights(tensors).array("position")
+        states, actions = np.zeros((0, HISTORY, config.hidden), np.float32), np.zeros((0, HISTORY), np.intp)
+        self._kept = [np.zeros(0, np.int64), states, actions]  # how many of the last states there are, these, actions
+
+    def predict(
+        self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
+    ) -> Predictions:
+        counts, states, actions = self._kept
+        counts[slots] = np.minimum(counts[slots] + 1, HISTORY)
+        states[slots] = np.concatenate([states[slots, 1:], self._state_tokens(observations)[:, None]], 1)
+        joint = _joint_index(last_actions)[:, None]
+        actions[slots] = np.concatenate([actions[slots, 1:-1], joint, np.zeros_like(joint)], 1)
+        x = states[slots] + self._token_of_action[actions[slots]] + self._position
+        *before, last = self._layers
+        for layer in before:
+            flat = x.reshape(-1, self._hidden)
+            seen = self._look(layer.qkv(flat), counts[slots], 0)
+            x = layer.go_on(flat, seen.reshape(-1, self._hidden)).reshape(x.shape)
+        seen = self._look(last.qkv(x.reshape(-1, self._hidden)), counts[slots], HISTORY - 1)  # nobody reads the others
+        return self._probabilities(last.go_on(x[:, -1], seen[:, 0]))
+
+    def _look(self, qkv: Floats, present: NDArray[np.int64], first_query: int) -> Floats:
+        seen: Floats = look_around(qkv.reshape(len(present), HISTORY, 3, self._heads, -1), present, first_query)
+        return seen
+
+
+@dataclass(frozen=True)
+class _Encoder:
+    """Observations (games, width, height, 26) to features (games, size), still to be multiplied by `scale`."""
+
+    look: Callable[[Observations], Floats]
+    scale: Floats
+
+
+def _eyes(config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], layout: Layout) -> _Encoder:
+    if config.eyes == "cnn":
+        return _lent_eyes(tensors, layout)
+    columns, largest = varying_columns(layout)
+    return _Encoder(lambda seen: seen.reshape(len(seen), -1)[:, columns].astype(np.float32), np.float32(1) / largest)
+
+
+def _lent_eyes(tensors: Mapping[str, NDArray[Any]], layout: Layout) -> _Encoder:
+    of_eyes = "eyes.convolutions.convolutions."
+    mine = {name.removeprefix(of_eyes): array for name, array in tensors.items() if name.startswith(of_eyes)}
+    features = NumpyConvolutions(mine, layout.width, layout.height)
+    return _Encoder(features, np.ones(features.size, np.float32))
+
+
+def at_work(config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], layout: Layout) -> Predictor:
+    """A network, given by its weights, as a `Predictor`. Raises KeyError or ValueError where they do not belong
+    together."""
+    form = StreamPredictor if config.form == "stream" else WindowPredictor
+    return form(config, tensors, _eyes(config, tensors, layout))
+
+
+def load_trained_predictor(folder: Path, layout: Layout) -> tuple[Predictor, float]:
+    """A predictor ready to watch games on `layout`, and its measured mean accuracy (0-1). Raises CheckpointError."""
+    checkpoint = load_checkpoint(folder)
+    config, trained_on = _described(checkpoint)
+    if trained_on.text != layout.text:
+        remedy = "Choose a predictor of this layout."
+        raise CheckpointError(f"{folder}: was trained on another grid than {layout.name}. {remedy}")
+    try:
+        predictor = at_work(config, checkpoint.tensors, layout)
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise CheckpointError(f"{folder}: this is no predictor that I understand ({error}).") from error
+    return predictor, float(checkpoint.config.get("accuracy", {}).get("mean", 1.0))
+
+
+def _described(checkpoint: Checkpoint) -> tuple[PredictorConfig, Layout]:
+    """What the checkpoint says it is, and the layout that it was trained on."""
+    config = checkpoint.config
+    try:
+        return PredictorConfig(**config["network"]), parse_layout(config["grid"], config["layout"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise CheckpointError(f"{checkpoint.folder}: this is no predictor that I understand ({error}).") from error

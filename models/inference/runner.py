@@ -1,0 +1,275 @@
+"""Answers the live game's questions from worker processes, batched over games, by a deadline. The server side: no
+torch here.
+
+Our own models share workers; every foreign agent or predictor has a worker of its own, so that a slow one delays only
+itself.
+"""
+
+import asyncio
+import zlib
+from collections import Counter, deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.agents.blackbox import is_foreign
+from models.agents.model_paths import ModelPaths
+from models.inference.launch import Launched
+from models.inference.supervised_worker import ModelsDown, SupervisedWorker
+from models.inference.wire import Answer, Load, Name, Row
+from models.protocols import STEPS, Decision, Question
+from overcooked.constants import ACTIONS, STAY
+
+__all__ = ["ModelServer", "ModelStatistics", "ModelsDown"]
+
+HANG_S = 1.0
+_KEPT_TIMES = 2000
+
+
+@dataclass(frozen=True)
+class ModelStatistics:
+    """What happened since the start."""
+
+    restarts: int  # workers replaced
+    late: int  # questions without an answer by their deadline (a worker that was too slow, or not there)
+    faults: dict[str, int]  # "layout/model: reason" -> how often
+    model_ms: tuple[float, float, float]  # a worker's time for one batch: median, 99 %, most
+
+
+class ModelServer:
+    """The `Models` of the live game. `start`, then `ask` from the event loop, `close` at the end.
+
+    `agents` and `predictors` are (layout, name) pairs, each name as the catalogue or a foreign model is called; a
+    question about any other is not answered. `grids`: layouts that are not shipped, name -> grid. `ahead`: a worker's
+    process that has been launched already; used if there are models of our own, and then ended with the others.
+    `paths`, to be set before `start`: where models with relative paths are.
+    """
+
+    def __init__(
+        self,
+        agents: Sequence[Name],
+        predictors: Sequence[Name],
+        workers: int = 1,
+        hang_s: float = HANG_S,
+        grids: Mapping[str, str] | None = None,
+        ahead: Launched | None = None,
+    ) -> None:
+        self.paths = ModelPaths()
+        self._first = (agents, predictors, dict(grids or {}))
+        self._workers, self._hang_s, self._ahead = workers, hang_s, ahead
+        self._lanes: list[SupervisedWorker] = []
+        self._lanes_of: dict[Name, list[SupervisedWorker]] = {}  # any of them answers
+        self._agents: frozenset[Name] = frozenset()
+        self._predictors: frozenset[Name] = frozenset()
+        self._seats: dict[str, set[int]] = {}
+        self._late = 0
+        self._faults: Counter[str] = Counter()
+        self._times: deque[float] = deque(maxlen=_KEPT_TIMES)
+
+    async def start(self) -> None:
+        """Loads and warms every model. Raises ModelsDown with the name and the reason; nothing is left running then."""
+        for load in _loads(*self._first, self.paths):
+            self._take_in(load, self._lanes_for(load, self._ahead))
+        started = await asyncio.gather(*(lane.start() for lane in self._lanes), return_exceptions=True)
+        errors = [outcome for outcome in started if isinstance(outcome, BaseException)]
+        if errors:
+            await self.close()
+            raise errors[0]
+
+    async def add(
+        self, agents: Sequence[Name], predictors: Sequence[Name], grids: Mapping[str, str], paths: ModelPaths
+    ) -> None:
+        """Load what is not loaded yet, in workers of its own, while the others go on answering. Raises ModelsDown; then
+        nothing has changed."""
+        new = [name for name in agents if name not in self._agents]
+        watching = [name for name in predictors if name not in self._predictors]
+        made = [(load, self._lanes_for(load)) for load in _loads(new, watching, grids, paths)]
+        lanes = [lane for _, some in made for lane in some]
+        started = await asyncio.gather(*(lane.start() for lane in lanes), return_exceptions=True)
+        errors = [outcome for outcome in started if isinstance(outcome, BaseException)]
+        if errors:
+            await asyncio.gather(*(lane.close() for lane in lanes))
+            raise errors[0]
+        for load, some in made:
+            self._take_in(load, some)
+
+    def _lanes_for(self, load: Load, ahead: Launched | None = None) -> list[SupervisedWorker]:
+        if any(is_foreign(name) for _, name in (*load.agents, *load.predictors)):
+            return [SupervisedWorker(load, 1, self._hang_s)]
+        numbers = range(self._workers)
+        return [
+            SupervisedWorker(load, int(number == 0), self._hang_s, ahead if number == 0 else None) for number in numbers
+        ]
+
+    def _take_in(self, load: Load, lanes: list[SupervisedWorker]) -> None:
+        """From now on these lanes answer about these models."""
+        self._lanes += lanes
+        self._lanes_of |= dict.fromkeys((*load.agents, *load.predictors), lanes)
+        self._agents |= set(load.agents)
+        self._predictors |= set(load.predictors)
+
+    async def close(self) -> None:
+        """Ends every worker."""
+        await asyncio.gather(*(lane.close() for lane in self._lanes))
+
+    async def ask(self, questions: Sequence[Question], deadline_ms: float) -> list[Decision | None]:
+        """One decision a question, in order; None where no answer came within `deadline_ms` or the model broke."""
+        batches = self._send(questions, deadline_ms / 1000)
+        futures = [answer for _, answer in batches]
+        if futures:
+            await asyncio.wait(futures, timeout=deadline_ms / 1000)
+        found = [_Found() for _ in questions]
+        for chosen, answer in batches:
+            if answer.done() and not answer.cancelled():
+                self._read([found[k] for k in chosen], answer.result())
+            else:
+                answer.cancel()
+                self._late += len(chosen)
+        return [part.decision(question) for part, question in zip(found, questions, strict=True)]
+
+    def forget(self, game: str) -> None:
+        """The game is over: its memory is freed."""
+        keys = [_key(game, seat) for seat in self._seats.pop(game, ())]
+        for lane in self._lanes:
+            lane.forget(keys)
+
+    def statistics(self) -> ModelStatistics:
+        times = np.array(self._times) if self._times else np.zeros(1)
+        median, high, most = np.quantile(times, (0.5, 0.99, 1.0)).tolist()
+        restarts = sum(lane.restarts for lane in self._lanes)
+        return ModelStatistics(restarts, self._late, dict(self._faults), (median, high, most))
+
+    @property
+    def ready(self) -> bool:
+        """Whether every model can be asked now."""
+        return all(lane.pid for lane in self._lanes)
+
+    def worker_pids(self) -> list[int]:
+        """Of the workers that answer now (spares are not among them)."""
+        return [lane.pid for lane in self._lanes if lane.pid]
+
+    def _lane(self, game: str, name: Name) -> SupervisedWorker:
+        lanes = self._lanes_of[name]
+        return lanes[zlib.crc32(game.encode()) % len(lanes)]
+
+    def _send(
+        self, questions: Sequence[Question], patience_s: float
+    ) -> "list[tuple[list[int], asyncio.Future[Answer]]]":
+        """Asks each worker about each layout once; returns what was asked: indices of questions, answer to come."""
+        groups: dict[tuple[SupervisedWorker, str], list[tuple[int, str | None, str | None]]] = {}
+        for k, question in enumerate(questions):
+            for lane, agent, predictor in self._parts(question):
+                groups.setdefault((lane, question.layout), []).append((k, agent, predictor))
+        sent = []
+        for (lane, layout), parts in groups.items():
+            chosen = [k for k, _, _ in parts]
+            if lane.ready(patience_s):
+                sent.append((chosen, self._send_group(lane, layout, questions, parts)))
+            else:
+                self._late += len(chosen)
+        return sent
+
+    def _parts(self, question: Question) -> list[tuple[SupervisedWorker, str | None, str | None]]:
+        """Who answers: one worker for agent and predictor together, or two."""
+        layout = question.layout
+        agent = question.agent if (layout, question.agent) in self._agents else None
+        predictor = question.predictor if (layout, question.predictor) in self._predictors else None
+        lanes: dict[SupervisedWorker, list[str | None]] = {}
+        for position, name in enumerate((agent, predictor)):
+            if name is not None:
+                lanes.setdefault(self._lane(question.game, (layout, name)), [None, None])[position] = name
+        return [(lane, names[0], names[1]) for lane, names in lanes.items()]
+
+    def _send_group(
+        self,
+        lane: SupervisedWorker,
+        layout: str,
+        questions: Sequence[Question],
+        parts: list[tuple[int, str | None, str | None]],
+    ) -> "asyncio.Future[Answer]":
+        rows, states, actions = [], [], []
+        for k, agent, predictor in parts:
+            question = questions[k]
+            key = _key(question.game, question.seat)
+            self._seats.setdefault(question.game, set()).add(question.seat)
+            missing = 1 if predictor is None else lane.missing(key, question.timestep)
+            history = question.history(missing or lane.memory)
+            rows.append(
+                Row(
+                    key=key,
+                    agent=agent,
+                    predictor=predictor,
+                    timestep=question.timestep,
+                    states=len(history.observations),
+                    fresh=not missing,
+                    stuck=question.stuck,
+                    uniform=question.uniform,
+                )
+            )
+            states.append(history.observations)
+            actions.append(history.actions)
+            if predictor is not None:
+                lane.saw(key, question.timestep)
+        joined = np.concatenate(states, dtype=np.int8, casting="unsafe")
+        width, height, planes = joined.shape[1:]
+        return lane.ask(
+            layout,
+            (width, height, planes),
+            rows,
+            joined.tobytes(),
+            np.concatenate(actions, dtype=np.int8, casting="unsafe").tobytes(),
+        )
+
+    def _read(self, found: "list[_Found]", answer: Answer) -> None:
+        self._times.append(answer.model_ms)
+        self._faults.update(f"{fault.model}: {fault.reason}" for fault in answer.faults)
+        acted = np.frombuffer(answer.acted, np.int8).tolist()
+        laws = np.frombuffer(answer.laws, np.float32).reshape(-1, ACTIONS).tolist()
+        predictions = np.frombuffer(answer.predictions, np.float32).reshape(-1, STEPS, ACTIONS).tolist()
+        for k, part in enumerate(found):
+            if acted[k] >= 0:
+                part.action, part.probabilities = acted[k], tuple(laws[k])
+            if answer.predicted[k]:
+                part.prediction = tuple(tuple(step) for step in predictions[k])
+
+
+@dataclass
+class _Found:
+    """What has been answered about one question so far."""
+
+    action: int | None = None
+    probabilities: tuple[float, ...] = ()
+    prediction: tuple[tuple[float, ...], ...] = ()
+
+    def decision(self, question: Question) -> Decision | None:
+        if question.agent is not None:
+            if self.action is None:
+                return None
+            return Decision(self.action, self.probabilities, self.prediction)
+        return Decision(STAY, (), self.prediction) if self.prediction else None
+
+
+def _loads(
+    agents: Sequence[Name], predictors: Sequence[Name], grids: Mapping[str, str], paths: ModelPaths
+) -> list[Load]:
+    """What workers load: all models of our own together, every foreign one alone."""
+    models = (*agents, *predictors)
+    groups = [[name for name in models if not is_foreign(name[1])]]
+    foreign = dict.fromkeys(name for _, name in models if is_foreign(name))
+    groups += [[pair for pair in models if pair[1] == name] for name in foreign]
+    return [
+        Load(
+            tuple(name for name in agents if name in group),
+            tuple(name for name in predictors if name in group),
+            dict(grids),
+            dict(paths.files),
+            paths.folders,
+        )
+        for group in groups
+        if group
+    ]
+
+
+def _key(game: str, seat: int) -> str:
+    return f"{game}/{seat}"

@@ -1,0 +1,233 @@
+"""One model worker process seen from the server: started, fed, watched, killed, replaced by a spare. No torch here."""
+
+import asyncio
+import itertools
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from models.inference.circuit_breaker import Breaker
+from models.inference.launch import Launched, launch
+from models.inference.wire import LENGTH, Answer, Failed, Forget, Load, Loaded, ModelRequest, Row, frame, from_worker
+
+MOST_WAITING = 256  # frames a worker may owe before it is asked nothing more
+SPARE_AFTER_S = 2.0  # a server that has just started has better things to do
+log = logging.getLogger("models")
+
+
+class ModelsDown(Exception):
+    """The models could not be started; the text names the model and what is wrong with it."""
+
+
+class WorkerProcess:
+    """A process of `models.inference.worker` and the connection to it. `ahead`: one that has been launched already."""
+
+    def __init__(self, load: Load, ahead: Launched | None = None) -> None:
+        self._load = load
+        self._launched = ahead
+        self._writer: asyncio.StreamWriter | None = None
+        self._reader: asyncio.StreamReader | None = None
+        self.memory = 1
+
+    async def start(self) -> "WorkerProcess":
+        """Returns when everything is loaded and warm. Raises ModelsDown."""
+        self._launched = self._launched or launch()
+        try:
+            self._reader, self._writer = await asyncio.open_unix_connection(sock=self._launched.connection)
+            self.send(self._load)
+            self.memory = await self._loaded()
+        except BaseException:
+            await self.end()
+            raise
+        return self
+
+    async def _loaded(self) -> int:
+        """How many states the worker needs to know a game."""
+        try:
+            first = from_worker(await self._receive())
+        except (asyncio.IncompleteReadError, ConnectionError):
+            raise ModelsDown("a model worker ended while it was loading; its last words are above") from None
+        if isinstance(first, Failed):
+            raise ModelsDown(first.reason)
+        return first.memory if isinstance(first, Loaded) else 1
+
+    @property
+    def pid(self) -> int:
+        return 0 if self._launched is None else self._launched.process.pid
+
+    def send(self, message: Load | ModelRequest | Forget) -> None:
+        if self._writer is not None and not self._writer.is_closing():
+            self._writer.write(frame(message))
+
+    async def answers(self, take: Callable[[Answer], None]) -> None:
+        """Hands over answers until the process is gone."""
+        try:
+            while True:
+                answer = from_worker(await self._receive())
+                if isinstance(answer, Answer):
+                    take(answer)
+        except (asyncio.IncompleteReadError, ConnectionError, ValueError):
+            return
+
+    async def _receive(self) -> bytes:
+        assert self._reader is not None  # noqa: S101 set by start
+        (size,) = LENGTH.unpack(await self._reader.readexactly(LENGTH.size))
+        return await self._reader.readexactly(size)
+
+    async def end(self) -> None:
+        """Kills the process and leaves nothing behind. May be called twice."""
+        if self._writer is not None:
+            self._writer.close()
+        if self._launched is not None:
+            await asyncio.to_thread(self._launched.end)
+
+
+@dataclass(frozen=True)
+class _Waiting:
+    """A frame that the worker owes an answer to."""
+
+    answer: "asyncio.Future[Answer]"
+    asked: float
+    rows: list[Row]
+
+
+class SupervisedWorker:
+    """A worker that is always there, or nearly: it is replaced when it dies or no longer answers.
+
+    `ahead`: a process that has been launched already, to be the first.
+    """
+
+    def __init__(self, load: Load, spares: int, hang_s: float, ahead: Launched | None = None) -> None:
+        self._load = load
+        self._ahead = ahead
+        self._hang_s = hang_s
+        self._spares_wanted = spares
+        self._spares: list[asyncio.Task[WorkerProcess]] = []
+        self._worker: WorkerProcess | None = None
+        self._known: dict[str, int] = {}  # game key -> newest timestep that the worker has seen
+        self._waiting: dict[int, _Waiting] = {}  # in the order asked
+        self._ids = itertools.count()
+        self._care: asyncio.Task[None] | None = None
+        self._later: asyncio.TimerHandle | None = None
+        self._breaker = Breaker(faults_to_open=3)
+        self.restarts = 0
+
+    async def start(self) -> None:
+        """Raises ModelsDown when a model does not load."""
+        self._worker = await WorkerProcess(self._load, self._ahead).start()
+        self._care = asyncio.create_task(self._keep_alive())
+        self._later = asyncio.get_running_loop().call_later(SPARE_AFTER_S, self._fill_spares)
+
+    @property
+    def pid(self) -> int:
+        """Of the worker; 0 while there is none."""
+        return 0 if self._worker is None else self._worker.pid
+
+    @property
+    def memory(self) -> int:
+        return 1 if self._worker is None else self._worker.memory
+
+    def ready(self, patience_s: float) -> bool:
+        """Whether a question asked now may be answered within `patience_s`: not if an older one has waited so long."""
+        if self._worker is None or len(self._waiting) >= MOST_WAITING:
+            return False
+        oldest = next(iter(self._waiting.values()), None)
+        return oldest is None or time.monotonic() - oldest.asked < patience_s
+
+    def missing(self, key: str, timestep: int) -> int:
+        """How many of a game's last states the worker has not been sent; 0: its whole history is needed."""
+        known = self._known.get(key)
+        if known is None or not known < timestep < known + self.memory:
+            return 0
+        return timestep - known
+
+    def saw(self, key: str, timestep: int) -> None:
+        """The state has been sent: the worker reads frames in order, however late it answers."""
+        self._known[key] = timestep
+
+    def forget(self, keys: list[str]) -> None:
+        gone = [key for key in keys if self._known.pop(key, None) is not None]
+        if gone and self._worker is not None:
+            self._worker.send(Forget(gone))
+
+    def ask(
+        self, layout: str, shape: tuple[int, int, int], rows: list[Row], states: bytes, actions: bytes
+    ) -> "asyncio.Future[Answer]":
+        """The answer to come. It is cancelled when the worker dies."""
+        assert self._worker is not None  # noqa: S101 the caller looked at ready()
+        question = ModelRequest(next(self._ids), layout, shape, rows, states, actions)
+        answer: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
+        self._waiting[question.id] = _Waiting(answer, time.monotonic(), rows)
+        self._worker.send(question)
+        return answer
+
+    async def close(self) -> None:
+        if self._later is not None:
+            self._later.cancel()
+        if self._care is not None:
+            self._care.cancel()
+            await asyncio.gather(self._care, return_exceptions=True)
+        for spare in self._spares:
+            spare.cancel()
+        started = await asyncio.gather(*self._spares, return_exceptions=True)
+        workers = [worker for worker in started if isinstance(worker, WorkerProcess)]
+        await asyncio.gather(*(worker.end() for worker in [*workers, self._worker] if worker is not None))
+        self._drop_waiting()
+        self._worker = None
+
+    def _take(self, answer: Answer) -> None:
+        waiting = self._waiting.pop(answer.id, None)
+        if waiting is None:
+            return
+        for row, predicted in zip(waiting.rows, answer.predicted, strict=True):
+            if row.predictor is not None and not predicted:  # what the worker knows of this game is not to be relied on
+                self._known.pop(row.key, None)
+        if not waiting.answer.done():  # done: the deadline was over, nobody waits for it any more
+            waiting.answer.set_result(answer)
+        self._breaker.worked()
+
+    async def _keep_alive(self) -> None:
+        """Replaces the worker for as long as the server lives."""
+        while self._worker is not None:
+            listening = asyncio.create_task(self._worker.answers(self._take))
+            watching = asyncio.create_task(self._until_it_hangs())
+            try:
+                await asyncio.wait([listening, watching], return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                listening.cancel()
+                watching.cancel()
+            dead, self._worker = self._worker, None
+            self._known.clear()
+            self._drop_waiting()
+            await dead.end()
+            self._worker = await self._replacement()
+            self.restarts += 1
+            self._fill_spares()
+
+    async def _until_it_hangs(self) -> None:
+        """Returns when the oldest question has been waiting for too long."""
+        while True:
+            await asyncio.sleep(self._hang_s / 5)
+            oldest = next(iter(self._waiting.values()), None)
+            if oldest is not None and time.monotonic() - oldest.asked > self._hang_s:
+                return
+
+    async def _replacement(self) -> WorkerProcess:
+        while True:
+            self._breaker.failed()
+            while not self._breaker.closed:
+                await asyncio.sleep(0.05)
+            try:
+                return await (self._spares.pop(0) if self._spares else WorkerProcess(self._load).start())
+            except ModelsDown as trouble:
+                log.error("a model worker does not start again: %s", trouble)
+
+    def _fill_spares(self) -> None:
+        while len(self._spares) < self._spares_wanted:
+            self._spares.append(asyncio.create_task(WorkerProcess(self._load).start()))
+
+    def _drop_waiting(self) -> None:
+        for waiting in self._waiting.values():
+            waiting.answer.cancel()
+        self._waiting.clear()

@@ -1,0 +1,139 @@
+"""What the server and a model worker say to each other: frames of a length and a msgpack body, arrays as raw bytes.
+No torch, no pickle."""
+
+import socket
+import struct
+
+import msgspec
+from msgspec import Struct
+
+LENGTH = struct.Struct(">I")
+_AT_ONCE = 1 << 20  # bytes read at once
+
+Name = tuple[str, str]  # layout, agent or predictor: what a worker is asked to load
+
+
+class Load(Struct, tag=True, frozen=True):
+    """Server to worker, once, first: what to load and warm."""
+
+    agents: tuple[Name, ...]
+    predictors: tuple[Name, ...]
+    grids: dict[str, str] = {}  # layouts that are not shipped: name -> grid
+    files: dict[str, str] = {}  # names with a relative path -> the same with an absolute one
+    folders: tuple[str, ...] = ()  # where Python modules are looked for
+
+
+class Loaded(Struct, tag=True, frozen=True):
+    """Worker to server: everything answers. `memory`: how many states bring a game's predictor to where it would be."""
+
+    memory: int
+
+
+class Failed(Struct, tag=True, frozen=True):
+    """Worker to server: a model does not load or does not fit; the worker ends."""
+
+    reason: str
+
+
+class Row(Struct, array_like=True, frozen=True):
+    """One chef of one game. `fresh`: forget what is known about it, its states are a whole history; otherwise they
+    follow on those that were sent before."""
+
+    key: str  # game and seat
+    agent: str | None
+    predictor: str | None
+    timestep: int  # of its newest state
+    states: int  # how many of the frame's states are its own, oldest first
+    fresh: bool
+    stuck: int
+    uniform: float
+
+
+class ModelRequest(Struct, tag=True, frozen=True):
+    """Server to worker: rows of one layout, and all their states one after the other."""
+
+    id: int
+    layout: str
+    shape: tuple[int, int, int]  # width, height, planes
+    rows: list[Row]
+    observations: bytes  # int8 (states, width, height, planes)
+    actions: bytes  # int8 (states, 2)
+
+
+class Forget(Struct, tag=True, frozen=True):
+    """Server to worker: these games are over."""
+
+    keys: list[str]
+
+
+class ModelFault(Struct, array_like=True, frozen=True):
+    """A model that broke in one question."""
+
+    model: str
+    reason: str
+
+
+class Answer(Struct, tag=True, frozen=True):
+    """Worker to server: one value a row, in the order asked."""
+
+    id: int
+    model_ms: float
+    acted: bytes  # int8 (rows,): the action, -1 where no agent answered
+    laws: bytes  # float32 (rows, 6): the distribution the action was drawn from
+    predicted: bytes  # int8 (rows,): 1 where a predictor answered
+    predictions: bytes  # float32 (rows, STEPS, 6)
+    faults: list[ModelFault]
+
+
+_encoder = msgspec.msgpack.Encoder()
+_from_server = msgspec.msgpack.Decoder(Load | ModelRequest | Forget)
+_from_worker = msgspec.msgpack.Decoder(Loaded | Failed | Answer)
+
+
+def frame(message: Load | ModelRequest | Forget | Loaded | Failed | Answer) -> bytes:
+    """The bytes to send: length, body."""
+    body = _encoder.encode(message)
+    return LENGTH.pack(len(body)) + body
+
+
+def from_server(body: bytes) -> Load | ModelRequest | Forget:
+    """What the server sent. Raises msgspec.DecodeError."""
+    message: Load | ModelRequest | Forget = _from_server.decode(body)
+    return message
+
+
+def from_worker(body: bytes) -> Loaded | Failed | Answer:
+    """What a worker sent. Raises msgspec.DecodeError."""
+    message: Loaded | Failed | Answer = _from_worker.decode(body)
+    return message
+
+
+class Inbox:
+    """Frames as they come in on a socket."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection = connection
+        self._rest = bytearray()
+
+    def wait(self) -> list[bytes]:
+        """The bodies of all frames that have arrived, at least one; empty when the other side is gone."""
+        while True:
+            bodies = self._whole()
+            if bodies:
+                return bodies
+            chunk = self._connection.recv(_AT_ONCE)
+            if not chunk:
+                return []
+            self._rest += chunk
+
+    def _whole(self) -> list[bytes]:
+        bodies, at = [], 0
+        while len(self._rest) - at >= LENGTH.size:
+            begin = at + LENGTH.size
+            end = begin + LENGTH.unpack_from(self._rest, at)[0]
+            if end > len(self._rest):
+                break
+            bodies.append(bytes(self._rest[begin:end]))
+            at = end
+        del self._rest[:at]
+        return bodies

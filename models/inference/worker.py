@@ -1,0 +1,300 @@
+"""A model worker: a process that loads agents and predictors and answers frames until the server is gone.
+
+Started by `models.inference.runner` as `python -m models.inference.worker FD`.
+"""
+
+import signal
+import socket
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.acting import distribution, draw
+from models.agents.catalogue import load_agent
+from models.agents.model_paths import make_importable
+from models.agents.predictors import load_predictor
+from models.inference import attention
+from models.inference.batches import joined, parted, together
+from models.inference.circuit_breaker import Breaker
+from models.inference.wire import (
+    Answer,
+    Failed,
+    Forget,
+    Inbox,
+    Load,
+    Loaded,
+    ModelFault,
+    ModelRequest,
+    Name,
+    Row,
+    frame,
+    from_server,
+)
+from models.protocols import HISTORY, STEPS, Mode, Observations, Policy, Predictions, Predictor, Probabilities
+from overcooked.constants import ACTIONS, HORIZON
+from overcooked.layout import Layout, load_layout, parse_layout
+from overcooked.state import Kitchens
+
+Loading = TypeVar("Loading")
+ROWS_SUM_TO_ONE = 1e-2  # within this
+
+
+class WrongOutput(ValueError):
+    """A model gave something that is no probabilities of the right shape."""
+
+
+class ModelRefused(Exception):
+    """A model that does not load or does not fit its layout."""
+
+
+class Slots:
+    """Which games a predictor is watching: game key -> slot number; numbers are used again. `reached`: the newest
+    timestep that it has seen of each."""
+
+    def __init__(self) -> None:
+        self.reached: dict[str, int] = {}
+        self._of: dict[str, int] = {}
+        self._free: list[int] = []
+
+    def slot(self, key: str) -> int:
+        if key not in self._of:
+            self._of[key] = self._free.pop() if self._free else len(self._of)
+        return self._of[key]
+
+    def forget(self, key: str) -> None:
+        self.reached.pop(key, None)
+        if key in self._of:
+            self._free.append(self._of.pop(key))
+
+
+class Worker:
+    """All that one process has loaded."""
+
+    def __init__(self, load: Load) -> None:
+        """Loads and tries every model. Raises ModelRefused, saying which cannot be used and why."""
+        self._agents: dict[Name, tuple[Policy, Mode]] = {}
+        self._predictors: dict[Name, tuple[Predictor, Slots]] = {}
+        self._breakers: dict[Name, Breaker] = {}
+        self._grids, self._files = load.grids, load.files
+        make_importable(load.folders)
+        for name in load.agents:
+            self._agents[name] = _refusing(self._load_agent, name)
+        for name in load.predictors:
+            self._predictors[name] = (_refusing(self._load_predictor, name), Slots())
+        self.memory = max((_memory(predictor) for predictor, _ in self._predictors.values()), default=1)
+
+    def _layout(self, name: str) -> Layout:
+        return parse_layout(self._grids[name], name) if name in self._grids else load_layout(name)
+
+    def _load_agent(self, name: Name) -> tuple[Policy, Mode]:
+        layout = self._layout(name[0])
+        policy, mode = load_agent(self._files.get(name[1], name[1]), layout)
+        for observations in _start_states(layout):
+            _checked_probabilities(policy.probabilities(observations), len(observations))
+        self._breakers[name] = Breaker()
+        return policy, mode
+
+    def _load_predictor(self, name: Name) -> Predictor:
+        layout = self._layout(name[0])
+        predictor = load_predictor(self._files.get(name[1], name[1]), layout)
+        for observations in _start_states(layout):
+            slots = np.arange(len(observations), dtype=np.intp)
+            predictor.begin(slots)
+            nothing = np.full((len(slots), 2), -1, np.int8)
+            _checked_predictions(predictor.predict(slots, observations, nothing), len(slots))
+        self._breakers[name] = Breaker()
+        return predictor
+
+    def forget(self, keys: list[str]) -> None:
+        for _, slots in self._predictors.values():
+            for key in keys:
+                slots.forget(key)
+
+    def answer(self, ask: ModelRequest) -> Answer:
+        """Never raises for a broken model: its rows stay unanswered and the fault is named."""
+        started = time.perf_counter()
+        rows = ask.rows
+        states = np.cumsum([row.states for row in rows]) - 1  # the index of each row's newest state
+        observations: Observations = np.frombuffer(ask.observations, np.int8).reshape(-1, *ask.shape)
+        actions = np.frombuffer(ask.actions, np.int8).reshape(-1, 2)
+        acted = np.full(len(rows), -1, np.int8)
+        laws = np.zeros((len(rows), ACTIONS), np.float32)
+        predicted = np.zeros(len(rows), np.int8)
+        predictions = np.zeros((len(rows), STEPS, ACTIONS), np.float32)
+        faults: list[ModelFault] = []
+        for agent, chosen in _by_model([row.agent for row in rows]):
+            with self._watched((ask.layout, agent), faults) as may_answer:
+                if may_answer:
+                    laws[chosen], acted[chosen] = self._act(
+                        (ask.layout, agent), [rows[k] for k in chosen], observations[states[chosen]]
+                    )
+        for name, known in _by_model([row.predictor for row in rows]):
+            chosen = self._follow((ask.layout, name), rows, known)
+            with self._watched((ask.layout, name), faults) as may_answer:
+                if may_answer and len(chosen):
+                    predictions[chosen] = self._predict(
+                        (ask.layout, name), [rows[k] for k in chosen], states[chosen], observations, actions
+                    )
+                    predicted[chosen] = 1
+        model_ms = (time.perf_counter() - started) * 1000
+        return Answer(
+            ask.id, model_ms, acted.tobytes(), laws.tobytes(), predicted.tobytes(), predictions.tobytes(), faults
+        )
+
+    def _follow(self, name: Name, rows: list[Row], chosen: NDArray[np.intp]) -> NDArray[np.intp]:
+        """The rows whose states follow on what the predictor has seen of their game; the server repeats the others."""
+        reached = self._predictors[name][1].reached
+        follows = [rows[k].fresh or reached.get(rows[k].key) == rows[k].timestep - rows[k].states for k in chosen]
+        return chosen[follows]
+
+    def _watched(self, name: Name, faults: list[ModelFault]) -> "_Watched":
+        return _Watched(name, self._breakers[name], faults)
+
+    def _act(self, name: Name, rows: list[Row], observations: Observations) -> tuple[Probabilities, NDArray[np.int8]]:
+        policy, mode = self._agents[name]
+        probabilities = _checked_probabilities(policy.probabilities(observations), len(rows))
+        law = distribution(probabilities, np.array([row.stuck for row in rows]), mode)
+        return law, draw(law, np.array([row.uniform for row in rows]))
+
+    def _predict(
+        self,
+        name: Name,
+        rows: list[Row],
+        newest: NDArray[np.intp],
+        observations: Observations,
+        actions: NDArray[np.int8],
+    ) -> Predictions:
+        """Brings every row's game up to its newest state, one timestep at a time, all rows together."""
+        predictor, games = self._predictors[name]
+        slots = np.array([games.slot(row.key) for row in rows], np.intp)
+        lengths = np.array([row.states for row in rows])
+        fresh = np.array([row.fresh for row in rows])
+        if fresh.any():
+            predictor.begin(slots[fresh])
+        for row in rows:  # until it has answered nobody knows how far it got
+            games.reached.pop(row.key, None)
+        for back in range(int(lengths.max()) - 1, -1, -1):
+            reached = lengths > back
+            state = newest[reached] - back
+            answer = predictor.predict(slots[reached], observations[state], actions[state])
+        checked = _checked_predictions(answer, len(rows))
+        games.reached.update((row.key, row.timestep) for row in rows)
+        return checked
+
+
+class _Watched:
+    """A model at work: what it raises becomes a fault, and its breaker hears of it."""
+
+    def __init__(self, name: Name, breaker: Breaker, faults: list[ModelFault]) -> None:
+        self._name, self._breaker, self._faults = name, breaker, faults
+
+    def __enter__(self) -> bool:
+        """Whether the model is to be asked."""
+        self._asked = self._breaker.closed
+        return self._asked
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> bool:
+        if not self._asked:
+            self._faults.append(ModelFault("/".join(self._name), "resting after repeated faults"))
+        elif error is None:
+            self._breaker.worked()
+        elif isinstance(error, Exception):
+            self._breaker.failed()
+            self._faults.append(ModelFault("/".join(self._name), f"{type(error).__name__}: {error}"))
+        return isinstance(error, Exception)
+
+
+def _refusing(load: Callable[[Name], Loading], name: Name) -> Loading:
+    try:
+        return load(name)
+    except Exception as error:
+        raise ModelRefused(f"{name[1]} cannot be used on {name[0]}: {error}") from error
+
+
+def _by_model(names: list[str | None]) -> Iterator[tuple[str, NDArray[np.intp]]]:
+    """Each model that is asked, with its rows."""
+    for name in dict.fromkeys(names):
+        if name is not None:
+            yield name, np.flatnonzero([other == name for other in names])
+
+
+def _start_states(layout: Layout) -> Iterator[Observations]:
+    """Start states to try a model on: alone, and eight at once (the first calls of a network are slow)."""
+    for games in (1, 8):
+        yield Kitchens.start(layout, games).encode(horizon=HORIZON)[:, 0].copy()
+
+
+def _checked_probabilities(probabilities: Probabilities, rows: int) -> Probabilities:
+    given = np.asarray(probabilities, np.float32)
+    if given.shape != (rows, ACTIONS):
+        raise WrongOutput(f"gave an array of shape {given.shape}, wanted {(rows, ACTIONS)}")
+    return _checked_rows(given)
+
+
+def _checked_predictions(predictions: Predictions, rows: int) -> Predictions:
+    given = np.asarray(predictions, np.float32)
+    if given.shape != (rows, STEPS, ACTIONS):
+        raise WrongOutput(f"gave an array of shape {given.shape}, wanted {(rows, STEPS, ACTIONS)}")
+    return _checked_rows(given)
+
+
+def _checked_rows(given: NDArray[np.float32]) -> NDArray[np.float32]:
+    if not np.isfinite(given).all() or (given < 0).any():
+        raise WrongOutput("gave NaN, infinite or negative probabilities")
+    if (np.abs(given.sum(axis=-1) - 1) > ROWS_SUM_TO_ONE).any():
+        raise WrongOutput("gave probabilities that do not sum to 1")
+    return given
+
+
+def _memory(predictor: Predictor) -> int:
+    return int(getattr(predictor, "memory", HISTORY))
+
+
+def _warm() -> None:
+    """The compiled code that every study needs."""
+    for _ in _start_states(load_layout("practice")):
+        pass
+    attention.warm()
+
+
+def main(descriptor: int) -> None:
+    """Serves the connection at `descriptor` until it closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C belongs to the server, which closes the connection
+    connection = socket.socket(fileno=descriptor)
+    inbox = Inbox(connection)
+    _warm()  # while the server finds out what its studies need
+    first = inbox.wait()
+    load = from_server(first[0]) if first else None
+    if not isinstance(load, Load):
+        return
+    try:
+        worker = Worker(load)
+    except ModelRefused as refused:
+        connection.sendall(frame(Failed(str(refused))))
+        return
+    connection.sendall(frame(Loaded(worker.memory)))
+    while bodies := inbox.wait():
+        waiting: list[ModelRequest] = []
+        for message in map(from_server, bodies):
+            if isinstance(message, ModelRequest):
+                waiting.append(message)
+            elif isinstance(message, Forget):
+                _answer(worker, connection, waiting)
+                waiting = []
+                worker.forget(message.keys)
+        _answer(worker, connection, waiting)
+
+
+def _answer(worker: Worker, connection: socket.socket, asks: list[ModelRequest]) -> None:
+    """What has come in about one layout is asked of its models together."""
+    for group in together(asks):
+        whole = worker.answer(joined(group))
+        connection.sendall(b"".join(map(frame, parted(whole, group))))
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))

@@ -1,0 +1,206 @@
+"""The Theory-of-Mind predictor: the paper's transformer, whole, in two forms behind one interface.
+
+`window`, the paper's: the last 10 states through the eyes and 10 joint actions (the current one zero), encoder only,
+the last token answers. `stream`: causal, each layer looks back a fixed number of timesteps, so that a timestep costs
+one token where keys and values are kept (models.inference.predictor_numpy). It must not know how it is trained.
+"""
+
+import math
+from contextlib import nullcontext
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+from torch.nn import functional
+
+from models.networks.checkpoint import Checkpoint, CheckpointError, save_checkpoint
+from models.networks.columns import varying_columns
+from models.networks.config import ROTARY_BASE, PredictorConfig
+from models.networks.policy import ConvolutionalFeatures
+from models.protocols import HISTORY, STEPS
+from overcooked.constants import ACTIONS, PLAYERS
+from overcooked.layout import Layout, parse_layout
+from overcooked.observe import PLANES
+
+JOINT = PLAYERS * ACTIONS  # a joint action, one-hot
+
+
+class Encoder(nn.Module):
+    """Observations (N, width, height, 26) to features (N, `size`), never trained here, so that features can be kept."""
+
+    columns: Tensor
+    scale: Tensor
+
+    def __init__(self, layout: Layout, config: PredictorConfig) -> None:
+        super().__init__()
+        self.convolutions: ConvolutionalFeatures | None = None
+        if config.eyes == "cnn":
+            self.convolutions = ConvolutionalFeatures(layout.width, layout.height, config.filters)
+            self.size = self.convolutions.size
+        elif config.eyes == "columns":
+            columns, largest = varying_columns(layout)
+            self.register_buffer("columns", torch.from_numpy(columns), persistent=False)
+            self.register_buffer("scale", torch.from_numpy(1 / largest), persistent=False)
+            self.size = len(columns)
+        else:
+            raise ValueError(f"eyes {config.eyes!r} are unknown. Known: columns, cnn.")
+        self.requires_grad_(False)
+
+    def forward(self, observations: Tensor) -> Tensor:
+        if self.convolutions is not None:
+            return self.convolutions(observations)  # type: ignore[no-any-return]
+        return observations.flatten(1)[:, self.columns].float() * self.scale
+
+
+class Layer(nn.Module):
+    """One transformer layer: attention, then a feed-forward part, each after a norm and added to what came in."""
+
+    def __init__(self, config: PredictorConfig) -> None:
+        super().__init__()
+        self.heads, self.dropout, self.look_back = config.heads, config.dropout, config.look_back
+        self.before_attention = nn.LayerNorm(config.hidden)
+        self.qkv = nn.Linear(config.hidden, 3 * config.hidden)
+        self.out = nn.Linear(config.hidden, config.hidden)
+        self.before_feed_forward = nn.LayerNorm(config.hidden)
+        self.widen = nn.Linear(config.hidden, config.feed_forward)
+        self.narrow = nn.Linear(config.feed_forward, config.hidden)
+
+    def forward(self, x: Tensor, mask: Tensor | None, rotation: Tensor | None) -> Tensor:
+        """`x` (B, T, hidden). Stream: `rotation` (T, dim / 2, 2). Window: `mask` (B, 1, 1, T), True where to look."""
+        q, k, v = self.split(self.qkv(self.before_attention(x)))  # (B, heads, T, dim)
+        if rotation is not None:
+            seen = banded_attention(rotated(q, rotation), rotated(k, rotation), v, self.look_back)
+        else:
+            # In 32 bits even where products are in 16: its backward pass is slower in 16.
+            with torch.autocast(x.device.type, enabled=False) if q.dtype != torch.float32 else nullcontext():
+                seen = functional.scaled_dot_product_attention(q.float(), k.float(), v.float(), attn_mask=mask)
+        x = x + self._dropped(self.out(seen.transpose(1, 2).flatten(2)))
+        return x + self._dropped(self.feed_forward(x))
+
+    def split(self, qkv: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """(B, T, 3 * hidden) to three of (B, heads, T, dim)."""
+        q, k, v = qkv.view(*qkv.shape[:2], 3, self.heads, -1).permute(2, 0, 3, 1, 4).unbind(0)
+        return q, k, v
+
+    def feed_forward(self, x: Tensor) -> Tensor:
+        return self.narrow(functional.relu(self.widen(self.before_feed_forward(x))))  # type: ignore[no-any-return]
+
+    def _dropped(self, x: Tensor) -> Tensor:
+        return functional.dropout(x, self.dropout, self.training)
+
+
+class PredictorNetwork(nn.Module):
+    """Features (B, T, size) and joint actions (B, T, 12) to logits of the next actions: (B, T, 3, 6) in the stream
+    form, (B, 3, 6) in the window form, whose T is 10."""
+
+    temperature: Tensor  # (STEPS,): logits are divided by it, so that probabilities say how often they are right
+
+    def __init__(self, layout: Layout, config: PredictorConfig) -> None:
+        super().__init__()
+        if config.form not in ("window", "stream"):
+            raise ValueError(f"form {config.form!r} is unknown. Known: window, stream.")
+        self.config = config
+        self.eyes = Encoder(layout, config)
+        self.state = nn.Linear(self.eyes.size, config.state_width)
+        self.action = nn.Linear(JOINT, config.action_width)
+        self.token = nn.Linear(config.state_width + config.action_width, config.hidden)
+        self.position = nn.Parameter(torch.zeros(HISTORY, config.hidden)) if config.form == "window" else None
+        self.layers = nn.ModuleList(Layer(config) for _ in range(config.layers))
+        self.norm = nn.LayerNorm(config.hidden)
+        self.decoder = nn.Sequential(
+            nn.Linear(config.hidden, config.hidden), nn.ReLU(), nn.Linear(config.hidden, STEPS * ACTIONS)
+        )
+        self.register_buffer("temperature", torch.ones(STEPS))
+
+    def forward(self, features: Tensor, actions: Tensor, present: Tensor | None = None) -> Tensor:
+        """`present` (B, T), window form: False for steps before the start of the game."""
+        return self.decode(self.tokens(features, actions, present))
+
+    def tokens(self, features: Tensor, actions: Tensor, present: Tensor | None = None) -> Tensor:
+        """What the layers make of a game, to be decoded: (B, T, hidden), in the window form (B, hidden)."""
+        x: Tensor = self.token(torch.cat([functional.relu(self.state(features)), self.action(actions)], -1))
+        if self.position is not None:
+            mask = None if present is None else present[:, None, None, :]
+            x, rotation = x + self.position, None
+        else:
+            mask = None
+            rotation = rotations(torch.arange(x.shape[1], device=x.device), self.config.hidden // self.config.heads)
+        for layer in self.layers:
+            x = layer(x, mask, rotation)
+        return x if self.position is None else x[:, -1]
+
+    def decode(self, x: Tensor) -> Tensor:
+        """Tokens (..., hidden) to logits (..., 3, 6)."""
+        logits: Tensor = self.decoder(self.norm(x))
+        return logits.view(*x.shape[:-1], STEPS, ACTIONS) / self.temperature[:, None]
+
+
+def banded_attention(q: Tensor, k: Tensor, v: Tensor, look_back: int) -> Tensor:
+    """Attention of (B, heads, T, dim) where a token sees itself and the `look_back` - 1 before it.
+
+    In blocks of `look_back`: each sees its own block and the one before, which costs T * look_back instead of T * T.
+    """
+    timesteps = q.shape[2]
+    blocks = -(-timesteps // look_back)
+    spare = blocks * look_back - timesteps
+    q, k, v = (functional.pad(x, (0, 0, 0, spare)).reshape(*x.shape[:2], blocks, look_back, -1) for x in (q, k, v))
+    k, v = (torch.cat([functional.pad(x[:, :, :-1], (0, 0, 0, 0, 1, 0)), x], 3) for x in (k, v))
+    place = torch.arange(2 * look_back, device=q.device)
+    ages = place[:look_back, None] + look_back - place
+    may = ((ages >= 0) & (ages < look_back)).repeat(blocks, 1, 1)  # (blocks, look_back, 2 * look_back)
+    may[0, :, :look_back] = False  # before the beginning
+    scores = (q @ k.transpose(-1, -2)).float() * q.shape[-1] ** -0.5
+    weights = scores.masked_fill(~may, -torch.inf).softmax(-1).to(v.dtype)
+    seen: Tensor = (weights @ v).flatten(2, 3)[:, :, :timesteps]
+    return seen
+
+
+def rotations(timesteps: Tensor, dim: int) -> Tensor:
+    """(T, dim / 2, 2): cosine and sine by which a query or key of each timestep is turned. [rotary positions]"""
+    speeds = torch.exp(-math.log(ROTARY_BASE) * torch.arange(dim // 2, device=timesteps.device) / (dim // 2))
+    angles = timesteps[:, None] * speeds
+    return torch.stack([angles.cos(), angles.sin()], -1)
+
+
+def rotated(x: Tensor, rotation: Tensor) -> Tensor:
+    """`x` (..., dim) with its two halves taken as the two axes that are turned."""
+    cosine, sine = rotation[..., 0], rotation[..., 1]
+    first, second = x.chunk(2, -1)
+    return torch.cat([first * cosine - second * sine, first * sine + second * cosine], -1).to(x.dtype)
+
+
+def one_hot(actions: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
+    """Joint actions (..., 2), -1 for none, to (..., 12)."""
+    table = np.concatenate([np.eye(ACTIONS, dtype=np.float32), np.zeros((1, ACTIONS), np.float32)])
+    hot: NDArray[np.float32] = table[actions].reshape(*actions.shape[:-1], JOINT)
+    return hot
+
+
+def save_predictor(folder: Path, network: PredictorNetwork, layout: Layout, agent: str, card: str, **facts: Any) -> str:
+    """Writes a predictor's checkpoint folder (weights as 16 bits); `facts` join its config. Returns its sha256."""
+    settings = {
+        "format": "kitchenmind predictor 1",
+        "layout": layout.name,
+        "grid": layout.text,
+        "planes": PLANES,
+        "agent": agent,
+        "network": asdict(network.config),
+        **facts,
+    }
+    return save_checkpoint(folder, settings, dict(network.state_dict()), card, half=True)
+
+
+def predictor_network(checkpoint: Checkpoint) -> tuple[PredictorNetwork, Layout]:
+    """The network of a predictor's checkpoint and its layout. Raises CheckpointError if it is no predictor of ours."""
+    config = checkpoint.config
+    try:
+        layout = parse_layout(config["grid"], config["layout"])
+        network = PredictorNetwork(layout, PredictorConfig(**config["network"]))
+        network.load_state_dict({name: torch.from_numpy(array) for name, array in checkpoint.tensors.items()})
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise CheckpointError(f"{checkpoint.folder}: this is no predictor that I understand ({error}).") from error
+    return network.eval(), layout

@@ -1,0 +1,84 @@
+"""What a simulated participant answers: ratings that follow from what happened in the episode, and a form filled in."""
+
+from collections.abc import Mapping
+from random import Random
+from typing import Any, Final
+
+from server.bots.cook import Impression, Traits
+
+Fields = dict[str, list["Field"]]
+_ABOUT_ARROWS: Final = ("predictor", "mark", "arrow")
+_ABOUT_FORESIGHT: Final = ("aware", "predict", "intention")
+
+
+class Field:
+    """One input of a form, as the page has it."""
+
+    def __init__(self, kind: str, value: str, attributes: Mapping[str, str]) -> None:
+        self.kind, self.value = kind, value
+        self.low = float(attributes.get("data-low") or attributes.get("min") or 18)
+        self.high = float(attributes.get("data-high") or attributes.get("max") or 99)
+        self.most = int(attributes.get("data-most") or 0)
+        self.is_number = kind == "number" or attributes.get("inputmode") in ("numeric", "decimal")
+        self.is_required = "required" in attributes
+
+
+class Respondent:
+    """Fills in every page of one participant. `known`: question -> the answer that the study file calls right."""
+
+    def __init__(self, traits: Traits, known: Mapping[str, str]) -> None:
+        self._traits, self._known = traits, known
+        self._chance = Random(f"answers {traits.seed}")  # noqa: S311 - a seed makes a run repeatable
+
+    def fill(self, fields: Fields, last: Impression | None, faults: frozenset[str]) -> dict[str, Any]:
+        """An answer to everything that has to be answered; `faults`: questions that came back."""
+        filled: dict[str, Any] = {}
+        places: dict[str, int] = {}
+        for name, options in fields.items():
+            question, _, option = name.partition(".")
+            if option and options[0].kind == "select":
+                places[question] = places.get(question, 0) + 1
+                filled[name] = str(places[question])
+            else:
+                filled[name] = self._one(name, options, last, faults)
+        return {name: value for name, value in filled.items() if value not in (None, [])}
+
+    def _one(self, name: str, options: list[Field], last: Impression | None, faults: frozenset[str]) -> Any:
+        kind, values = options[0].kind, [option.value for option in options]
+        if kind in ("hidden", "button"):
+            return values[0]
+        if kind == "checkbox":
+            return self._some(name, values)
+        if kind in ("radio", "select"):
+            return self._choice(name, values, last, faults)
+        if options[0].is_number:
+            low, high = options[0].low, min(options[0].high, options[0].low + 45)
+            return str(round(self._chance.uniform(low, high)))
+        return "-"
+
+    def _some(self, name: str, values: list[str]) -> list[str]:
+        """All boxes that must be ticked; of several options one or two."""
+        if name.startswith("box_"):
+            return values
+        return sorted(self._chance.sample(values, self._chance.choice((1, min(2, len(values))))))
+
+    def _choice(self, name: str, values: list[str], last: Impression | None, faults: frozenset[str]) -> str:
+        if name in self._known and (name in faults or self._chance.random() < 0.9):
+            return self._known[name]
+        if last is not None and all(value.isdigit() for value in values):
+            return self._rating(name, len(values), last)
+        return self._chance.choice(values)
+
+    def _rating(self, name: str, points: int, last: Impression) -> str:
+        """1 to `points`, on the whole the higher the better the episode went for what the question is about."""
+        smooth = 1 - min(1.0, 5 * last.share(last.blocked, last.tried))
+        pace = min(1.0, last.soups_in_80_s / 8)
+        foresight = last.share(last.right, last.foretold) if last.foretold else 0.45
+        if any(word in name for word in _ABOUT_ARROWS) and "predictability" not in name:
+            level = foresight
+        elif any(word in name for word in _ABOUT_FORESIGHT):
+            level = 0.5 * foresight + 0.3 * smooth + 0.2 * pace
+        else:
+            level = 0.55 * pace + 0.3 * smooth + 0.15 * foresight
+        wanted = 1 + level * (points - 1) + (self._traits.mood + self._chance.gauss(0, 0.8)) * points / 7
+        return str(max(1, min(points, round(wanted))))

@@ -1,0 +1,181 @@
+"""N simulated participants at one server: who comes when, who gives up, and what came of it. Starts no server."""
+
+import asyncio
+import hashlib
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from random import Random
+from typing import Any, Final
+from urllib.parse import urlencode
+
+from sqlalchemy import Connection
+
+from server.bots import invariants
+from server.bots.game_client import Trouble
+from server.bots.invariants import Claim
+from server.bots.participant import Bot, Habits, ParsedPage
+from server.store import participants
+from server.store.database import Database
+from server.study.definition import Study
+from server.study.order import derived_seed
+from server.study.steps import steps
+
+AT_ONCE: Final = 100  # more would only wait for each other
+_PAGES_UNKNOWN: Final = 12
+_FULL: Final = "answered 409"  # the study takes nobody any more: whoever comes then has not started
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """Who comes to which study."""
+
+    number: int
+    study_name: str
+    study: Study | None = None  # None: the file is not known, only the address
+    dropout: float = 0.0
+    seed: int = 0
+    troubles: tuple[Trouble, ...] = ()  # what happens to everybody in every game, on purpose
+    secret: str = ""  # of the server, to which they prove with it that they are bots
+
+
+@dataclass
+class CrowdOutcome:
+    """What came of it, as `kitchenmind bots --json` says it."""
+
+    started: int = 0
+    completed: int = 0
+    dropped: int = 0
+    by_condition: dict[str, int] = field(default_factory=dict)  # of those who completed; empty without the database
+    episodes: int = 0  # played to their end, without tutorials
+    violations: list[str] = field(default_factory=list)
+
+
+@dataclass
+class _One:
+    """One simulated participant and how it went."""
+
+    bot: Bot
+    came: bool = False
+
+
+async def simulate(
+    crowd: Crowd,
+    url: str,
+    database: Database | None,
+    told: Callable[[int, int], None] | None = None,
+    meet: Callable[[Sequence[Bot]], None] | None = None,
+) -> list[Bot]:
+    """All of them walk the study; those who came, in order of consent. `database`: read only, asked when a code is on
+    the screen. `told(done, number)` hears of everyone who is through, `meet` gets to know them before they come.
+    Trouble is in `journal.violations`."""
+    everyone = [
+        _One(Bot(url, crowd.study_name, derived_seed(crowd.seed, "bot", k), _habits(crowd, k)))
+        for k in range(crowd.number)
+    ]
+    if meet is not None:
+        meet([one.bot for one in everyone])
+    turns = [asyncio.Event() for _ in range(crowd.number + 1)]
+    turns[0].set()
+    places = asyncio.Semaphore(AT_ONCE)
+    done = 0
+
+    async def one(number: int) -> None:
+        nonlocal done
+        async with places:
+            await _walk(everyone[number], turns[number], turns[number + 1], database)
+        done += 1
+        if told is not None:
+            told(done, crowd.number)
+
+    await asyncio.gather(*(one(number) for number in range(crowd.number)))
+    return [one.bot for one in everyone if one.came or one.bot.journal.violations]
+
+
+async def _walk(one: _One, turn: asyncio.Event, following: asyncio.Event, database: Database | None) -> None:
+    """Consents when it is its turn, so that a repeat deals the same conditions; then walks at its own pace."""
+    journal = one.bot.journal
+    await turn.wait()
+    try:
+        try:
+            page: ParsedPage | None = await one.bot.consent()
+            one.came = bool(one.bot.token)
+        finally:
+            following.set()
+        if one.came and page is not None:
+            await one.bot.go_on(page)
+        if journal.code is not None and database is not None:
+            journal.violations += await database.read(invariants.broken_at_code, Claim(one.bot.token, journal))
+    except Exception as error:  # noqa: BLE001 - what goes wrong with one is told, and keeps nobody else from walking
+        if one.came or _FULL not in str(error):
+            journal.violations.append(f"there was no way on: {type(error).__name__}: {error}")
+    finally:
+        await one.bot.close()
+
+
+def judge(bots: Sequence[Bot], database: Database | None) -> CrowdOutcome:
+    """Counts them, and holds every promise against what they saw and, where there is a database, what is stored."""
+    outcome = CrowdOutcome()
+    journals = [bot.journal for bot in bots]
+    for bot in bots:
+        outcome.started += bool(bot.token)
+        outcome.completed += bot.journal.code is not None
+        outcome.dropped += bool(bot.token) and bot.journal.code is None
+        games, ended = bot.journal.games, bot.journal.ended
+        outcome.episodes += sum(games[episode].kind == "episode" for episode in ended)
+        outcome.violations += invariants.broken_in_journal(bot.journal)
+    outcome.violations += invariants.broken_codes(journals)
+    if database is not None:
+        outcome.violations += database.read_now(_stored, [Claim(bot.token, bot.journal) for bot in bots if bot.token])
+        outcome.by_condition = database.read_now(_by_condition, [bot.token for bot in bots])
+    return outcome
+
+
+def _stored(connection: Connection, claims: Sequence[Claim]) -> list[str]:
+    return [broken for claim in claims for broken in invariants.broken_in_store(connection, claim)]
+
+
+def _by_condition(connection: Connection, tokens: Sequence[str]) -> dict[str, int]:
+    found = (participants.by_token(connection, token) for token in tokens)
+    everyone = [participant for participant in found if participant is not None]
+    completed = Counter(participant.condition for participant in everyone if participant.status == "completed")
+    return {condition: completed[condition] for condition in sorted({one.condition for one in everyone})}
+
+
+def _habits(crowd: Crowd, number: int) -> Habits:
+    chance = Random(f"crowd {crowd.seed} {number}")  # noqa: S311 - a seed makes a run repeatable
+    pages = _PAGES_UNKNOWN
+    if crowd.study is not None:
+        pages = len(steps(crowd.study, crowd.study.conditions[0].name, 0)) - 1
+    drop_after = chance.randrange(pages) if chance.random() < crowd.dropout else None
+    known = dict(_right_answers(crowd.study)) if crowd.study is not None else {}
+    return Habits(known, drop_after, arrival=_arrival(crowd, number), troubles=crowd.troubles, secret=crowd.secret)
+
+
+def _right_answers(study: Study) -> Iterator[tuple[str, str]]:
+    """Of the quiz and of attention checks: what somebody who reads would answer."""
+    pages = [*study.questionnaires.values(), *([study.quiz] if study.quiz else [])]
+    for question in (question for page in pages for question in page.questions):
+        right = getattr(question, "correct", None) or getattr(question, "attention", None)
+        if right is not None:
+            yield question.key, str(right)
+
+
+def _arrival(crowd: Crowd, number: int) -> str:
+    """The link as a recruiter would send it, where the study asks for one."""
+    parameter = crowd.study.recruitment.person_parameter if crowd.study is not None else None
+    if crowd.study is None or parameter is None:
+        return ""
+    values: Mapping[str, Any] = {parameter: _person(crowd.study, f"bot-{crowd.seed}-{number}", number)}
+    return "?" + urlencode(dict(values) | dict.fromkeys(crowd.study.recruitment.extra_parameters, "simulated"))
+
+
+def _person(study: Study, name: str, number: int) -> str:
+    """An id as the recruiter's look, another for every number. Raises ValueError where none of ours looks like that."""
+    digest = hashlib.sha256(name.encode()).hexdigest()
+    count = int(digest[:8], 16)
+    candidates = (name, digest[:24], f"A{digest[:13].upper()}", f"bot{count}", str(count), f"{number + 1:03d}")
+    for one in candidates:
+        if study.recruitment.person_of(one) is not None:
+            return one
+    raise ValueError(f"bots have no id that fits person_pattern: {study.recruitment.person_pattern!r}. Try without it.")

@@ -1,0 +1,73 @@
+"""This process as one of several: which games it takes up, what it tells the others, what it does for them."""
+
+from collections.abc import Callable
+from typing import Any
+
+from server.cluster.dispatch import ClusterControl
+from server.cluster.registry import Cluster
+from server.monitoring.live_games import LiveGames
+from server.monitoring.peers import View
+from server.play.games import Games
+from server.play.recorder import EpisodeRecord
+from server.store.fences import FencedRecorder
+from server.study.loader import StudyError, StudyFile
+
+
+class ClusterNode:
+    """The `Owners` of its games, and what its cluster knows of it. `show` gives it what researchers see and do here."""
+
+    def __init__(self, recorder: FencedRecorder, cluster: Cluster) -> None:
+        self.recorder, self.cluster = recorder, cluster
+        self._live: LiveGames | None = None
+        self._control: ClusterControl | None = None
+        self.figures: Callable[[], dict[str, float]] = dict
+
+    async def load(self, episode: str) -> EpisodeRecord | None:
+        """Takes the episode up: from now on nobody else can store anything of it. Raises RecorderDown."""
+        record = await self.recorder.take(episode)
+        if record is not None:
+            await self.cluster.taken(episode, self.recorder.fence(episode))
+        return record
+
+    async def still_mine(self, episode: str) -> bool:
+        return await self.recorder.still_mine(episode)
+
+    def let_go(self, episode: str) -> None:
+        self.recorder.let_go(episode)
+
+    def show(self, live: LiveGames, control: ClusterControl, figures: Callable[[], dict[str, float]]) -> None:
+        """From now on the others hear of this process."""
+        self._live, self._control, self.figures = live, control, figures
+        self.cluster.start(self)
+
+    # What the cluster asks
+
+    def leases(self) -> list[str]:
+        return [game.episode for game in self._games]
+
+    async def views(self) -> list[View]:
+        return [] if self._live is None else await self._live.own_views()
+
+    async def answer(self, deed: str, *given: Any) -> Any:
+        """Does what another process asks for."""
+        if deed == "let_go":
+            episode, fence = given
+            game = self._games.get(episode)
+            if game is not None and self.recorder.fence(episode) < fence:
+                self._games.let_go(game)
+            return None
+        assert self._control is not None  # noqa: S101 nobody asks before `show`
+        return await self._control.answer(deed, *given)
+
+    @property
+    def _games(self) -> Games:
+        assert self._live is not None  # noqa: S101 nobody asks before `show`
+        return self._live.games
+
+
+def refuse_pairs(files: list[StudyFile]) -> None:
+    """Raises StudyError where people play with people: both must reach the same process."""
+    for file in files:
+        if any(agent.human for agent in file.study.agents):
+            reason = f"{file.source}: two people of one round must reach the same process."
+            raise StudyError([f"{reason} Serve this study with one worker, without --redis."])

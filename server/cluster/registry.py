@@ -1,0 +1,244 @@
+"""Several server processes as one: Redis carries who plays which game, what the dashboards show, and what they do.
+
+Nothing here is the truth: that is in PostgreSQL, where every tick's owner is checked (`server.store.fences`). Without
+Redis games go on; only the dashboard then sees the games of its own process alone.
+"""
+
+import asyncio
+import logging
+import os
+import secrets
+import socket
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from hashlib import sha256
+from typing import Any, Final, Protocol
+
+import msgspec
+from msgspec import Struct
+from redis.asyncio import Redis
+from redis.asyncio.client import PubSub
+from redis.exceptions import RedisError
+
+from server.background_tasks import ended
+from server.monitoring.peers import ClusterDown, Process, View
+
+log = logging.getLogger(__name__)
+BEAT_S: Final = 0.5
+LEASE_S: Final = 3  # a process that did not say for so long that it lives is not asked any more
+FORGET_S: Final = 86_400  # names of processes that are gone do no harm
+ANSWER_S: Final = 1.0
+AWAY_S: Final = 10.0  # Redis is looked for again, and complained about, so often
+_DOWN: Final = (RedisError, OSError, TimeoutError)
+
+
+class PeerRequest(Struct, frozen=True):
+    """One process wants something done in another."""
+
+    id: str
+    sender: str
+    deed: str
+    given: list[Any]
+
+
+class Reply(Struct, frozen=True):
+    id: str
+    value: Any
+
+
+class Here(Protocol):
+    """What the cluster is told by its own process."""
+
+    def leases(self) -> list[str]:
+        """The games that are played here."""
+        ...
+
+    async def views(self) -> list[View]: ...
+
+    figures: Callable[[], dict[str, float]]
+
+    async def answer(self, deed: str, *given: Any) -> Any: ...
+
+
+class Cluster:
+    """This process among the others (an `Elsewhere`). `start` first; `close` lets go of everything at once."""
+
+    def __init__(self, redis_url: str, database_url: str) -> None:
+        """Servers of one database find each other; those of others may share the Redis."""
+        self.name = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(2)}"
+        self._prefix = f"kitchenmind:{sha256(database_url.encode()).hexdigest()[:12]}:"
+        self._redis: Redis = Redis.from_url(
+            redis_url,
+            decode_responses=True,
+            socket_timeout=ANSWER_S,
+            socket_connect_timeout=ANSWER_S,
+            health_check_interval=5,
+        )
+        self._here: Here | None = None
+        self._waiting: dict[str, list[Any]] = {}
+        self._tasks: list[asyncio.Task[None]] = []
+        self._deeds: set[asyncio.Task[None]] = set()
+        self._complained = -1e9
+
+    async def reach(self) -> None:
+        """Raises ClusterDown with the reason."""
+        try:
+            await self._redis.ping()
+        except _DOWN as error:
+            raise ClusterDown(f"Redis cannot be reached: {error}. Check --redis.") from None
+
+    def start(self, here: Here) -> None:
+        self._here = here
+        self._tasks = [asyncio.create_task(self._again(work)) for work in (self._beat, self._listen)]
+
+    async def close(self) -> None:
+        await ended(*self._tasks, *self._deeds)
+        if self._here is not None:
+            with suppress(*_DOWN):
+                games = [self._key("game", episode) for episode in self._here.leases()]
+                await self._redis.delete(self._key("process", self.name), self._key("views", self.name), *games)
+                await self._redis.srem(self._key("names"), self.name)
+        await self._redis.aclose()
+
+    # What others are told
+
+    async def _beat(self) -> None:
+        while True:
+            await self._tell()
+            await asyncio.sleep(BEAT_S)
+
+    async def _tell(self) -> None:
+        assert self._here is not None  # noqa: S101 set by start
+        watched = await self._redis.exists(self._key("watched"))
+        views = await self._here.views() if watched else []
+        async with self._redis.pipeline(transaction=False) as pipe:
+            process = Process(self.name, self._here.figures())
+            pipe.set(self._key("process", self.name), msgspec.json.encode(process), ex=LEASE_S)
+            pipe.sadd(self._key("names"), self.name)
+            pipe.expire(self._key("names"), FORGET_S)
+            for episode in self._here.leases():
+                pipe.set(self._key("game", episode), self.name, ex=LEASE_S)
+            if watched:
+                pipe.set(self._key("views", self.name), msgspec.json.encode(views), ex=LEASE_S)
+            await pipe.execute()
+
+    async def taken(self, episode: str, fence: int) -> None:
+        """Tells whoever played the game that it goes on here. Should nobody hear it, their next tick tells them."""
+        with suppress(*_DOWN):
+            await self._send("all", "let_go", [episode, fence])
+            await self._redis.set(self._key("game", episode), self.name, ex=LEASE_S)
+
+    # What others tell (Elsewhere)
+
+    async def views(self) -> list[View]:
+        try:
+            await self._redis.set(self._key("watched"), 1, ex=LEASE_S)
+            found = await self._of_others("views")
+        except _DOWN as error:
+            self._complain(error)
+            return []
+        return [view for one in found for view in msgspec.json.decode(one, type=list[View])]
+
+    async def processes(self) -> list[Process]:
+        try:
+            return [msgspec.json.decode(one, type=Process) for one in await self._of_others("process")]
+        except _DOWN as error:
+            self._complain(error)
+            return []
+
+    async def owner_does(self, deed: str, episode: str, *given: Any) -> bool:
+        try:
+            owner = await self._redis.get(self._key("game", episode))
+            if owner is None or owner == self.name:
+                return False
+            return any(await self._asked(str(owner), 1, deed, [episode, *given]))
+        except _DOWN as error:
+            self._complain(error)
+            return False
+
+    async def all_do(self, deed: str, *given: Any) -> list[Any]:
+        try:
+            others = len(await self._of_others("process"))
+            return await self._asked("all", others, deed, list(given)) if others else []
+        except _DOWN as error:
+            self._complain(error)
+            return []
+
+    async def _of_others(self, kind: str) -> list[str]:
+        names = sorted(map(str, await self._redis.smembers(self._key("names"))))
+        others = [name for name in names if name != self.name]
+        found = await self._redis.mget([self._key(kind, name) for name in others]) if others else []
+        return [str(value) for value in found if value is not None]
+
+    async def _asked(self, whom: str, expected: int, deed: str, given: list[Any]) -> list[Any]:
+        """Their answers: as many as expected, or those that came in time."""
+        number = secrets.token_hex(8)
+        replies = self._waiting[number] = []
+        try:
+            await self._send(whom, deed, given, number)
+            async with asyncio.timeout(ANSWER_S):
+                while len(replies) < expected:
+                    await asyncio.sleep(0.01)
+        except TimeoutError:
+            log.warning("%d of %d processes did not answer: %s", expected - len(replies), expected, deed)
+        finally:
+            del self._waiting[number]
+        return replies
+
+    async def _send(self, whom: str, deed: str, given: list[Any], number: str = "") -> None:
+        ask = PeerRequest(number, self.name, deed, given)
+        await self._redis.publish(self._key("asks", whom), msgspec.json.encode(ask))
+
+    # What is asked here
+
+    async def _listen(self) -> None:
+        heard: PubSub
+        async with self._redis.pubsub(ignore_subscribe_messages=True) as heard:
+            replies = self._key("replies", self.name)
+            await heard.subscribe(self._key("asks", "all"), self._key("asks", self.name), replies)
+            while True:
+                message = await heard.get_message(timeout=ANSWER_S / 2)
+                if message is None:
+                    continue
+                if message["channel"] == replies:
+                    reply = msgspec.json.decode(message["data"], type=Reply)
+                    self._waiting.get(reply.id, []).append(reply.value)
+                else:
+                    self._begin(msgspec.json.decode(message["data"], type=PeerRequest))
+
+    def _begin(self, ask: PeerRequest) -> None:
+        if ask.sender != self.name:
+            deed = asyncio.create_task(self._do(ask))
+            self._deeds.add(deed)
+            deed.add_done_callback(self._deeds.discard)
+
+    async def _do(self, ask: PeerRequest) -> None:
+        assert self._here is not None  # noqa: S101 set by start
+        try:
+            value = await self._here.answer(ask.deed, *ask.given)
+            if ask.id:
+                reply = msgspec.json.encode(Reply(ask.id, value))
+                await self._redis.publish(self._key("replies", ask.sender), reply)
+        except _DOWN as error:
+            self._complain(error)
+        except Exception:
+            log.exception("%s, asked for by %s, failed", ask.deed, ask.sender)
+
+    async def _again(self, work: Callable[[], Awaitable[None]]) -> None:
+        while True:
+            try:
+                await work()
+            except _DOWN as error:
+                self._complain(error)
+            except Exception:
+                log.exception("what the processes tell each other broke off; it begins anew")
+            await asyncio.sleep(BEAT_S)
+
+    def _complain(self, error: BaseException) -> None:
+        now = asyncio.get_running_loop().time()
+        if now - self._complained > AWAY_S:
+            self._complained = now
+            log.warning("Redis is away, each process sees its own games only: %s", error)
+
+    def _key(self, *parts: str) -> str:
+        return self._prefix + ":".join(parts)

@@ -1,0 +1,74 @@
+"""Some episodes as the export would write them: what a verdict on them is made from. Knows no rules."""
+
+from collections.abc import Sequence
+
+import pyarrow as pa
+from sqlalchemy import Connection, Label, or_, select
+
+from server.export import codebook, tick_rows
+from server.export.rows import attention_counts, value_text
+from server.export.writer import schema
+from server.store import displays
+from server.store.tables import answers, episodes, participants, pauses, studies
+
+OVER = ("done", "aborted")
+_e, _p, _a = episodes.c, participants.c, answers.c
+Key = tuple[str, str, str]  # episode, participant, and how that one stands: later answers change what is said of it
+
+
+def over(connection: Connection, study_ids: Sequence[int], most: int = 2000) -> list[Key]:
+    """The episodes that are over, latest first."""
+    mine = or_(_e.participant_0 == _p.id, _e.participant_1 == _p.id)
+    query = select(_e.id, _p.id, _p.status).join_from(episodes, participants, mine)
+    query = query.where(_e.study_id.in_(study_ids), _e.kind == "episode", _e.status.in_(OVER))
+    return [(row[0], row[1], row[2]) for row in connection.execute(query.order_by(_e.ended_at.desc()).limit(most))]
+
+
+_OF_EPISODES = (
+    "participant_0", "participant_1", "agent_0", "agent_1", "agent_name", "condition", "kind", "layout",
+    "number", "status", "score", "progress", "watched_seat", "tick_ms",
+)  # fmt: skip
+
+
+def _failed() -> Label[int]:
+    """The number of attention checks that a participant failed."""
+    failed: Label[int] = attention_counts()[1].label("attention_failed")
+    return failed
+
+
+def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pa.Table]:
+    """The export's tables with these episodes, and all that their participants answered."""
+    own = [_e[name] for name in _OF_EPISODES]
+    broken = displays.violations(connection, chosen)
+    found = connection.execute(select(_e.id.label("episode"), *own).where(_e.id.in_(chosen))).mappings().all()
+    played = [dict(row) | {"display_violations": broken.get(row["episode"], 0)} for row in found]
+    people = {row[f"participant_{seat}"] for row in played for seat in (0, 1)} - {None}
+    of_people = select(_p.id.label("participant"), studies.c.key.label("study"), _p.condition, _p.status, _failed())
+    of_people = of_people.join_from(participants, studies).where(_p.id.in_(people))
+    said = select(_a.participant_id, _a.episode_id, _a.question_key, _a.value, _a.attention)
+    said = said.where(_a.participant_id.in_(people))
+    held = select(pauses.c.episode_id.label("episode"), pauses.c.reason, pauses.c.started_at, pauses.c.duration_ms)
+    named = ("participant", "episode", "question", "value", "value_type", "attention")
+    told = [
+        dict(zip(named, (*row[:3], *value_text(row[3]), row[4]), strict=True))
+        for row in connection.execute(said.order_by(_a.id))
+    ]
+    types = schema(codebook.TICKS.columns)
+    ticks = list(tick_rows.chunks(connection, iter(chosen), types))
+    rows = {
+        "participants": connection.execute(of_people).mappings().all(),
+        "episodes": played,
+        "answers": told,
+        "pauses": connection.execute(held.where(pauses.c.episode_id.in_(chosen))).mappings().all(),
+        "withdrawals": [],
+    }
+    made = {name: _table(name, [dict(row) for row in found]) for name, found in rows.items()}
+    return made | {"ticks": pa.concat_tables(ticks) if ticks else types.empty_table()}
+
+
+def _table(name: str, rows: Sequence[dict[str, object]]) -> pa.Table:
+    """With the export's types; columns that were not asked for are left out."""
+    table = next(one for one in codebook.TABLES if one.name == name)
+    types = schema(table.columns)
+    present = rows[0].keys() if rows else types.names
+    return pa.Table.from_pylist(list(rows), schema=pa.schema([field for field in types if field.name in present]))

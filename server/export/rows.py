@@ -1,0 +1,236 @@
+"""From the database to the rows of an export, in the codebook's order of columns; streamed, in constant memory.
+
+Nothing personal, no token and no completion code is read here.
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import msgspec
+from sqlalchemy import Connection, Select, func, select
+
+from server.export.codebook import WIDE, Column
+from server.store import ticks as tick_rows
+from server.store.displays import violations
+from server.store.tables import (
+    answers,
+    arrivals,
+    episodes,
+    events,
+    exclusions,
+    inputs,
+    participants,
+    pauses,
+    studies,
+    ticks,
+    visits,
+    withdrawals,
+)
+
+Row = tuple[Any, ...]
+Rows = Iterator[Row]
+_FETCH = 2000
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_e, _p = episodes.c, participants.c
+_STUDY = (studies.c.key, studies.c.version)
+_EPISODE_ORDER = (_e.study_id.nulls_first(), _e.created_at, _e.id)  # the same on every database
+_PARTICIPANT_ORDER = (_p.study_id, _p.number)
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What is exported: versions of studies (None: everything, also what belongs to no study)."""
+
+    connection: Connection
+    study_ids: tuple[int, ...] | None = None
+
+    def rows(self, query: "Select[Any]", study: Any) -> Iterator[Any]:
+        if self.study_ids is not None:
+            query = query.where(study.in_(self.study_ids))
+        return iter(self.connection.execute(query, execution_options={"yield_per": _FETCH}))
+
+
+def study_rows(chosen: Selection) -> Rows:
+    s = studies.c
+    gone = select(func.count()).where(withdrawals.c.study_id == s.id).scalar_subquery()
+    query = select(*_STUDY, s.sha256, s.started, gone, s.created_at, s.frozen_at).order_by(s.id)
+    return (tuple(row) for row in chosen.rows(query, s.id))
+
+
+def arrival_rows(chosen: Selection) -> Rows:
+    a = arrivals.c
+    query = select(*_STUDY, a.kind, a.reason, a.count).join_from(arrivals, studies)
+    return (tuple(row) for row in chosen.rows(query.order_by(a.study_id, a.kind, a.reason), a.study_id))
+
+
+def withdrawal_rows(chosen: Selection) -> Rows:
+    w = withdrawals.c
+    query = select(*_STUDY, w.condition, w.position, w.withdrawn_at).join_from(withdrawals, studies)
+    return (tuple(row) for row in chosen.rows(query.order_by(w.id), w.study_id))
+
+
+def participant_rows(chosen: Selection, wide: tuple[Column, ...]) -> Rows:
+    query = select(_p.id, *_STUDY, _p.number, _p.condition, _p.status, _p.language, _p.simulated, _p.seed, _p.position)
+    query = query.add_columns(_p.started_at, _p.last_seen_at, _p.completed_at, _excluded(None), *attention_counts())
+    query = query.join_from(participants, studies)
+    for row in chosen.rows(query.order_by(*_PARTICIPANT_ORDER), _p.study_id):
+        values = dict(_wide_values(chosen, row.id))
+        yield (*row, *(values.get(column.name) for column in wide))
+
+
+def wide_columns(chosen: Selection) -> tuple[Column, ...]:
+    """The columns that the participants' table has for this study's episodes and questions."""
+    numbers = select(_e.number).where(_e.kind == "episode").distinct().order_by(_e.number)
+    found = [
+        Column(pattern.name.format(number=row.number), pattern.type, pattern.meaning, pattern.unit, pattern.bits)
+        for row in chosen.rows(numbers, _e.study_id)
+        for pattern in WIDE[:-1]
+    ]
+    answer, a = WIDE[-1], answers.c
+    questions = select(a.step_key, a.question_key).join_from(answers, participants).distinct()
+    for step, question in sorted(tuple(row) for row in chosen.rows(questions, _p.study_id)):
+        name = answer.name.format(step=step, question=question)
+        found.append(Column(name, answer.type, answer.meaning))
+    return tuple(found)
+
+
+def _wide_values(chosen: Selection, participant: str) -> Iterator[tuple[str, Any]]:
+    mine = (_e.participant_0 == participant) | (_e.participant_1 == participant)
+    query = select(_e.number, _e.layout, _e.watched_seat, _e.agent_0, _e.agent_1, _e.score, _e.progress)
+    query = query.add_columns(_e.agent_name).where(mine, _e.kind == "episode").order_by(_e.attempt)
+    for row in chosen.connection.execute(query):
+        agent = row.agent_name or (row.agent_0, row.agent_1)[row.watched_seat]
+        for pattern, value in zip(WIDE, (row.layout, agent, row.score, row.progress), strict=False):
+            yield pattern.name.format(number=row.number), value
+    said = select(answers.c.step_key, answers.c.question_key, answers.c.value)
+    for answer in chosen.connection.execute(said.where(answers.c.participant_id == participant)):
+        yield WIDE[-1].name.format(step=answer.step_key, question=answer.question_key), value_text(answer.value)[0]
+
+
+def episode_rows(chosen: Selection) -> Rows:
+    first = select(_e.id, *_STUDY, _e.participant_0, _e.participant_1, _e.condition, _e.kind, _e.number, _e.step_key)
+    models = (
+        _e.agent_0,
+        _e.agent_1,
+        _e.agent_name,
+        _e.agent_0_sha256,
+        _e.agent_1_sha256,
+        _e.predictor,
+        _e.predictor_sha256,
+    )
+    query = first.add_columns(_e.attempt, _e.layout, _e.layout_sha256, *models, _e.watched_seat, _e.shown, _e.seed)
+    query = query.add_columns(_e.horizon, _e.tick_ms, _e.status, _e.end_reason, _e.score, _e.soups, _e.progress)
+    query = query.add_columns(_e.passed, _e.final_hash, _e.created_at, _e.started_at, _e.ended_at, _e.code_version)
+    query = (
+        query.add_columns(_excluded(_e.id), _e.spec)
+        .join_from(episodes, studies, isouter=True)
+        .order_by(*_EPISODE_ORDER)
+    )
+    names = list(query.selected_columns.keys())
+    before_violations, before_timesteps = names.index("seed"), names.index("score")
+    for row in chosen.rows(query, _e.study_id):
+        last = select(ticks).where(ticks.c.episode_id == row.id).order_by(ticks.c.timestep.desc()).limit(1)
+        stored = chosen.connection.execute(last).first()
+        timesteps = stored.timestep if stored else None
+        values = tuple(row[:-1])
+        rest = (json_text(row.spec), last_tick_text(stored) if stored else None)
+        broken = violations(chosen.connection, [row.id]).get(row.id, 0)
+        yield (
+            *values[:before_violations], broken, *values[before_violations:before_timesteps], timesteps,
+            *values[before_timesteps:], *rest,
+        )  # fmt: skip
+
+
+def last_tick_text(stored: Any) -> str:
+    """What stands in a tick of its own state, as JSON: all but the step that led to it."""
+    record = msgspec.to_builtins(tick_rows.record_of(stored))
+    names = ("state_hash", "next_actions", "prediction", "displayed", "late")
+    times = ("scheduled_ms", "late_ms", "models_ms", "made_unix_ms")
+    return json_text({name: record[name] for name in names + times})
+
+
+def pause_rows(chosen: Selection) -> Rows:
+    c = pauses.c
+    query = select(c.episode_id, c.timestep, c.reason, c.started_at, c.duration_ms).join_from(pauses, episodes)
+    return (tuple(row) for row in chosen.rows(query.order_by(*_EPISODE_ORDER, c.started_at), _e.study_id))
+
+
+def input_rows(chosen: Selection) -> Rows:
+    """As `ticks` of an export counts: timestep t is the one whose action leads to state t + 1."""
+    c = inputs.c
+    query = select(c.episode_id, c.seat, c.number, c.tab, c.seq, c.held, c.tap, c.client_ms, c.received_unix_ms)
+    query = query.add_columns(c.received_ms, c.timestep - 1, c.outcome).join_from(inputs, episodes)
+    order = (*_EPISODE_ORDER, c.received_unix_ms, c.seat, c.number)
+    for row in chosen.rows(query.order_by(*order), _e.study_id):
+        yield (*row[:8], time_of(row.received_unix_ms), *row[9:])
+
+
+def time_of(unix_ms: float) -> datetime:
+    """The instant, to the microsecond."""
+    return _EPOCH + timedelta(microseconds=round(unix_ms * 1000))
+
+
+def answer_rows(chosen: Selection) -> Rows:
+    a = answers.c
+    query = select(a.participant_id, a.episode_id, a.step_key, a.question_key, a.value, a.submitted_at, a.took_ms)
+    query = query.add_columns(a.attention).join_from(answers, participants).order_by(*_PARTICIPANT_ORDER, a.id)
+    for row in chosen.rows(query, _p.study_id):
+        yield (*row[:4], *value_text(row.value), *row[5:])
+
+
+def visit_rows(chosen: Selection) -> Rows:
+    v = visits.c
+    query = select(v.participant_id, v.step_key, v.entered_at, v.left_at).join_from(visits, participants)
+    return (tuple(row) for row in chosen.rows(query.order_by(*_PARTICIPANT_ORDER, v.id), _p.study_id))
+
+
+def event_rows(chosen: Selection) -> Rows:
+    c = events.c
+    query = select(c.participant_id, c.episode_id, c.at, c.kind, c.detail).join_from(events, participants, isouter=True)
+    return ((*row[:4], json_text(row.detail)) for row in chosen.rows(query.order_by(c.id), _p.study_id))
+
+
+def exclusion_rows(chosen: Selection) -> Rows:
+    x = exclusions.c
+    query = select(x.participant_id, x.episode_id, x.reason, x.note, x.excluded_at, x.restored_at)
+    query = query.join_from(exclusions, participants).order_by(*_PARTICIPANT_ORDER, x.id)
+    return (tuple(row) for row in chosen.rows(query, _p.study_id))
+
+
+def _excluded(episode: Any) -> Any:
+    """The reason of the latest exclusion that holds: of this episode, or (None) of all data of the participant."""
+    x = exclusions.c
+    about = (x.participant_id == _p.id, x.episode_id.is_(None)) if episode is None else (x.episode_id == episode,)
+    found = select(x.reason).where(*about, x.restored_at.is_(None)).order_by(x.id.desc()).limit(1)
+    return found.scalar_subquery()
+
+
+def attention_counts() -> tuple[Any, Any]:
+    """How many attention checks the participant answered, and how many wrongly."""
+    a = answers.c
+    checks = select(func.count()).where(a.participant_id == _p.id, a.attention.is_not(None))
+    return checks.scalar_subquery(), checks.where(a.attention.is_(False)).scalar_subquery()
+
+
+def episode_ids(chosen: Selection) -> Iterator[str]:
+    """The episodes, in the order of their table."""
+    return (row.id for row in chosen.rows(select(_e.id).order_by(*_EPISODE_ORDER), _e.study_id))
+
+
+def value_text(value: Any) -> tuple[str | None, str]:
+    """An answer as text, and what it was."""
+    if isinstance(value, str):
+        return value, "text"
+    if isinstance(value, bool):
+        return json_text(value), "boolean"
+    if isinstance(value, int | float):
+        return json_text(value), "number"
+    return (None, "null") if value is None else (json_text(value), "list")
+
+
+def json_text(value: Any) -> str:
+    """JSON that is the same for equal values."""
+    return json.dumps(value, sort_keys=True, ensure_ascii=False, separators=(",", ":"))

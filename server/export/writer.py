@@ -1,0 +1,138 @@
+"""`kitchenmind export`: a study's data as files that a stranger understands. The folder appears when all is done."""
+
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+from sqlalchemy import Connection
+
+from server.export import codebook, manifest, tick_rows
+from server.export import rows as exported
+from server.export.codebook import Column, ExportTable
+from server.export.files import TABLE_FORMATS, TableWriter
+from server.export.rows import Rows, Selection
+from server.store import private_files, studies, tombstones
+
+FORMATS = (*TABLE_FORMATS, "overcooked_ai")
+ROWS = 20_000  # of a chunk
+_ROWS: dict[str, Callable[[Selection], Rows]] = {
+    "studies": exported.study_rows,
+    "arrivals": exported.arrival_rows,
+    "withdrawals": exported.withdrawal_rows,
+    "episodes": exported.episode_rows,
+    "inputs": exported.input_rows,
+    "pauses": exported.pause_rows,
+    "answers": exported.answer_rows,
+    "visits": exported.visit_rows,
+    "events": exported.event_rows,
+    "exclusions": exported.exclusion_rows,
+}
+_ARROW = {
+    ("integer", 16): pa.int16(),
+    ("integer", 32): pa.int32(),
+    ("number", 32): pa.float32(),
+    ("integer", 64): pa.int64(),
+    ("number", 64): pa.float64(),
+    ("boolean", 64): pa.bool_(),
+    ("time", 64): pa.timestamp("us", tz="UTC"),
+}
+
+
+class ExportRefused(ValueError):
+    """The export cannot be made as asked; the text says why and what to do."""
+
+
+@dataclass
+class Summary:
+    """What was written: rows by table, and the columns that each table has."""
+
+    rows: dict[str, int] = field(default_factory=dict)
+    columns: dict[str, tuple[Column, ...]] = field(default_factory=dict)
+
+
+def export(
+    connection: Connection, out: Path, formats: Sequence[str] = ("csv", "parquet"), study: str | None = None
+) -> Summary:
+    """Writes everything (or one study, all its versions) into the folder `out`, which must be new or empty.
+
+    `formats`: of FORMATS. Raises ExportRefused before anything is written.
+    """
+    unknown = [name for name in formats if name not in FORMATS]
+    if unknown or not formats:
+        raise ExportRefused(f"there is no format {', '.join(unknown) or 'named'}. Choose from {', '.join(FORMATS)}.")
+    table_formats = [name for name in TABLE_FORMATS if name in formats]
+    if not table_formats:
+        raise ExportRefused(f"the tables need a format too: add {' or '.join(TABLE_FORMATS)}.")
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise ExportRefused(f"{out} is not empty. Choose a new folder, so that nothing old is mixed in.")
+    versions = _versions(connection, study)
+    chosen = Selection(connection, None if study is None else tuple(version.id for version in versions))
+    private_files.make_folder(out.absolute().parent)
+    making = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.absolute().parent))
+    try:
+        summary = _write(chosen, making, table_formats)
+        if len(table_formats) < len(formats):
+            from server.export import trajectories  # simulates: the rules are compiled for it only
+
+            summary.rows[trajectories.FOLDER] = trajectories.write(chosen, making)
+        tombstones.write(making, tombstones.every(connection))
+        manifest.write_about(making, versions, summary.columns, formats)  # last: it lists the hashes of all files
+        making.replace(out)
+    except BaseException:
+        shutil.rmtree(making, ignore_errors=True)
+        raise
+    return summary
+
+
+def _versions(connection: Connection, study: str | None) -> list[studies.StudyVersion]:
+    found = studies.every(connection, study)
+    if study is not None and not found:
+        known = sorted({version.key for version in studies.every(connection)})
+        raise ExportRefused(f"there is no study {study!r} in this database. It has: {', '.join(known) or 'none'}.")
+    return found
+
+
+def _write(chosen: Selection, folder: Path, formats: Sequence[str]) -> Summary:
+    summary = Summary()
+    for table in codebook.TABLES:
+        columns, chunks = _table(chosen, table)
+        summary.columns[table.name] = columns
+        summary.rows[table.name] = 0
+        with ExitStack() as stack:
+            writers = [stack.enter_context(TableWriter(folder, name, table.name, schema(columns))) for name in formats]
+            for chunk in chunks:
+                summary.rows[table.name] += chunk.num_rows
+                for writer in writers:
+                    writer.write(chunk)
+    return summary
+
+
+def _table(chosen: Selection, table: ExportTable) -> tuple[tuple[Column, ...], Iterator[pa.Table]]:
+    if table is codebook.TICKS:
+        types = schema(table.columns)
+        return table.columns, tick_rows.chunks(chosen.connection, exported.episode_ids(chosen), types)
+    if table is codebook.PARTICIPANTS:
+        wide = exported.wide_columns(chosen)
+        columns = (*table.columns, *wide)
+        return columns, _of_rows(exported.participant_rows(chosen, wide), columns)
+    return table.columns, _of_rows(_ROWS[table.name](chosen), table.columns)
+
+
+def schema(columns: Iterable[Column]) -> pa.Schema:
+    """The Arrow types of columns."""
+    return pa.schema([(column.name, _ARROW.get((column.type, column.bits), pa.string())) for column in columns])
+
+
+def _of_rows(rows: Iterator[tuple[Any, ...]], columns: Sequence[Column]) -> Iterator[pa.Table]:
+    types = schema(columns)
+    while chunk := list(islice(rows, ROWS)):
+        values = zip(*chunk, strict=True)
+        yield pa.Table.from_arrays(
+            [pa.array(v, kind) for v, kind in zip(values, types.types, strict=True)], schema=types
+        )

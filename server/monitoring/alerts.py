@@ -1,0 +1,176 @@
+"""What a researcher should know at once, also who does not look at the page: looked for every few seconds.
+
+An alert is told when it begins and when it is over. It names no condition and nothing that a participant wrote.
+"""
+
+import asyncio
+import logging
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+from sqlalchemy import Connection
+
+from server.monitoring import invented_participants
+from server.monitoring.attention import ACT
+from server.monitoring.live_games import LiveGames, who
+from server.monitoring.peers import Process
+from server.participation.study_changes import Versions, remedy
+from server.play.pause_reasons import DATABASE
+from server.store import overview
+from server.store.database import DatabaseDown
+
+log = logging.getLogger(__name__)
+LOOK_EVERY_S: Final = 5.0
+AWAY_S: Final = 15.0  # whoever is disconnected or has the tab hidden for so long
+LATE_MS: Final = 50.0  # p99 of the last ticks
+LATEST: Final = 2000  # ticks
+DISK_GB: Final = 1.0
+
+
+@dataclass(frozen=True)
+class Alert:
+    """`key` stays the same as long as it lasts; `path` leads to the page where something can be done."""
+
+    key: str
+    text: str
+    path: str = "/admin"
+    study: str = ""  # empty: the whole server
+    since: datetime | None = None  # when it was first seen
+
+
+def message_of(alert: Alert, over: bool, public_url: str) -> dict[str, str]:
+    """What is posted: `text` for a chat, the rest for a program."""
+    text = f"kitchenmind: {'over: ' if over else ''}{alert.text}"
+    link = f"{public_url.rstrip('/')}{alert.path}" if public_url else ""
+    state = "over" if over else "open"
+    at = datetime.now(UTC).isoformat(timespec="seconds")
+    return {"text": f"{text} {link}".strip(), "alert": alert.key, "state": state, "study": alert.study, "at": at}
+
+
+Tell = Callable[[Alert, bool], None]  # the alert, and whether it is over
+
+
+class Alerts:
+    """Keeps what is wrong now in `open`, by key; made once in server.main."""
+
+    def __init__(
+        self, live: LiveGames, database_file: Path | None, tell: Tell, versions: Versions | None = None
+    ) -> None:
+        self.open: dict[str, Alert] = {}
+        self._elsewhere: list[Alert] = []  # of other processes, which tell of them themselves
+        self._live, self._file, self._tell, self._versions = live, database_file, tell, versions
+
+    async def run(self) -> None:
+        """Until it is cancelled."""
+        while True:
+            try:
+                await self.look()
+            except Exception:
+                log.exception("alerts could not be looked for")
+            await asyncio.sleep(LOOK_EVERY_S)
+
+    async def look(self) -> None:
+        """Tells of what has begun and what is over since the last look."""
+        others = await self._live.elsewhere.processes()
+        self._elsewhere = self._late(others)
+        leads = all(self._live.elsewhere.name < other.name for other in others)  # one tells what all of them see
+        found = {
+            alert.key: alert for alert in (*self._machine(leads), *self._changed(leads), *await self._games(leads))
+        }
+        now = datetime.now(UTC)
+        for key in self.open.keys() - found.keys():
+            self._tell(self.open.pop(key), True)
+        for key, alert in found.items():
+            known = self.open.get(key)
+            self.open[key] = replace(alert, since=now if known is None else known.since)  # with the newest figures
+            if known is None:
+                self._tell(self.open[key], False)
+
+    def shown(self, study: str) -> list[dict[str, object]]:
+        """Alerts of the whole server as the dashboard of a study lists them; those of games stand on their cards."""
+        now = datetime.now(UTC)
+        of_all = (*self.open.values(), *self._elsewhere)
+        mine = [alert for alert in of_all if alert.study in ("", study) and not alert.key.startswith("game ")]
+        return [{"text": one.text, "since_s": round((now - (one.since or now)).total_seconds())} for one in mine]
+
+    def _late(self, others: list[Process]) -> list[Alert]:
+        """Of those processes."""
+        since = {alert.key: alert.since for alert in self._elsewhere}
+        found: list[Alert] = []
+        for process in others:
+            p99_ms = 1000 * process.figures.get("tick_lateness_seconds_p99", 0.0)
+            if p99_ms > LATE_MS:
+                key = f"late {process.name}"
+                text = f"Timesteps come late in process {process.name}: {p99_ms:.0f} ms at the 99th percentile."
+                found.append(Alert(key, text, since=since.get(key) or datetime.now(UTC)))
+        return found
+
+    def _machine(self, leads: bool) -> Iterator[Alert]:
+        late = self._live.games.loop.lateness.last(most=LATEST)
+        if late and late[int(0.99 * len(late))] > LATE_MS:
+            p99 = late[int(0.99 * len(late))]
+            yield Alert("late", f"Timesteps come late: {p99:.0f} ms at the 99th percentile.")
+        if any(DATABASE in game.session.holds for game in self._live.games):
+            yield Alert("database", "The database does not take data: games stand still until it does.")
+        if leads and self._file is not None and self._file.exists():
+            free_gb = shutil.disk_usage(self._file.parent).free / 1e9
+            if free_gb < DISK_GB:
+                yield Alert("disk", f"The disk is nearly full: {free_gb:.1f} GB are free.")
+
+    def _changed(self, leads: bool) -> Iterator[Alert]:
+        """Study files that are not as they are served."""
+        if self._versions is None or not leads:
+            return
+        for name, changed in list(self._versions.changed.items()):
+            text = f"{changed.text} {remedy(self._versions, name)}"
+            yield Alert(f"version {name} {changed.sha256[:12]}", text, f"/admin/s/{name}", name)
+
+    async def _games(self, leads: bool) -> list[Alert]:
+        """Of people who are away, and of errors in their browsers; none while the database cannot be read."""
+        found: list[Alert] = []
+        studies = self._live.web.studies
+        try:
+            for name in studies.names():
+                versions = studies.versions(name)
+                cards = await self._live.cards(versions)
+                found += _displays(name, [card.game.session.display_violations for card in cards])
+                for card in cards:
+                    since_s = self._live.since_s(card.flag) or 0
+                    if card.flag.level == ACT and since_s >= AWAY_S:
+                        text = f"{name}: {who(card.played)} is away ({card.flag.word.lower()}) for {since_s} s."
+                        path = f"/admin/s/{name}/game/{card.played.id}"
+                        found.append(Alert(f"game {card.played.id}", text, path, name))
+                found += await self._troubles(name, versions) if leads else []
+                crowd = await invented_participants.signs(self._live.web, name, versions, leads)
+                found += [Alert(key, text, f"/admin/s/{name}", name) for key, text in crowd.items()]
+        except DatabaseDown:
+            found.append(Alert("unreadable", "The database cannot be reached."))
+        return found
+
+    async def _troubles(self, name: str, versions: tuple[int, ...]) -> list[Alert]:
+        people = await self._live.web.database.read(_in_trouble, versions)
+        return [
+            Alert(
+                f"trouble {person}", f"{name}: the browser of P-{number:03d} reports errors.", f"/admin/s/{name}", name
+            )
+            for person, number in people.items()
+        ]
+
+
+def _displays(name: str, broken: list[int]) -> Iterator[Alert]:
+    """Of running games whose screens did not show what their condition promises. `broken`: timesteps of each."""
+    games = sum(count > 0 for count in broken)
+    if games:
+        what = f"{sum(broken)} timestep{'s' * (sum(broken) != 1)} of {games} running game{'s' * (games != 1)}"
+        text = f"{name}: in {what} the screen did not show what the condition promises. Look at the models' log."
+        yield Alert(f"display {name}", text, f"/admin/s/{name}", name)
+
+
+def _in_trouble(connection: Connection, versions: tuple[int, ...]) -> dict[str, int]:
+    """Whose browsers reported errors lately, with their numbers."""
+    lately = datetime.now(UTC) - overview.HERE
+    return {person: number for at, person, number, _ in overview.troubles(connection, versions) if at > lately}

@@ -1,0 +1,73 @@
+"""What the quality rules say of the episodes that are over: judged a few at a time, so that games do not notice."""
+
+import asyncio
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from sqlalchemy import Connection
+
+from server.store.database import Database
+
+if TYPE_CHECKING:
+    from server.export.quality_inputs import Key
+
+AT_ONCE: Final = 4  # episodes of a call
+A_LOOK: Final = 24  # episodes of a look
+
+
+@dataclass(frozen=True)
+class EpisodeQuality:
+    """`proposal`: keep, look or drop. `rules`: the names of those that say so."""
+
+    proposal: str
+    rules: str
+
+
+class DataQuality:
+    """Remembers what was said; one for the server."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._known: dict[str, tuple[Key, EpisodeQuality]] = {}
+        self._judging = asyncio.Lock()
+
+    async def look(self, study_ids: tuple[int, ...]) -> int:
+        """Judges some that are new, latest first; how many are still to be judged. Raises DatabaseDown."""
+        async with self._judging:
+            new = [key for key in await self._database.read(_over, study_ids) if self._is_new(key)]
+            for start in range(0, min(A_LOOK, len(new)), AT_ONCE):
+                some = new[start : start + AT_ONCE]
+                said = await self._database.read(_judge, [episode for episode, *_ in some])
+                self._known |= {key[0]: (key, said.get(key[0], EpisodeQuality("keep", ""))) for key in some}
+            return max(0, len(new) - A_LOOK)
+
+    def of(self, episode: str) -> EpisodeQuality | None:
+        """None: not over, or not judged yet."""
+        known = self._known.get(episode)
+        return known[1] if known else None
+
+    def by_person(self) -> dict[str, Counter[str]]:
+        """How often each participant's episodes were proposed to be kept, looked at or dropped."""
+        found: dict[str, Counter[str]] = {}
+        for (_, person, _), verdict in self._known.values():
+            found.setdefault(person, Counter())[verdict.proposal] += 1
+        return found
+
+    def _is_new(self, key: "Key") -> bool:
+        known = self._known.get(key[0])
+        return known is None or known[0] != key
+
+
+def _over(connection: Connection, study_ids: tuple[int, ...]) -> "list[Key]":
+    from server.export import quality_inputs  # late: the server starts sooner without pyarrow
+
+    return quality_inputs.over(connection, study_ids)
+
+
+def _judge(connection: Connection, episodes: list[str]) -> dict[str, EpisodeQuality]:
+    from analysis.episode_quality import judge  # late, as it loads polars
+    from server.export import quality_inputs
+
+    tables: dict[str, Any] = quality_inputs.tables(connection, episodes)
+    return {episode: EpisodeQuality(*said) for episode, said in judge(tables).items()}

@@ -1,0 +1,138 @@
+"""From the link to the analysis: how many came how far, who left and why, by arm. Knows counts, no persons."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from sqlalchemy import Connection
+
+from server.store import arrivals, overview
+from server.store.overview import Counts
+from server.study.definition import Study
+from server.study.steps import PHASES, StudyStep, steps
+
+Node = dict[str, Any]  # name, reached, here (now), lost: reason -> how many, flags: what else is known -> how many
+_REACHED = {
+    "introduction": "Consented",
+    "practice": "Began practice",
+    "rounds": "Began episodes",
+    "finish": "Last pages",
+}
+GONE = {
+    "timed_out": "not seen for too long",
+    "returned": "place released",
+    "screened_out": "screened out",
+    "withdrawn": "withdrew",
+}
+_UNSUITABLE = {
+    "browser": "browser too old, or without cookies",
+    "screen": "screen too small",
+    "input": "neither keyboard nor touch",
+    "latency": "connection too slow",
+    "websocket": "connection blocked",
+}
+
+
+@dataclass(frozen=True)
+class Stock:
+    """What the flow is counted from."""
+
+    counts: Counts
+    arrived: Mapping[tuple[str, str], int]  # (kind, reason) -> browsers
+    excluded: Mapping[str, int]  # condition -> completed participants whose data are excluded whole
+    inattentive: Mapping[tuple[str, int], int] = field(
+        default_factory=dict
+    )  # (condition, position) -> screened out for it
+    failed_a_check: int = 0  # completed participants who failed an attention check
+
+
+def stock(connection: Connection, study_ids: tuple[int, ...]) -> Stock:
+    """Read afresh."""
+    arrived = arrivals.of_study(connection, study_ids)
+    return Stock(
+        overview.flow(connection, study_ids),
+        arrived,
+        overview.excluded(connection, study_ids),
+        overview.inattentive(connection, study_ids),
+        overview.failed_a_check(connection, study_ids),
+    )
+
+
+def arms_of(study: Study, held: Stock, names: Mapping[str, str], blind: bool) -> list[dict[str, Any]]:
+    """Each condition against its plan; in blind mode in the order of the names that hide them."""
+    rows = []
+    for condition in study.conditions:
+        mine = {key: count for key, count in held.counts.items() if key[0] == condition.name}
+        by_status = {status: _sum(mine, status) for status in ("completed", "active", *GONE)}
+        excluded = held.excluded.get(condition.name, 0)
+        rows.append(
+            {
+                "name": names[condition.name],
+                "kind": "" if blind else condition.predictor,
+                "allocated": sum(by_status.values()),
+                "completed": by_status["completed"],
+                "active": by_status["active"],
+                "dropped": sum(by_status[status] for status in GONE),
+                "lost": _gone(mine, {key: n for key, n in held.inattentive.items() if key[0] == condition.name}),
+                "excluded": excluded,
+                "analysable": by_status["completed"] - excluded,
+                "target": condition.quota,
+            }
+        )
+    return sorted(rows, key=lambda row: str(row["name"])) if blind else rows
+
+
+def flow_of(study: Study, held: Stock) -> list[Node]:
+    """From the link to the analysis. Without the first node where no browser was counted: bots open no page."""
+    way = steps(study, study.conditions[0].name, study.seed)
+    nodes = [_phase(way, phase, held) for phase in PHASES if _inside(way, phase)]
+    excluded = sum(held.excluded.values())
+    completed = _sum(held.counts, "completed")
+    nodes.append({"name": "Completed", "reached": completed, "here": 0, "lost": _some({"excluded": excluded})})
+    nodes[-1]["flags"] = _some({"failed an attention check": held.failed_a_check})
+    nodes.append({"name": "Analysable", "reached": completed - excluded, "here": 0, "lost": {}})
+    return [*_opened(held.arrived, nodes[0]["reached"]), *nodes]
+
+
+def _opened(arrived: Mapping[tuple[str, str], int], consented: int) -> list[Node]:
+    opened = arrived.get(("opened", ""), 0)
+    if not opened:
+        return []
+    lost = {word: arrived.get(("unsuitable", reason), 0) for reason, word in _UNSUITABLE.items()}
+    lost["declined"] = arrived.get(("declined", ""), 0)
+    lost["left without a word"] = max(0, opened - consented - sum(lost.values()))
+    return [{"name": "Opened the link", "reached": max(opened, consented), "here": 0, "lost": _some(lost)}]
+
+
+def _inside(way: tuple[StudyStep, ...], phase: str) -> list[int]:
+    return [index for index, step in enumerate(way) if step.phase == phase and step.kind != "thanks"]
+
+
+def _phase(way: tuple[StudyStep, ...], phase: str, held: Stock) -> Node:
+    """Who came to the first step of the phase, who is in it, who left in it."""
+    counts = held.counts
+    inside = _inside(way, phase)
+    is_first = min(inside) == min(index for each in PHASES for index in _inside(way, each))
+    first, last = (0 if is_first else min(inside)), max(inside)
+    here = {key: count for key, count in counts.items() if first <= min(key[2], len(way) - 1) <= last}
+    inattentive = {key: count for key, count in held.inattentive.items() if first <= min(key[1], len(way) - 1) <= last}
+    reached = sum(
+        count for (_, status, position), count in counts.items() if status == "completed" or position >= first
+    )
+    name, lost = _REACHED.get(phase, phase), _gone(here, inattentive)
+    return {"name": name, "reached": reached, "here": _sum(here, "active"), "lost": lost}
+
+
+def _gone(counts: Counts, inattentive: Mapping[tuple[str, int], int]) -> dict[str, int]:
+    """Why people left; those who failed attention checks apart from the others who were screened out."""
+    lost = {word: _sum(counts, status) for status, word in GONE.items()}
+    failed = sum(inattentive.values())
+    return _some(lost | {GONE["screened_out"]: lost[GONE["screened_out"]] - failed, "failed attention checks": failed})
+
+
+def _sum(counts: Counts, wanted: str) -> int:
+    return sum(count for (_, status, _), count in counts.items() if status == wanted)
+
+
+def _some(counts: dict[str, int]) -> dict[str, int]:
+    return {word: count for word, count in counts.items() if count}

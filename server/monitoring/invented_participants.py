@@ -1,0 +1,40 @@
+"""Signs that somebody fills a study with invented people, in words for an alert. Names no address and no person."""
+
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
+from typing import Final
+
+from server.monitoring.site import Site
+from server.store import participants
+
+WINDOW: Final = timedelta(hours=1)
+FEWEST: Final = 5  # people who did nothing; fewer are no sign
+SHARE: Final = 0.5  # of those who consented in the window
+
+
+async def signs(web: Site, study: str, versions: Sequence[int], leads: bool) -> dict[str, str]:
+    """Return what an alert says, by its key. `leads`: this process tells what all of them see in the database.
+
+    Raises DatabaseDown.
+    """
+    found = {}
+    turned_away = web.places.turned_away(study)
+    if turned_away:
+        limit = web.places.an_hour
+        found[f"places {study}"] = (
+            f"{study}: one address asked for more than {limit} new places in an hour; {turned_away} were refused. "
+            "For a lab or a class behind one address, raise KITCHENMIND_NEW_PER_ADDRESS. If they do not sit together, "
+            "check that the server believes your proxy about addresses (KITCHENMIND_TRUSTED_PROXIES)."
+        )
+    opened = web.studies.open(study)
+    if leads and opened is not None:
+        hold = timedelta(minutes=opened[1].hold_min)
+        now = datetime.now(UTC)
+        span = (now - hold - WINDOW, now - hold)
+        new, silent = await web.database.read(participants.consented_since, versions, *span)
+        if silent >= FEWEST and silent >= SHARE * new:
+            found[f"silent {study}"] = (
+                f"{study}: {silent} of {new} people who consented within an hour have done nothing since. "
+                "Somebody may be filling the study. Their places are free again."
+            )
+    return found

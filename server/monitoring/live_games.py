@@ -1,0 +1,156 @@
+"""The running games as researchers see them: a card for each game, and its board. Changes nothing."""
+
+import asyncio
+import time
+from collections import deque
+from dataclasses import dataclass
+from typing import Any, Final
+
+from server.monitoring.attention import Attention, Flag
+from server.monitoring.peers import Peers, SingleProcess, View
+from server.monitoring.site import OpenSockets, Site
+from server.play.game import Game
+from server.play.games import Games
+from server.store import overview
+from server.store.overview import Played
+
+CARDS_EVERY_S: Final = 0.5
+_SAMPLES: Final = 4000
+
+
+@dataclass(frozen=True)
+class Card:
+    """One running game and whose it is."""
+
+    game: Game
+    played: Played
+    flag: Flag
+    rtt_ms: float | None
+
+
+class LiveGames:
+    """Looks at the running games on behalf of everybody who watches; made once in server.main."""
+
+    def __init__(self, web: Site, games: Games, sockets: OpenSockets, elsewhere: Peers | None = None) -> None:
+        self.web, self.games, self.sockets = web, games, sockets
+        self.elsewhere = elsewhere or SingleProcess()
+        self.models_ms: deque[float] = deque(maxlen=_SAMPLES)  # sampled while somebody watches
+        self._attention = Attention()
+        self._played: dict[str, Played] = {}
+        self._cards: tuple[float, list[Card]] = (-1e9, [])
+        self._views: tuple[float, list[View]] = (-1e9, [])
+        self._looking = asyncio.Lock()
+
+    async def cards(self, study_ids: tuple[int, ...]) -> list[Card]:
+        """The running games of a study; looked at afresh at most twice a second, however many watch."""
+        async with self._looking:
+            if time.monotonic() - self._cards[0] >= 0.8 * CARDS_EVERY_S:
+                await self._look()
+        return [card for card in self._cards[1] if card.played.study_id in study_ids]
+
+    async def views(self, study_ids: tuple[int, ...]) -> list[View]:
+        """The games of a study that other processes play; asked for at most twice a second."""
+        async with self._looking:
+            if time.monotonic() - self._views[0] >= 0.8 * CARDS_EVERY_S:
+                self._views = (time.monotonic(), await self.elsewhere.views())
+        return [view for view in self._views[1] if view.study_id in study_ids]
+
+    async def elsewhere_plays(self, played: Played) -> bool:
+        """Whether another process plays the episode."""
+        return any(view.id == played.id for view in await self.views((played.study_id,)))
+
+    async def own_views(self) -> list[View]:
+        """The games of this process, for the dashboards of others."""
+        made = []
+        for card in await self.cards(self.web.studies.every_version()):
+            made.append(
+                View(
+                    id=card.played.id,
+                    study_id=card.played.study_id,
+                    condition=card.played.condition,
+                    phase=card.game.session.phase,
+                    card=card_of(self, card, {}),
+                    board=board_of(card.game, blind=False),
+                    still=still_of(card),
+                )
+            )
+            await asyncio.sleep(0)  # the games' own ticks come first
+        return made
+
+    async def _look(self) -> None:
+        running = [game for game in self.games if game.session.phase != "ended"]
+        known = {game.episode for game in running}
+        unknown = [episode for episode in known if episode not in self._played]
+        if unknown:
+            self._played |= await self.web.database.read(overview.played, *unknown)
+        self._played = {episode: played for episode, played in self._played.items() if episode in known}
+        self._attention.forget(known)
+        rtts, now = self.sockets.rtts_ms(), self.games.clock.now()
+        cards = []
+        for game in running:
+            played = self._played.get(game.episode)
+            if played is not None:
+                rtt_ms = rtts.get(played.participant_id)
+                cards.append(Card(game, played, self._attention.flag(game, played.seat, rtt_ms, now), rtt_ms))
+            record = game.session.record
+            if record is not None and game.session.phase == "running":
+                self.models_ms.append(record.models_ms)
+        self._cards = (time.monotonic(), cards)
+
+    def since_s(self, flag: Flag) -> int | None:
+        """For how many seconds the flag has been up."""
+        return None if flag.since is None else max(0, round(self.games.clock.now() - flag.since))
+
+
+def who(played: Played) -> str:
+    """What a participant is called: P-012 of people, B-012 of bots."""
+    return f"{'B' if played.simulated else 'P'}-{played.number:03d}"
+
+
+def card_of(live: LiveGames, card: Card, arms: dict[str, str]) -> dict[str, Any]:
+    """What the page is told of a game without its board. `arms`: what each condition is called; empty in blind mode."""
+    session, played = card.game.session, card.played
+    return {
+        "id": played.id,
+        "who": who(played),
+        "person": played.participant_id,
+        "episode": f"E{played.episode}" if played.kind == "episode" else "Tutorial",
+        "agent": played.agent,
+        "title": session.spec.title,
+        "arm": arms.get(played.condition, ""),
+        "t": session.trace.timestep,
+        "horizon": session.spec.horizon,
+        "score": session.trace.score,
+        "level": card.flag.level,
+        "flag": card.flag.word,
+        "since_s": live.since_s(card.flag),
+        "rtt_ms": None if card.rtt_ms is None else round(card.rtt_ms),
+    }
+
+
+def kitchen_of(game: Game) -> dict[str, Any]:
+    """The current state as the browser draws it."""
+    kitchen = game.session.trace.kitchen()
+    return {name: getattr(kitchen, name) for name in ("t", "players", "counters", "pots", "score", "soups")}
+
+
+def board_of(game: Game, blind: bool) -> dict[str, Any]:
+    """The current state with the marks that the participant sees."""
+    session = game.session
+    return {
+        "state": kitchen_of(game),
+        "prediction": [] if blind else session.displayed,
+        "actions": session.trace.last_actions or (4, 4),
+    }
+
+
+def still_of(card: Card) -> dict[str, Any]:
+    """What of a board never changes."""
+    session = card.game.session
+    return {
+        "grid": session.trace.layout.grid,
+        "seat": card.played.seat,
+        "watched_seat": session.spec.watched_seat,
+        "tick_ms": session.spec.tick_ms,
+        "horizon": session.spec.horizon,
+    }

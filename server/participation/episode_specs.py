@@ -1,0 +1,99 @@
+"""From a step of a study to the episode that the live game plays. The one place where study words become game words."""
+
+from functools import cache
+from typing import Literal
+
+from overcooked.layout import Layout, load_layout, parse_layout
+from overcooked.score import ProgressWeights
+from server.play.episode_spec import EpisodeSpec, PauseLimits
+from server.study.definition import Condition, KitchenChoice, PartnerSettings, Study
+from server.study.steps import StudyStep, episodes_of
+
+_SHOWN: dict[str, Literal["nothing", "random", "predictor"]] = {
+    "none": "nothing",
+    "random": "random",
+    "tom": "predictor",
+    "degraded": "predictor",
+}
+
+
+def episode_spec(study: Study, step: StudyStep, condition: str, language: str, people: int = 1) -> EpisodeSpec:
+    """The episode of a tutorial or episode step, for a participant in `condition` who reads `language`. `people`: how
+    many play a round of two; where one stays alone, the study's stand-in plays with them.
+
+    The same in all conditions but for what is shown: the predictor is asked in each. Raises LayoutError or
+    FileNotFoundError for a layout that is none (`kitchenmind study check` finds these first), KeyError for names
+    that the study lacks.
+    """
+    arm = study.condition(condition)
+    tutorial = step.kind == "tutorial"
+    kitchen = study.tutorial.layout if tutorial else study.layout(step.layout)
+    layout = layout_of(kitchen)
+    agent = agent_of(study, step, people)
+    other = None if agent.human else agent.catalogue_name
+    seat = study.game.human_seat
+    return EpisodeSpec(
+        kind="tutorial" if tutorial else "episode",
+        number=step.number,
+        episodes=episodes_of(study),
+        layout=layout.name,
+        grid=layout.text,
+        title=kitchen.title.of(language),
+        agents=(None, other) if seat == 0 else (other, None),
+        predictor=predictor_of(study, agent, arm),
+        watched_seat=1 - seat,
+        shown=_SHOWN[arm.predictor],
+        seed=step.seed,
+        steps_shown=study.predictor.steps_shown,
+        confidence_opacity=study.predictor.confidence_opacity,
+        horizon=0 if tutorial else study.game.horizon,
+        tick_ms=study.game.tick_ms,
+        deadline_ms=study.game.deadline_ms,
+        pause=PauseLimits(study.game.pause.each_s, study.game.pause.episode_s),
+        progress=ProgressWeights(study.game.progress.onion_in_pot, study.game.progress.soup_on_dish),
+        lessons=lessons(study, arm) if tutorial else (),
+    )
+
+
+def agent_of(study: Study, step: StudyStep, people: int = 1) -> PartnerSettings:
+    """The partner in a tutorial or episode step; where a round of two is played by one, the study's stand-in."""
+    agent = study.tutorial.agent if step.kind == "tutorial" else study.agent(step.agent)
+    return study.waiting_room.agent if agent.human and people == 1 else agent
+
+
+def lessons(study: Study, condition: Condition) -> tuple[str, ...]:
+    """What the tutorial teaches: marks only to those who will see some."""
+    return tuple(key for key in study.tutorial.lessons if key != "marks" or condition.shows_predictions)
+
+
+def layout_of(kitchen: KitchenChoice) -> Layout:
+    """The layout of a study's kitchen, shipped or its own grid. Raises LayoutError, FileNotFoundError."""
+    return _layout(kitchen.name, kitchen.grid)
+
+
+def predictor_of(study: Study, agent: PartnerSettings, condition: Condition) -> str | None:
+    """The catalogue's name of what foretells the agent, None for a person whom nothing foretells; in a degraded
+    condition, of its worse self (but for the tutorial's, from whose marks everybody learns to read them)."""
+    if agent.human and agent.predictor is None:
+        return None
+    name = agent.predictor or f"{agent.model or agent.name}_predictor_{study.predictor.form}"
+    if condition.accuracy is None or agent is study.tutorial.agent:
+        return name
+    return f"{name}@{100 * condition.accuracy:g}"
+
+
+def models_of(study: Study) -> tuple[set[tuple[str, str]], set[tuple[str, str]]]:
+    """All (layout, agent) and (layout, predictor) pairs that the study's games ask."""
+    games = [(kitchen.name, agent) for kitchen in study.layouts for agent in study.agents if "episodes" in study.flow]
+    if "tutorial" in study.flow:
+        games.append((study.tutorial.layout.name, study.tutorial.agent))
+    if any(agent.human for _, agent in games):
+        games += [(kitchen.name, study.waiting_room.agent) for kitchen in study.layouts]
+    agents = {(layout, agent.catalogue_name) for layout, agent in games if not agent.human}
+    asked = {(layout, predictor_of(study, agent, arm)) for layout, agent in games for arm in study.conditions}
+    return agents, {(layout, name) for layout, name in asked if name is not None}
+
+
+@cache
+def _layout(name: str, grid: str | None) -> Layout:
+    return load_layout(name) if grid is None else parse_layout(grid, name)

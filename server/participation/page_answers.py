@@ -1,0 +1,25 @@
+"""Check the answers of one page: valid, right (quiz), and attentive (attention checks)."""
+
+from collections.abc import Mapping
+
+from server.store.participants import Participant
+from server.study.definition import Study
+from server.study.questionnaire import AnswerError, Checked, asked, check_answers, is_attentive, is_correct
+from server.study.steps import StudyStep
+
+
+def check_page(
+    study: Study, participant: Participant, step: StudyStep, form: Mapping[str, list[str]]
+) -> tuple[Checked, dict[str, bool]]:
+    """Return the answers of a page with questions, and whether each attention check among them was passed."""
+    if step.kind not in ("questionnaire", "quiz"):
+        return Checked({}, {}), {}
+    condition = study.condition(participant.condition)
+    questions = asked(study.questions(step.page or step.kind), condition.name, condition.shows_predictions)
+    checked = check_answers(questions, form)
+    checks = {question.key: is_attentive(question, checked.answers.get(question.key)) for question in questions}
+    attention = {key: passed for key, passed in checks.items() if passed is not None and key in checked.answers}
+    if step.kind == "quiz" and not checked.faults:
+        wrong = {q.key: AnswerError("wrong", {}) for q in questions if not is_correct(q, checked.answers.get(q.key))}
+        checked = Checked(checked.answers, wrong)
+    return checked, attention

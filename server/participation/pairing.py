@@ -1,0 +1,123 @@
+"""Rounds of two people, as functions on one database transaction: who waits for whom, who is seated, who stays alone.
+
+Two who have met stay together; who has lost the other, or never met one, goes on with the study's stand-in.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import Connection, func, select
+
+from server.participation import progress
+from server.participation.served_studies import Studies
+from server.participation.waiting_room import PairingRequest
+from server.store import episodes, events, participants
+from server.store.episodes import StoredEpisode
+from server.store.participants import Participant
+from server.store.tables import visits
+from server.study.definition import Study
+from server.study.steps import StudyStep
+
+SeatDown = Callable[[Connection, Sequence[Participant], StudyStep], str]  # makes the episode of one or two people
+
+
+@dataclass(frozen=True)
+class Company:
+    """What there is to know about a participant's rounds of two so far."""
+
+    partner: str | None = None  # whom they have played with
+    alone: str = ""  # why they play without anybody; empty: they do not
+
+
+def is_for_two(study: Study, step: StudyStep) -> bool:
+    """Whether this step is a round of two people."""
+    return step.kind == "episode" and study.agent(step.agent).human
+
+
+def company(connection: Connection, studies: Studies, participant: Participant, step: StudyStep) -> Company:
+    """With whom the participant plays, or why with nobody."""
+    study = studies.of(participant)
+    rounds = {one.number for one in studies.way(participant) if is_for_two(study, one) and one.number < step.number}
+    played = [one for one in episodes.of_participant(connection, participant.id) if one.number in rounds]
+    if not played:
+        return Company()
+    last = max(played, key=lambda one: (one.number, one.attempt))
+    other = _other(last, participant.id)
+    if other is None:
+        return Company(alone="nobody_came")
+    if last.end_reason in ("away", "error"):
+        return Company(alone="partner_left")
+    partner = participants.get(connection, other)
+    theirs = episodes.of_step(connection, other, step.key)
+    is_there = partner is not None and partner.status == "active" and theirs is None
+    return Company(other) if is_there else Company(alone="partner_left")
+
+
+def wish(
+    connection: Connection, studies: Studies, participant: Participant, step: StudyStep, partner: str | None
+) -> PairingRequest:
+    """What the participant waits for, since they first opened the page of the round."""
+    first = select(func.min(visits.c.entered_at))
+    since = connection.execute(
+        first.where(visits.c.participant_id == participant.id, visits.c.step_key == step.key)
+    ).scalar()
+    room = (participant.study_id, participant.condition, step.key, participant.simulated)
+    limit_s = studies.of(participant).waiting_room.limit_s
+    return PairingRequest(room, since or datetime.now(UTC), limit_s, partner)
+
+
+def seat_two(connection: Connection, studies: Studies, seat_down: SeatDown, first: str, second: str) -> bool:
+    """Makes the round of these two. False, and nothing changes, if one of them can no longer play it."""
+    both = [participants.get(connection, one) for one in (first, second)]
+    present = [one for one in both if one is not None and one.status == "active"]
+    if len(present) < len(both):
+        return False
+    here = [studies.step(one) for one in present]
+    if here[0].key != here[1].key or any(episodes.of_step(connection, one.id, here[0].key) for one in present):
+        return False
+    episode = seat_down(connection, _as_before(connection, studies.of(present[0]), present), here[0])
+    for one in present:
+        _note(connection, one.id, "paired", here[0], episode=episode)
+    return True
+
+
+def _as_before(connection: Connection, study: Study, pair: list[Participant]) -> list[Participant]:
+    """Two who have played together keep their seats: who is watched stays watched. The first gets the study's seat."""
+    first, second = pair
+    both = {first.id, second.id}
+    together = [
+        (one.participant_0, one.participant_1)
+        for one in episodes.of_participant(connection, first.id)
+        if {one.participant_0, one.participant_1} == both
+    ]
+    return pair if not together or together[-1][study.game.human_seat] == first.id else [second, first]
+
+
+def go_alone(connection: Connection, studies: Studies, seat_down: SeatDown, participant_id: str, why: str) -> None:
+    """The participant goes on without anybody: with the stand-in, or out of the study with a code, as its file says."""
+    participant = participants.get(connection, participant_id)
+    if participant is None or participant.status != "active":
+        return
+    step, study = studies.step(participant), studies.of(participant)
+    if not is_for_two(study, step) or episodes.of_step(connection, participant_id, step.key) is not None:
+        return
+    if study.waiting_room.fallback == "leave":
+        participants.release_with_code(connection, participant_id, progress.new_code())
+        _note(connection, participant_id, "alone", step, why=why)
+    else:
+        episode = seat_down(connection, [participant], step)
+        _note(connection, participant_id, "alone", step, why=why, episode=episode)
+
+
+def _note(
+    connection: Connection, participant: str, kind: str, step: StudyStep, why: str = "", episode: str = ""
+) -> None:
+    detail = {"step": step.key} | ({"why": why} if why else {})
+    events.add(connection, events.Event(kind, datetime.now(UTC), participant, episode or None, detail))
+
+
+def _other(episode: StoredEpisode, participant: str) -> str | None:
+    """The other person of an episode; None where that seat is an agent's."""
+    seats = (episode.participant_0, episode.participant_1)
+    return seats[1 - seats.index(participant)]

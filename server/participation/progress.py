@@ -1,0 +1,295 @@
+"""How a participant moves through a study, as functions on one database transaction. Knows no HTTP and no page.
+
+Every function may be called again: what is done stays done, and what comes too late changes nothing.
+"""
+
+import secrets
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from sqlalchemy import Connection
+
+from server.participation.served_studies import Studies
+from server.store import answers, decisions, episodes, events, participants, studies
+from server.store.events import ATTENTION_SCREENED_OUT
+from server.store.participants import NewParticipant, Participant
+from server.study.assignment import Count, StudyFullError, next_condition, participant_seed
+from server.study.definition import Study
+from server.study.steps import StudyStep
+
+_QUIZ_FAILED = "quiz_failed"  # kind of the event
+_CODE_LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # none that look alike
+
+
+class StudyPaused(StudyFullError):
+    """A researcher paused the study: nobody is let in now."""
+
+
+class AlreadyFinished(Exception):
+    """The person's participation is over: knowing the recruiter's id is not enough to get back to it."""
+
+
+@dataclass(frozen=True)
+class ConsentArrival:
+    """Somebody who consents: by which study, with which cookie, from which link. `holder`: the participant whose
+    cookie the browser had before."""
+
+    study: str
+    token: str
+    language: str = "en"
+    person: str | None = None
+    extra: Mapping[str, str] = field(default_factory=dict)
+    simulated: bool = False
+    holder: str | None = None
+
+
+@dataclass(frozen=True)
+class Submission:
+    """A page as it was sent: for which step, with which checked answers."""
+
+    step: StudyStep
+    answers: Mapping[str, Any] = field(default_factory=dict)
+    attention: Mapping[str, bool] = field(default_factory=dict)  # attention check -> whether it was passed
+    attempt: int = 0  # of the quiz, from 1: the number that the page carried
+
+
+@dataclass(frozen=True)
+class FailedQuiz:
+    """An attempt at the quiz that was not right. `wrong`: the answers given to the questions that were missed."""
+
+    attempt: int
+    wrong: Mapping[str, Any]
+
+
+def new_code() -> str:
+    """A completion code of 40 random bits, easy to read out."""
+    letters = "".join(secrets.choice(_CODE_LETTERS) for _ in range(8))
+    return f"KM-{letters[:4]}-{letters[4:]}"
+
+
+def known(connection: Connection, all_studies: Studies, name: str, person: str | None) -> Participant | None:
+    """The participant that the recruiter sent before, in whichever version of the study."""
+    for study_id in all_studies.versions(name) if person else ():
+        found = participants.by_recruitment_id(connection, study_id, person or "")
+        if found is not None:
+            return found
+    return None
+
+
+def already_here(connection: Connection, all_studies: Studies, arrival: ConsentArrival) -> Participant | None:
+    """The participant who sent this very page before, or whom the recruiter sent before."""
+    same_page = participants.by_token(connection, arrival.token)
+    return same_page or known(connection, all_studies, arrival.study, arrival.person)
+
+
+def has_news(connection: Connection, participant_id: str, extra: Mapping[str, str]) -> bool:
+    """Whether the link brings other parameters than those that are stored: a new assignment, a new session."""
+    kept = participants.personal_of(connection, participant_id)
+    return any(kept.get(name) != value for name, value in extra.items())
+
+
+def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival) -> Participant:
+    """The participant who consents now, in the condition whose turn it is; or the one that the person already is, who
+    goes on with the new cookie and the link's newest parameters. Raises StudyFullError, StudyPaused, AlreadyFinished,
+    KeyError (the study is not open)."""
+    same_page = participants.by_token(connection, arrival.token)
+    if same_page is not None:
+        return same_page
+    before = known(connection, all_studies, arrival.study, arrival.person)
+    if before is not None:
+        if before.status != "active" and before.id != arrival.holder:
+            raise AlreadyFinished(arrival.study)
+        participants.replace_token(connection, before.id, arrival.token)
+        participants.renew_personal(connection, before.id, before.study_id, arrival.extra)
+        return before
+    opened = all_studies.open(arrival.study)
+    if opened is None:
+        raise KeyError(arrival.study)
+    study_id, study = opened
+    if is_paused(connection, study.name):
+        raise StudyPaused(study.name)
+    release(connection, study_id, study)
+    row = studies.get(connection, study_id)
+    number = row.started if row else 0
+    new = NewParticipant(
+        study_id=study_id,
+        condition=next_condition(study, held(connection, study_id, study), number),
+        seed=participant_seed(study, number),
+        token=arrival.token,
+        language=arrival.language,
+        simulated=arrival.simulated,
+        recruitment_id=arrival.person,
+        personal=arrival.extra,
+    )
+    return participants.create(connection, new)
+
+
+def enrol_once(connection: Connection, all_studies: Studies, arrival: ConsentArrival) -> bool:
+    """`enrol`; returns whether somebody new came of it."""
+    is_new = already_here(connection, all_studies, arrival) is None
+    enrol(connection, all_studies, arrival)
+    return is_new
+
+
+def is_paused(connection: Connection, study: str) -> bool:
+    """Whether a researcher has paused the study."""
+    return study in decisions.paused_studies(connection)
+
+
+def held(connection: Connection, study_id: int, study: Study) -> dict[str, Count]:
+    """How many hold a place in each condition. Who consented and then did nothing holds one for `hold_min` only."""
+    found = participants.counts(connection, study_id)
+    silent = participants.silent(connection, (study_id,), _held_since(study))
+    return {
+        name: Count(by.get("completed", 0), by.get("active", 0) - silent.get(name, 0)) for name, by in found.items()
+    }
+
+
+def _held_since(study: Study) -> datetime:
+    return datetime.now(UTC) - timedelta(minutes=study.hold_min)
+
+
+def _place_is_lost(connection: Connection, all_studies: Studies, participant: Participant) -> bool:
+    """Whether the participant did nothing for so long after consent that others have taken all places; this ends the
+    participation."""
+    study = all_studies.of(participant)
+    quota = study.condition(participant.condition).quota
+    if quota is None or participant.position > 0 or participant.started_at >= _held_since(study):
+        return False
+    taken = held(connection, participant.study_id, study)[participant.condition].held
+    if taken < quota or not participants.is_silent(connection, participant.id):
+        return False
+    return participants.leave(connection, participant.id, "timed_out")
+
+
+def release(connection: Connection, study_id: int, study: Study) -> int:
+    """Gives the places of those back who were not seen for too long; returns how many."""
+    return participants.time_out(connection, study_id, datetime.now(UTC) - timedelta(minutes=study.timeout_min))
+
+
+def arrive(connection: Connection, all_studies: Studies, participant_id: str) -> Participant | None:
+    """The participant opens the page of the current step: a game that is over is left behind, the visit is noted."""
+    participant = participants.get(connection, participant_id)
+    if participant is None or participant.status != "active":
+        return participant
+    if _place_is_lost(connection, all_studies, participant):
+        return participants.get(connection, participant_id)
+    way = all_studies.way(participant)
+    step = way[min(participant.position, len(way) - 1)]
+    if step.is_game and _is_over(connection, participant, step):
+        _move_on(connection, participant, way)
+        participant = participants.get(connection, participant_id)
+        step = way[participant.position] if participant else step
+    answers.enter(connection, participant_id, step.key)
+    participants.seen(connection, participant_id)
+    return participants.get(connection, participant_id)
+
+
+def submit(connection: Connection, all_studies: Studies, participant_id: str, submission: Submission) -> bool:
+    """Stores a page's answers and moves on to the next step. False, and nothing changes, if the participant is no
+    longer at that step: the page was sent twice, from another tab, or after the end."""
+    participant = participants.get(connection, participant_id)
+    if participant is None or participant.status != "active":
+        return False
+    if _place_is_lost(connection, all_studies, participant):
+        return False
+    way = all_studies.way(participant)
+    step = way[min(participant.position, len(way) - 1)]
+    if step.key != submission.step.key or step.kind == "thanks":
+        return False
+    if step.kind == "quiz" and submission.attempt != quiz_attempt(connection, participant_id):
+        return False
+    if step.is_game and not _is_over(connection, participant, step):
+        if step.kind != "tutorial" or not all_studies.of(participant).tutorial.skippable:
+            return False
+        note(connection, participant_id, {"tutorial_skipped": {}})
+    took_ms = answers.leave(connection, participant_id, step.key)
+    episode = episodes.of_step(connection, participant_id, f"episode-{step.number:02d}") if step.number else None
+    about = episode.id if episode is not None and step.kind == "questionnaire" else None
+    checks = submission.attention
+    answers.save(
+        connection, answers.SubmittedPage(participant_id, step.key, submission.answers, about, took_ms, checks)
+    )
+    failed = [question for question, passed in checks.items() if not passed]
+    if failed:
+        note(connection, participant_id, {"attention_failed": {"step": step.key, "questions": failed}})
+        if _screened_out(connection, participant_id, all_studies.of(participant)):
+            return True
+    return _move_on(connection, participant, way)
+
+
+def _screened_out(connection: Connection, participant_id: str, study: Study) -> bool:
+    """End the participation if as many attention checks were failed as the study allows. The answers stay stored."""
+    limit = study.attention.screen_out_after
+    count = answers.attention_of(connection, participant_id)
+    if limit is None or count.failed < limit or not participants.leave(connection, participant_id, "screened_out"):
+        return False
+    note(connection, participant_id, {ATTENTION_SCREENED_OUT: {"failed": count.failed, "answered": count.answered}})
+    return True
+
+
+def note(connection: Connection, participant_id: str, happened: Mapping[str, Mapping[str, Any]]) -> None:
+    """Keeps things that happened beside the answers: a failed attention check, a wrong answer in the quiz."""
+    now = datetime.now(UTC)
+    new = [events.Event(kind, now, participant_id, detail=dict(detail)) for kind, detail in happened.items()]
+    events.add(connection, *new)
+
+
+def quiz_attempt(connection: Connection, participant_id: str) -> int:
+    """Return the number, from 1, of the attempt at the quiz that the participant has now."""
+    return 1 + len(events.of_participant(connection, participant_id, _QUIZ_FAILED))
+
+
+def wrong_quiz(connection: Connection, all_studies: Studies, participant_id: str, failed: FailedQuiz) -> bool:
+    """Count a failed attempt; the last one that the study allows ends the participation.
+
+    Return whether `failed` is the participant's latest failed attempt, counted now or before: its page is then shown
+    with its faults. False: it belongs to an earlier attempt, or the participant is past the quiz. Sending an attempt
+    again changes nothing, however often and in whatever order its copies arrive.
+    """
+    participant = participants.get(connection, participant_id)
+    if participant is None or participant.status != "active" or all_studies.step(participant).kind != "quiz":
+        return False
+    before = events.of_participant(connection, participant_id, _QUIZ_FAILED)
+    if failed.attempt != len(before) + 1:
+        return failed.attempt == len(before) > 0 and before[-1].detail.get("answers") == dict(failed.wrong)
+    note(connection, participant_id, {_QUIZ_FAILED: {"answers": dict(failed.wrong), "attempt": failed.attempt}})
+    quiz = all_studies.of(participant).quiz
+    if quiz is not None and quiz.attempts is not None and failed.attempt >= quiz.attempts:
+        participants.leave(connection, participant_id, "screened_out")
+        return False
+    return True
+
+
+def by_code(connection: Connection, all_studies: Studies, name: str, code: str) -> Participant | None:
+    """Who was given this completion code, in whichever version of the study."""
+    for study_id in all_studies.versions(name) if code else ():
+        found = participants.by_code(connection, study_id, code)
+        if found is not None:
+            return found
+    return None
+
+
+def last_episode(connection: Connection, participant_id: str, number: int) -> episodes.StoredEpisode | None:
+    """The episode before the `number`-th, for the page that gets somebody ready."""
+    return episodes.of_step(connection, participant_id, f"episode-{number - 1:02d}") if number > 1 else None
+
+
+def _is_over(connection: Connection, participant: Participant, step: StudyStep) -> bool:
+    """A tutorial has to be passed; an episode has to have ended, in whatever way."""
+    episode = episodes.of_step(connection, participant.id, step.key)
+    if episode is None:
+        return False
+    return bool(episode.passed) if step.kind == "tutorial" else episode.status in ("done", "aborted")
+
+
+def _move_on(connection: Connection, participant: Participant, way: tuple[StudyStep, ...]) -> bool:
+    """To the next step; who gets to the last one has done everything, and gets the code in the same transaction."""
+    following = participant.position + 1
+    if following >= len(way) or not participants.advance(connection, participant.id, participant.position, following):
+        return False
+    if way[following].kind == "thanks":
+        participants.complete(connection, participant.id, new_code())
+    return True

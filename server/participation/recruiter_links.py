@@ -1,0 +1,108 @@
+"""What a recruiter's link brings and what goes back: parameters in, an address or a form out. Knows no database."""
+
+import logging
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+from urllib.parse import quote, unquote
+
+from server.study.definition import Study
+from server.study.recruitment import Exit, Recruitment
+
+log = logging.getLogger(__name__)
+LONGEST_PARAMETER = 128
+MTURK_HOME: Final = "turkSubmitTo"
+# Everything that MTurk puts into `turkSubmitTo`. The value comes with the link, so it only selects one of these.
+MTURK_ORIGINS: Final = ("https://www.mturk.com", "https://workersandbox.mturk.com", "https://worker.mturk.com")
+# {{%PROLIFIC_PID%}}, %SURVEY_CODE%, ${workerId}, {person}, <id>, [id]: what a recruiter should have replaced.
+_PLACEHOLDER = re.compile(r"\{\{|\}\}|\$\{|^(%+\w+%+|\{.*\}|<.*>|\[.*\])$")
+PREVIEW = "ASSIGNMENT_ID_NOT_AVAILABLE"  # what MTurk says to somebody who only looks
+
+
+@dataclass(frozen=True)
+class WayBack:
+    """Where the last page leads: a link, or a form with hidden `fields` that is posted to `url`."""
+
+    url: str
+    fields: Mapping[str, str] | None = None
+
+    @property
+    def origin(self) -> str:
+        """The scheme and host of `url`."""
+        return "/".join(self.url.split("/", 3)[:3])
+
+
+def recruitment_of(recruitment: Recruitment, given: Mapping[str, str]) -> tuple[str | None, dict[str, str]]:
+    """Return the person's id and the other parameters that the study keeps, from a link's query or a form.
+
+    An id that does not look like one of the recruiter's counts as none, and so does a `turkSubmitTo` that does not name
+    MTurk.
+    """
+    value = _parameter(given, recruitment.person_parameter)
+    person = recruitment.person_of(value) if value is not None else None
+    found = {name: _parameter(given, name) for name in recruitment.extra_parameters}
+    extra = {name: value for name, value in found.items() if value and value != PREVIEW}
+    if MTURK_HOME in extra:
+        origin = mturk_origin(extra.pop(MTURK_HOME))
+        if origin is not None:
+            extra[MTURK_HOME] = origin
+        else:
+            log.warning("a link with a turkSubmitTo that is not an address of MTurk was opened: the value is ignored")
+    return person, extra
+
+
+def is_preview(recruitment: Recruitment, given: Mapping[str, str]) -> bool:
+    """Whether somebody looks at an MTurk assignment that they have not accepted."""
+    return recruitment.source == "mturk" and _parameter(given, "assignmentId") == PREVIEW
+
+
+def may_start_new(study: Study) -> bool:
+    """Whether a second person in the same browser may begin without a link of their own."""
+    return study.recruitment.person_parameter is None
+
+
+def leave_url(outcome: Exit, values: Mapping[str, str]) -> str | None:
+    """The study's own address for this outcome, filled in; None where there is none or a value for it is missing."""
+    if outcome.url is None:
+        return None
+    url = outcome.url
+    for name, value in values.items():
+        url = url.replace(f"{{{name}}}", quote(value, safe=""))
+    return None if "{" in url else url
+
+
+def way_back(recruitment: Recruitment, outcome: Exit, values: Mapping[str, str]) -> WayBack | None:
+    """How somebody gets back to the recruiter, who learns of a finished assignment. `values`: `code`, `person` and
+    what the link brought."""
+    url = leave_url(outcome, values)
+    if url is not None:
+        return WayBack(url)
+    assignment, home = values.get("assignmentId", PREVIEW), mturk_origin(values.get(MTURK_HOME, ""))
+    if recruitment.source != "mturk" or outcome is not recruitment.completed or assignment == PREVIEW:
+        return None
+    if home is None:
+        return None
+    fields = {"assignmentId": assignment, "code": values.get("code", "")}
+    return WayBack(f"{home}/mturk/externalSubmit", fields)
+
+
+def mturk_origin(address: str) -> str | None:
+    """Return the one of MTURK_ORIGINS that the address names as a whole, or None."""
+    wanted = address.lower().removesuffix("/")
+    return next((origin for origin in MTURK_ORIGINS if origin == wanted), None)
+
+
+def _parameter(given: Mapping[str, str], name: str | None) -> str | None:
+    """A parameter's value, whatever the case of its name; one that is too long, not printable or a placeholder that
+    the recruiter did not fill in counts as none."""
+    value = _value(given, name).strip() if name else ""
+    if not value or len(value) > LONGEST_PARAMETER or not value.isprintable():
+        return None
+    return None if _PLACEHOLDER.search(value) or _PLACEHOLDER.search(unquote(value)) else value
+
+
+def _value(given: Mapping[str, str], name: str) -> str:
+    if name in given:
+        return given[name]
+    return next((value for key, value in given.items() if key.casefold() == name.casefold()), "")

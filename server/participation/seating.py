@@ -1,0 +1,132 @@
+"""Which game a participant may play now, and in which seat: the step of their way as an episode in the database."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from sqlalchemy import Connection
+
+from server.participation import pairing
+from server.participation.episode_specs import agent_of, episode_spec
+from server.participation.served_studies import Studies
+from server.participation.waiting_room import PairingRequest
+from server.play.episode_spec import EpisodeSpec
+from server.play.session import VIEWER
+from server.store import episodes, participants
+from server.store.database import Database
+from server.store.episodes import NewEpisode, StoredEpisode
+from server.store.participants import Participant
+from server.study.steps import StudyStep
+
+Fingerprint = Callable[[str, str], str | None]  # (layout, model) -> sha256 of its checkpoint
+
+
+@dataclass(frozen=True)
+class ConnectedPlayer:
+    """Whose socket it is, and what they play now."""
+
+    participant: str
+    episode: str | None  # None: their current step is not a game
+    seat: int  # server.play.session.VIEWER for somebody who watches two agents
+    next_url: str
+    wish: PairingRequest | None = None  # they wait for another person
+
+
+@dataclass(frozen=True)
+class Seating:
+    """Finds a participant's game. `fingerprint` and `code_version` go into the record of a new episode."""
+
+    database: Database
+    studies: Studies
+    fingerprint: Fingerprint
+    code_version: str
+
+    async def find(self, token: str | None, study: str) -> ConnectedPlayer | None:
+        """Return whose token of this study it is and what they play now; None for others. Raises DatabaseDown."""
+        if not token:
+            return None
+        participant, player = await self.database.read(self._look, token, study)
+        if participant is None or player is not None:
+            return player
+        return await self.database.write(self._seat, participant)
+
+    def _look(self, connection: Connection, token: str, study: str) -> tuple[str | None, ConnectedPlayer | None]:
+        """Whose token it is, and the seat that they have already: who comes back to a game waits for no commit."""
+        participant = participants.by_token(connection, token)
+        version = self.studies.version(participant.study_id) if participant else None
+        if participant is None or version is None or version.name != study:
+            return None, None
+        return participant.id, self._seated(connection, participant, self.studies.step(participant))
+
+    def _seat(self, connection: Connection, participant_id: str) -> ConnectedPlayer | None:
+        """The seat of somebody who may have none yet."""
+        participant = participants.get(connection, participant_id)
+        if participant is None:
+            return None
+        step = self.studies.step(participant)
+        player = self._seated(connection, participant, step)
+        if player is not None:
+            return player
+        if not pairing.is_for_two(self.studies.of(participant), step):
+            self._sit(connection, [participant], step)
+        else:
+            mates = pairing.company(connection, self.studies, participant, step)
+            if not mates.alone:
+                wish = pairing.wish(connection, self.studies, participant, step, mates.partner)
+                return ConnectedPlayer(participant_id, None, VIEWER, self._next_url(participant), wish)
+            pairing.go_alone(connection, self.studies, self._sit, participant_id, mates.alone)
+        return self._seated(connection, participant, step)
+
+    def _seated(self, connection: Connection, participant: Participant, step: StudyStep) -> ConnectedPlayer | None:
+        """What they play at this step; None if a seat is still to be given."""
+        nothing = ConnectedPlayer(participant.id, None, VIEWER, self._next_url(participant))
+        if participant.status != "active" or not step.is_game:
+            return nothing
+        episode = episodes.of_step(connection, participant.id, step.key)
+        if episode is None or _to_be_repeated(step, episode):
+            return None
+        if episode.status in ("done", "aborted"):
+            return nothing
+        return replace(nothing, episode=episode.id, seat=_seat_of(participant, episode))
+
+    def _next_url(self, participant: Participant) -> str:
+        return f"/s/{self.studies.of(participant).name}/now"
+
+    async def seat_two(self, first: str, second: str) -> bool:
+        """The round of these two people exists from now on; False if one of them can no longer play it."""
+        return await self.database.write(pairing.seat_two, self.studies, self._sit, first, second)
+
+    async def seat_alone(self, participant_id: str) -> None:
+        """Nobody came for this person."""
+        await self.database.write(pairing.go_alone, self.studies, self._sit, participant_id, "nobody_came")
+
+    def _sit(self, connection: Connection, people: Sequence[Participant], step: StudyStep) -> str:
+        return episodes.create(connection, self._new(people, step))
+
+    def _new(self, people: Sequence[Participant], step: StudyStep) -> NewEpisode:
+        participant, study = people[0], self.studies.of(people[0])
+        spec = episode_spec(study, step, participant.condition, participant.language, len(people))
+        ids = iter([one.id for one in (people if study.game.human_seat == 0 else reversed(people))])
+        return NewEpisode(
+            spec=spec,
+            step_key=step.key,
+            participants=tuple(next(ids) if agent is None else None for agent in spec.agents),  # type: ignore[arg-type]
+            study_id=participant.study_id,
+            condition=participant.condition,
+            agent_sha256s=(self._agent(spec, 0), self._agent(spec, 1)),
+            predictor_sha256=self.fingerprint(spec.layout, spec.predictor) if spec.predictor else None,
+            code_version=self.code_version,
+            agent_name=agent_of(study, step, len(people)).name if any(spec.agents) else None,
+        )
+
+    def _agent(self, spec: EpisodeSpec, seat: int) -> str | None:
+        agent = spec.agents[seat]
+        return None if agent is None else self.fingerprint(spec.layout, agent)
+
+
+def _seat_of(participant: Participant, episode: StoredEpisode) -> int:
+    return (episode.participant_0, episode.participant_1).index(participant.id)
+
+
+def _to_be_repeated(step: StudyStep, episode: StoredEpisode) -> bool:
+    """A tutorial is there to be passed: one that ended otherwise starts anew."""
+    return step.kind == "tutorial" and episode.status in ("done", "aborted") and not episode.passed

@@ -1,0 +1,89 @@
+"""The studies that are served, and every version that somebody once consented to. Knows the store, no HTTP."""
+
+import logging
+from collections.abc import Iterable
+
+from sqlalchemy import Connection
+
+from server.store import studies as stored_studies
+from server.store.database import Database
+from server.store.participants import Participant
+from server.study.definition import Study
+from server.study.loader import StudyError, StudyFile, parse_study
+from server.study.steps import StudyStep, steps
+
+log = logging.getLogger(__name__)
+
+
+class Studies:
+    """Studies by name (new participants) and by the number of their version (those who are in one)."""
+
+    def __init__(self) -> None:
+        self._open: dict[str, int] = {}
+        self._versions: dict[int, Study] = {}
+
+    @classmethod
+    async def opened(cls, database: Database, files: Iterable[StudyFile]) -> "Studies":
+        """Registers the files and reads all earlier versions back."""
+        studies = cls()
+        for file in files:
+            row = await database.write(stored_studies.register, file.study.name, file.text)
+            studies._open[file.study.name] = row.id
+            studies._versions[row.id] = file.study
+        for row in await database.read(_every):
+            if row.id not in studies._versions:
+                studies._keep(row)
+        return studies
+
+    async def take(self, database: Database, file: StudyFile) -> None:
+        """Let those who come from now on into this version of a study. Raises DatabaseDown."""
+        row = await database.write(stored_studies.register, file.study.name, file.text)
+        self._versions[row.id] = file.study
+        self._open[file.study.name] = row.id
+
+    def _keep(self, row: stored_studies.StudyVersion) -> None:
+        try:
+            self._versions[row.id] = parse_study(row.source, f"{row.key} version {row.version}").study
+        except StudyError as error:
+            log.warning("version %d of %s cannot be read any more: %s", row.version, row.key, error)
+
+    def names(self) -> tuple[str, ...]:
+        """The studies that take new participants, in the order given."""
+        return tuple(self._open)
+
+    def open(self, name: str) -> tuple[int, Study] | None:
+        """The version that takes new participants: its number in the database, and the study."""
+        number = self._open.get(name)
+        return None if number is None else (number, self._versions[number])
+
+    def version(self, study_id: int) -> Study | None:
+        """The study as it was when somebody consented."""
+        return self._versions.get(study_id)
+
+    def versions(self, name: str) -> tuple[int, ...]:
+        """The numbers of all versions of a study, newest first."""
+        return tuple(sorted((number for number, study in self._versions.items() if study.name == name), reverse=True))
+
+    def every_version(self) -> tuple[int, ...]:
+        """The numbers of all versions of all studies."""
+        return tuple(self._versions)
+
+    def of(self, participant: Participant) -> Study:
+        """The study that the participant is in. Raises KeyError when its version can no longer be read."""
+        return self._versions[participant.study_id]
+
+    def way(self, participant: Participant) -> tuple[StudyStep, ...]:
+        """All steps of the participant."""
+        study = self.of(participant)
+        # Conditions fill in turn, so counting per condition spreads the rows of a Latin square evenly over each.
+        number = (participant.number - 1) // len(study.conditions)
+        return steps(study, participant.condition, participant.seed, number)
+
+    def step(self, participant: Participant) -> StudyStep:
+        """The step that the participant is at; the last one for those who finished."""
+        way = self.way(participant)
+        return way[min(participant.position, len(way) - 1)]
+
+
+def _every(connection: Connection) -> list[stored_studies.StudyVersion]:
+    return stored_studies.every(connection)

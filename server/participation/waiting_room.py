@@ -1,0 +1,121 @@
+"""The waiting room: people of one condition who have come to the same round are brought together as they arrive.
+
+Knows sockets as the game does, and no database: who is seated with whom is stored by the two functions it is given.
+"""
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Final
+
+from server.play.clock import Clock
+from server.play.game import SUPERSEDED, Connection
+from server.play.messages import Superseded, Waiting
+from server.store.database import DatabaseDown
+
+log = logging.getLogger(__name__)
+COME_AGAIN: Final = 4005  # close code: there is a game now, connect anew
+LOOK_EVERY_S: Final = 0.1
+TELL_EVERY_S: Final = 1.0
+
+
+@dataclass(frozen=True)
+class PairingRequest:
+    """What somebody waits for: a round of two. Equal `room`s can be seated together."""
+
+    room: tuple[int, str, str, bool]  # study version, condition, step, simulated or not
+    since: datetime  # when they first came to this round
+    limit_s: float
+    partner: str | None = None  # only this person: they have played together before
+
+
+@dataclass
+class _Waiter:
+    participant: str
+    wish: PairingRequest
+    connection: Connection
+    told_at: float = -TELL_EVERY_S
+    busy: bool = False  # being seated
+
+
+SeatTwo = Callable[[str, str], Awaitable[bool]]  # False: one of them can no longer play this round
+SeatAlone = Callable[[str], Awaitable[None]]
+
+
+class WaitingRoom:
+    """Everybody who waits for somebody. Made once in server.main."""
+
+    def __init__(self, clock: Clock, seat_two: SeatTwo, seat_alone: SeatAlone) -> None:
+        self._clock, self._seat_two, self._seat_alone = clock, seat_two, seat_alone
+        self._waiting: dict[str, _Waiter] = {}  # by participant, in order of arrival
+        self._keeper: asyncio.Task[None] | None = None
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def enter(self, participant: str, wish: PairingRequest, connection: Connection) -> None:
+        """Waits from now on; the newest tab of somebody who waits already takes over."""
+        before = self._waiting.get(participant)
+        if before is not None and before.connection is not connection:
+            before.connection.send(Superseded())
+            before.connection.close(SUPERSEDED, "another tab has taken over")
+        self._waiting[participant] = _Waiter(participant, wish, connection, busy=before is not None and before.busy)
+        if self._keeper is None or self._keeper.done():
+            self._keeper = asyncio.create_task(self._keep())
+
+    def leave(self, participant: str, connection: Connection) -> None:
+        """A socket is gone; nothing happens if another one has taken over."""
+        waiter = self._waiting.get(participant)
+        if waiter is not None and waiter.connection is connection:
+            del self._waiting[participant]
+
+    async def _keep(self) -> None:
+        while self._waiting:
+            waiting = sorted(self._waiting.values(), key=lambda waiter: waiter.wish.since)
+            for index, waiter in enumerate(waiting):
+                if waiter.busy:
+                    continue
+                other = next((one for one in waiting[index + 1 :] if not one.busy and fit(waiter, one)), None)
+                try:
+                    await self._serve(waiter, other)
+                except DatabaseDown:
+                    waiter.busy = False
+                    log.warning("nobody can be seated while the database is away")
+            await self._clock.sleep(LOOK_EVERY_S)
+
+    async def _serve(self, waiter: _Waiter, other: _Waiter | None) -> None:
+        if other is not None:
+            waiter.busy = other.busy = True
+            await self._seat_two(waiter.participant, other.participant)
+            for one in (waiter, other):
+                self._call(one)
+        elif self._left_s(waiter) <= 0:
+            waiter.busy = True
+            await self._seat_alone(waiter.participant)
+            self._call(waiter)
+        else:
+            self._tell(waiter)
+
+    def _call(self, waiter: _Waiter) -> None:
+        """Whoever sits in that tab connects anew and finds the game."""
+        now = self._waiting.pop(waiter.participant, waiter)
+        now.connection.close(COME_AGAIN, "there is a game now")
+
+    def _tell(self, waiter: _Waiter) -> None:
+        now = self._clock.now() / self._clock.speed
+        if now - waiter.told_at >= TELL_EVERY_S:
+            waiter.told_at = now
+            waiter.connection.send(Waiting(round(self._left_s(waiter) / self._clock.speed, 1)))
+
+    def _left_s(self, waiter: _Waiter) -> float:
+        waited_s = (self._clock.wall() - waiter.wish.since).total_seconds() * self._clock.speed
+        return waiter.wish.limit_s - waited_s
+
+
+def fit(one: _Waiter, other: _Waiter) -> bool:
+    """Whether two may be seated together."""
+    if one.wish.room != other.wish.room:
+        return False
+    return one.wish.partner in (None, other.participant) and other.wish.partner in (None, one.participant)

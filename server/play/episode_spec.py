@@ -1,0 +1,44 @@
+"""What one episode is, fixed before it starts. server.study makes it, server.store keeps it, server.play plays it."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from overcooked.constants import HORIZON
+from overcooked.score import DEFAULT_PROGRESS, ProgressWeights
+
+
+@dataclass(frozen=True)
+class PauseLimits:
+    """How long a participant may be away: one pause, and all pauses of an episode together."""
+
+    each_s: float = 30.0
+    episode_s: float = 60.0
+
+
+@dataclass(frozen=True)
+class EpisodeSpec:
+    """One episode of one participant (or of two, or of none)."""
+
+    kind: Literal["tutorial", "episode", "watch"]
+    number: int  # 1-based among the plan's episodes; 0 for the tutorial
+    episodes: int  # how many the plan has
+    layout: str  # name
+    grid: str  # the layout's text: an episode is re-simulated from its own record alone
+    title: str
+    agents: tuple[str | None, str | None]  # per seat: a name of models.agents.catalogue, or None for a human
+    predictor: str | None  # what is asked each tick, in every condition
+    watched_seat: int
+    shown: Literal["nothing", "predictor", "random"]  # what the condition lets the participant see
+    seed: int  # 63 bits; all randomness of the episode
+    steps_shown: int = 3
+    confidence_opacity: bool = False
+    horizon: int = HORIZON  # 0: endless (tutorial)
+    tick_ms: int = 200
+    deadline_ms: int = 120
+    pause: PauseLimits = field(default_factory=PauseLimits)
+    progress: ProgressWeights = DEFAULT_PROGRESS
+    lessons: tuple[str, ...] = ()  # tutorial: keys of what is taught, in order (server.play.tutorial.LESSONS)
+
+    @property
+    def human_seats(self) -> tuple[int, ...]:
+        return tuple(seat for seat, agent in enumerate(self.agents) if agent is None)

@@ -1,0 +1,44 @@
+"""From a prediction to what a frame shows: in every condition the same bytes, an action and its opacity a step."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from overcooked.constants import ACTIONS
+from server.play.episode_spec import EpisodeSpec
+from server.play.randomness import MARKS, uniform
+
+NOTHING_SHOWN: Final = 6
+OPACITIES: Final = (95, 80, 60)  # %, by step
+_FAINTEST: Final = 25  # %, two digits whatever the confidence
+
+Displayed = tuple[tuple[int, int], ...]  # a step: (action 0-6, opacity %)
+
+
+def display(spec: EpisodeSpec, timestep: int, prediction: Sequence[Sequence[float]]) -> Displayed:
+    """What the participant sees on the state of `timestep`.
+
+    `prediction` (steps, 6): probabilities, empty where the predictor gave none (then nothing is drawn). Random marks
+    are uniform over the six actions and redrawn each timestep.
+    """
+    opacities = _opacities(spec, prediction)
+    if spec.shown == "random":
+        actions = [int(uniform(spec.seed, timestep, MARKS + step) * ACTIONS) for step in range(spec.steps_shown)]
+    elif spec.shown == "predictor" and prediction:
+        actions = [max(range(ACTIONS), key=row.__getitem__) for row in prediction[: spec.steps_shown]]
+    else:
+        actions = [NOTHING_SHOWN] * spec.steps_shown
+    return tuple(zip(actions, opacities, strict=True))
+
+
+def is_as_promised(shown: str, displayed: Displayed) -> bool:
+    """Return whether a frame carries marks where the condition promises some, and none where it does not. `shown` as
+    in `EpisodeSpec`."""
+    return any(action != NOTHING_SHOWN for action, _ in displayed) == (shown != "nothing")
+
+
+def _opacities(spec: EpisodeSpec, prediction: Sequence[Sequence[float]]) -> list[int]:
+    """With confidence a step fades with its largest probability, in all conditions alike: bytes tell nothing."""
+    plain = OPACITIES[: spec.steps_shown]
+    if not (spec.confidence_opacity and prediction):
+        return list(plain)
+    return [max(_FAINTEST, round(most * max(row))) for most, row in zip(plain, prediction, strict=False)]

@@ -1,0 +1,67 @@
+"""Why a game stands still, since when, and how long it may. Times are seconds of the caller's clock."""
+
+from dataclasses import dataclass
+
+from server.play.episode_spec import PauseLimits
+from server.play.recorder import AWAY_REASONS
+
+DATABASE = "database"
+RESEARCHER = "researcher"
+NOT_STARTED = "not_started"  # the participant has not pressed start yet: no pause, no limit
+
+Holder = int | str  # a person's seat, DATABASE or RESEARCHER
+
+
+@dataclass(frozen=True)
+class Hold:
+    reason: str
+    since: float
+
+
+class PauseReasons:
+    """Everything that keeps one game from moving. It may go on when the last hold is released."""
+
+    def __init__(self, limits: PauseLimits, away_ms: float) -> None:
+        self._limits = limits
+        self._held: dict[Holder, Hold] = {}
+        self._away_s = away_ms / 1000  # of absences that are over
+
+    def __bool__(self) -> bool:
+        return bool(self._held)
+
+    def __contains__(self, holder: Holder) -> bool:
+        return holder in self._held
+
+    def hold(self, holder: Holder, reason: str, now: float) -> None:
+        """A person who is away already stays away since the first moment; one whom the server kept waiting does not."""
+        held = self._held.get(holder)
+        if held is None or held.reason not in AWAY_REASONS:
+            self._held[holder] = Hold(reason, now)
+
+    def release(self, holder: Holder, now: float) -> None:
+        held = self._held.pop(holder, None)
+        if held is not None and held.reason in AWAY_REASONS:
+            self._away_s += now - held.since
+
+    def extend(self, seconds: float) -> None:
+        """From now on absences in this game may last so much longer, each and all together."""
+        limits = self._limits
+        self._limits = PauseLimits(limits.each_s + seconds, limits.episode_s + seconds)
+
+    def reason(self, person: int) -> str:
+        """Why it stands still, as this person is told: their own reason first, then the server's, then the other's."""
+        own = self._held.get(person)
+        if own is not None:
+            return own.reason
+        for holder in (DATABASE, RESEARCHER):
+            if holder in self._held:
+                return self._held[holder].reason
+        return "partner"
+
+    def left_s(self, now: float) -> float | None:
+        """How long the absence that ends first may last; None: nobody's absence counts."""
+        away = [now - held.since for held in self._held.values() if held.reason in AWAY_REASONS]
+        if not away:
+            return None
+        longest = max(away)
+        return min(self._limits.each_s - longest, self._limits.episode_s - self._away_s - longest)

@@ -1,0 +1,107 @@
+"""What waits to be sent to one browser: never much, newest state wins. Also its heartbeat. Knows no socket."""
+
+import asyncio
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+from server.play.messages import Outgoing, Ping, Tick, encode
+
+PING_EVERY_S: Final = 1.0
+SLOW_AFTER_S: Final = 0.5  # an unanswered Ping this old: the reader is behind, no state is sent but the newest
+DEAD_AFTER_S: Final = 4.5  # an unanswered Ping this old: nobody is there
+_MOST_WAITING: Final = 16  # messages other than states
+
+
+@dataclass(frozen=True)
+class Close:
+    """The last thing to be sent: the socket closes."""
+
+    code: int
+    reason: str
+
+
+class SendQueue:
+    """Takes messages without waiting; a writer task fetches them one by one.
+
+    At most one state waits: a newer one takes its place at the end of the line. Times are real seconds.
+    """
+
+    def __init__(self) -> None:
+        self._line: deque[tuple[bool, bytes]] = deque()  # (is it a state?, frame)
+        self._filled = asyncio.Event()
+        self._end: Close | None = None
+        self._ping_id = 0
+        self._pinged_at: float | None = None  # of the Ping that is not answered yet
+        self._next_ping = 0.0
+        self._slow = False
+        self.rtt_ms: float | None = None
+        self.dropped = 0  # states that a newer one replaced
+
+    @property
+    def closing(self) -> bool:
+        return self._end is not None
+
+    def send(self, message: Outgoing) -> None:
+        """Queues a message; after `close` nothing is taken any more."""
+        if self._end is not None:
+            return
+        is_state = isinstance(message, Tick)
+        if is_state:
+            waiting = len(self._line)
+            self._line = deque(entry for entry in self._line if not entry[0])
+            self.dropped += waiting - len(self._line)
+        elif len(self._line) >= _MOST_WAITING:
+            self.close(1008, "too far behind")
+            return
+        self._line.append((is_state, encode(message)))
+        self._wake()
+
+    def close(self, code: int, reason: str) -> None:
+        """What waits is sent, then the socket closes."""
+        if self._end is None:
+            self._end = Close(code, reason)
+            self._slow = False
+            self._wake()
+
+    def drop(self) -> None:
+        """The socket is gone: nothing waits any more."""
+        self._line.clear()
+        self._end = self._end or Close(1001, "gone")
+        self._wake()
+
+    async def next(self) -> bytes | Close:
+        """The next frame, as soon as there is one; Close when there is nothing more to come."""
+        while True:
+            if self._line and not (self._slow and self._line[0][0]):
+                return self._line.popleft()[1]
+            if not self._line and self._end is not None:
+                return self._end
+            self._filled.clear()
+            await self._filled.wait()
+
+    def beat(self, now: float) -> bool:
+        """To be called some times a second: asks for life signs and notices slow readers. True: nobody is there."""
+        if self._pinged_at is not None:
+            age_s = now - self._pinged_at
+            self._slow = age_s > SLOW_AFTER_S and self._end is None
+            return age_s > DEAD_AFTER_S
+        if now >= self._next_ping and self._end is None:
+            self._ping_id += 1
+            self._pinged_at, self._next_ping = now, now + PING_EVERY_S
+            self.send(Ping(self._ping_id))
+        return False
+
+    def pong(self, ping_id: int, now: float) -> bool:
+        """Takes an answer; False if it answers nothing that was asked."""
+        if self._pinged_at is None or ping_id != self._ping_id:
+            return False
+        self.rtt_ms = (now - self._pinged_at) * 1000
+        self._pinged_at = None
+        if self._slow:
+            self._slow, self._next_ping = False, now
+            self._wake()
+        return True
+
+    def _wake(self) -> None:
+        self._filled.set()

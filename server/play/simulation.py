@@ -1,0 +1,146 @@
+"""The states of one episode so far, by the rules alone: stepped, hashed, drawn, and looked back at. Knows no time."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.protocols import History
+from overcooked import rules
+from overcooked.constants import COOKING, FACING, HELD, NOTHING, ONIONS_PER_SOUP, PLAYERS, SOUP_DELIVERY, X, Y
+from overcooked.layout import Layout
+from overcooked.score import shaped_reward, sparse_reward
+from overcooked.state import Kitchens
+from server.play.messages import KitchenState
+
+_ENDLESS_CAPACITY = 512
+
+
+@dataclass(frozen=True)
+class SimulatedStep:
+    """What one timestep did, by player."""
+
+    actions: tuple[int, int]
+    rewards: tuple[int, int]  # sparse
+    shaped: tuple[int, int]
+    events: tuple[int, int]  # bits, overcooked.constants.EVENT_NAMES
+
+
+class ReplayMismatch(Exception):
+    """The stored actions do not lead to the stored state: the record is damaged and must not be played on."""
+
+
+class Simulation:
+    """All states from the start to now; `timestep` is the index of the current one. A horizon of 0 means endless."""
+
+    def __init__(self, layout: Layout, horizon: int) -> None:
+        self.layout = layout
+        self.horizon = horizon
+        self.timestep = 0
+        self.score = 0
+        self.soups = 0
+        self.stuck = [0, 0]  # timesteps since the chef's own cell, facing or hand last changed
+        start = Kitchens.start(layout)
+        capacity = (horizon or _ENDLESS_CAPACITY) + 1
+        self._players = np.zeros((capacity, *start.players.shape[1:]), np.int8)  # (timesteps, 2, 4)
+        self._contents = np.zeros((capacity, *start.contents.shape[1:]), np.int8)  # (timesteps, width, height)
+        self._actions = np.full((capacity, PLAYERS), -1, np.int8)  # that led to each state
+        self._timesteps = np.zeros(capacity, np.int32)
+        self._players[0] = start.players[0]
+        self._rows: list[list[int]] = self._players[0].tolist()  # of both chefs now
+        self._rows_before = self._rows
+        self._events = np.zeros((1, PLAYERS), np.int32)
+        self._pots: list[tuple[int, int]] = [(x, y) for x, y in layout.pots.tolist()]
+        self._counters: list[tuple[int, int]] = [(x, y) for x, y in layout.counters.tolist()]
+
+    def step(self, actions: tuple[int, int]) -> SimulatedStep:
+        """Plays one timestep with both chefs' actions (0-5)."""
+        before, now = self.timestep, self.timestep + 1
+        if now == len(self._timesteps):
+            self._grow()
+        self._players[now] = self._players[before]
+        self._contents[now] = self._contents[before]
+        self._timesteps[now] = before
+        self._actions[now] = actions
+        here = slice(now, now + 1)
+        layout, events = self.layout, self._events
+        state = (self._players[here], self._contents[here], self._timesteps[here])
+        rules.step(layout.tiles, layout.pots, layout.counters, *state, self._actions[here], events)
+        self.timestep = now
+        first, second = events[0].tolist()
+        rewards = (sparse_reward(first), sparse_reward(second))
+        self.score += sum(rewards)
+        self.soups += bool(first & SOUP_DELIVERY) + bool(second & SOUP_DELIVERY)
+        self._rows_before, self._rows = self._rows, self._players[now].tolist()
+        for seat, (row, row_before) in enumerate(zip(self._rows, self._rows_before, strict=True)):
+            self.stuck[seat] = self.stuck[seat] + 1 if row == row_before else 0
+        return SimulatedStep(actions, rewards, (shaped_reward(first), shaped_reward(second)), (first, second))
+
+    def _grow(self) -> None:
+        size = len(self._timesteps)
+        self._players, self._contents, self._actions, self._timesteps = (
+            np.concatenate((array, np.zeros_like(array)))[: 2 * size]
+            for array in (self._players, self._contents, self._actions, self._timesteps)
+        )
+
+    @property
+    def last_actions(self) -> tuple[int, int] | None:
+        """The joint action that led to the current state; None at the start."""
+        if self.timestep == 0:
+            return None
+        first, second = self._actions[self.timestep].tolist()
+        return first, second
+
+    def hash(self) -> str:
+        """16 hexadecimal digits of the current state, the same on every machine (overcooked.state)."""
+        return self._window(self.timestep, 1).hash()
+
+    def players(self) -> NDArray[np.int8]:
+        """(2, 4): x, y, facing, held."""
+        players: NDArray[np.int8] = self._players[self.timestep]
+        return players
+
+    def contents(self) -> NDArray[np.int8]:
+        """(width, height): items on counters, contents of pots."""
+        contents: NDArray[np.int8] = self._contents[self.timestep]
+        return contents
+
+    def pot_contents(self) -> list[int]:
+        inside = self.contents()
+        return [int(inside[pot]) for pot in self._pots]
+
+    def moved(self, seat: int) -> bool:
+        """Whether the chef stands in another cell than a timestep ago."""
+        return bool(self._rows[seat][:FACING] != self._rows_before[seat][:FACING])
+
+    def history(self, seat: int) -> Callable[[int], History]:
+        """Looks back from the current state as the chef in `seat` saw it; stays valid when the game goes on."""
+        timestep = self.timestep
+
+        def last(count: int) -> History:
+            count = min(count, timestep + 1)
+            rows = slice(timestep + 1 - count, timestep + 1)
+            observations = self._window(timestep, count).encode(horizon=self.horizon)[:, seat]
+            actions = self._actions[rows]
+            return History(observations, actions if seat == 0 else actions[:, ::-1])
+
+        return last
+
+    def _window(self, timestep: int, count: int) -> Kitchens:
+        rows = slice(timestep + 1 - count, timestep + 1)
+        return Kitchens(self.layout, self._players[rows], self._contents[rows], self._timesteps[rows])
+
+    def kitchen(self) -> KitchenState:
+        """The current state as the browser draws it."""
+        contents = self.contents().tolist()
+        pots = []
+        for x, y in self._pots:
+            inside = contents[x][y]
+            if inside >= COOKING:
+                pots.append((x, y, ONIONS_PER_SOUP, inside - COOKING))
+            elif inside:
+                pots.append((x, y, inside, -1))
+        counters = tuple((x, y, contents[x][y]) for x, y in self._counters if contents[x][y] != NOTHING)
+        players = tuple((row[X], row[Y], row[FACING], row[HELD]) for row in self._rows)
+        return KitchenState(self.timestep, players, counters, tuple(pots), self.score, self.soups)

@@ -1,0 +1,220 @@
+"""What a researcher may do to a study, a game or a participant: POST only, with reason, each deed in the audit log."""
+
+import asyncio
+import logging
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, HTTPException, Request, Response
+
+from server.cluster.dispatch import ClusterControl
+from server.participation.study_changes import Versions
+from server.store import audit, decisions, overview, participants, withdrawal
+from server.store.admins import AdminSession
+from server.store.overview import Person, Played
+from server.study.loader import StudyError
+from server.web import deletion
+from server.web.admin.rendering import back_to, own_path, study_at
+from server.web.admin.researcher_auth import ActDep, AdminFormDep
+from server.web.dependencies import Web, WebDep
+from server.web.forms import Form, first
+
+log = logging.getLogger(__name__)
+router = APIRouter(prefix="/admin/s/{name}")
+LONGEST_TEXT = 500
+MOST_MINUTES = 60
+REASONS = ("technical fault", "did not follow the instructions", "not attentive", "took part before", "other")
+
+
+def control_of(request: Request) -> ClusterControl:
+    control: ClusterControl = request.app.state.control
+    return control
+
+
+ControlDep = Annotated[ClusterControl, Depends(control_of)]
+
+
+async def _game(name: str, episode: str, web: WebDep) -> Played:
+    """The episode if it belongs to this study. Answers 404 otherwise."""
+    study_ids, _ = study_at(web, name)
+    found = (await web.database.read(overview.played, episode)).get(episode)
+    if found is None or found.study_id not in study_ids:
+        raise HTTPException(404, "there is no such game in this study")
+    return found
+
+
+async def _person(name: str, person: str, web: WebDep) -> Person:
+    study_ids, _ = study_at(web, name)
+    found = await web.database.read(overview.person, person)
+    if found is None or found.study_id not in study_ids:
+        raise HTTPException(404, "there is no such participant in this study")
+    return found
+
+
+GameDep = Annotated[Played, Depends(_game)]
+PersonDep = Annotated[Person, Depends(_person)]
+
+
+@router.post("/pause")
+async def pause_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep) -> Response:
+    """Nobody is let in and every game of the study stands still, until it is resumed."""
+    study_at(web, name)
+    await web.database.write(decisions.pause_study, name, admin.name)
+    await control.pause_study(name)
+    await _note(web, admin, "pause study", {"study": name, "reason": _text(form, "note")})
+    return back_to(f"/admin/s/{name}", "study_paused")
+
+
+@router.post("/resume")
+async def resume_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep) -> Response:
+    """The study goes on, and its games with it."""
+    study_at(web, name)
+    await web.database.write(decisions.resume_study, name, admin.name)
+    await control.resume_study(name)
+    await _note(web, admin, "resume study", {"study": name, "reason": _text(form, "note")})
+    return back_to(f"/admin/s/{name}", "study_resumed")
+
+
+@router.post("/version")
+async def serve_version(request: Request, name: str, admin: ActDep, web: WebDep, form: AdminFormDep) -> Response:
+    """Serves the study file as it is now to those who come from now on; the others keep their version."""
+    study_at(web, name)
+    versions: Versions | None = getattr(request.app.state, "versions", None)
+    if versions is None or name not in versions.changed or not versions.can_take:
+        return back_to(f"/admin/s/{name}", "gone")
+    try:
+        sha256 = await versions.take(web.database, name)
+    except (StudyError, OSError) as error:
+        log.warning("the new version of %s is not served: %s", name, error)
+        return back_to(f"/admin/s/{name}", "version_refused")
+    await _note(web, admin, "serve new version", {"study": name, "version": sha256, "reason": _text(form, "note")})
+    return back_to(f"/admin/s/{name}", "version_served")
+
+
+@router.post("/message")
+async def message_all(name: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep) -> Response:
+    """Shows a message in every running game of the study."""
+    study_at(web, name)
+    text = _required(form, "text")
+    told = await control.tell_study(name, text)
+    await _note(web, admin, "message to all games", {"study": name, "text": text, "games": told})
+    return back_to(f"/admin/s/{name}", "sent" if told else "gone")
+
+
+@router.post("/game/{episode}/{deed}")
+async def step_in(
+    deed: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep, game: GameDep
+) -> Response:
+    """Pauses, resumes, ends, tells, extends or excludes one game."""
+    detail: dict[str, Any] = {"episode": game.id, "participant": game.participant_id, "reason": _text(form, "note")}
+    match deed:
+        case "pause":
+            said = "paused" if await control.do("pause", game.id) else "gone"
+        case "resume":
+            said = "resumed" if await control.do("resume", game.id) else "gone"
+        case "end":
+            said = "ended" if await control.do("end", game.id) else "gone"
+        case "message":
+            detail["text"] = _required(form, "text")
+            said = "sent" if await control.do("tell", game.id, detail["text"]) else "gone"
+        case "extend":
+            detail["minutes"] = _minutes(form)
+            said = "extended" if await control.do("extend", game.id, 60.0 * detail["minutes"]) else "gone"
+        case "exclude":
+            why = _why(form)
+            await web.database.write(decisions.exclude, game.participant_id, game.id, why, admin.name)
+            detail["reason"], said = ": ".join(filter(None, why)), "excluded"
+        case _:
+            raise HTTPException(404, "unknown action")
+    await _note(web, admin, f"{deed} game", detail | {"done": said != "gone"})
+    return back_to(_back(form), said)
+
+
+@router.post("/person/{person}/{deed}")
+async def decide(
+    deed: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep, person: PersonDep
+) -> Response:
+    """Excludes a participant, takes an exclusion back, frees the place, gives more time to come back, or deletes."""
+    if deed == "delete":
+        return await _delete(admin, web, form, control, person)
+    detail: dict[str, Any] = {"participant": person.id, "reason": _text(form, "note")}
+    match deed:
+        case "exclude":
+            why = _why(form)
+            await web.database.write(decisions.exclude, person.id, None, why, admin.name)
+            detail["reason"], said = ": ".join(filter(None, why)), "excluded"
+        case "restore":
+            detail["exclusion"] = number = _number(form, "exclusion")
+            held = [one.id for one in await web.database.read(decisions.exclusions_of, [person.id])]
+            done = number in held and await web.database.write(decisions.restore, number, admin.name)
+            said = "restored" if done else "gone"
+        case "release":
+            done = await web.database.write(participants.leave, person.id, "returned")
+            for played in await web.database.read(overview.played_by, person.id) if done else ():
+                await control.do("end", played.id)
+            said = "released" if done else "gone"
+        case "extend":
+            await web.database.write(participants.seen, person.id)
+            said = "extended"
+        case _:
+            raise HTTPException(404, "unknown action")
+    await _note(web, admin, f"{deed} participant", detail | {"done": said != "gone"})
+    return back_to(_back(form), said)
+
+
+@router.post("/find")
+async def find(name: str, admin: ActDep, web: WebDep, form: AdminFormDep) -> Response:
+    """Leads to the participant with this id, personal code or recruiter's id: a form, as an address would be logged."""
+    study_ids, _ = study_at(web, name)
+    found = await web.database.read(participants.find, study_ids, _text(form, "who"))
+    await _note(web, admin, "find participant", {"study": name, "found": found is not None})
+    return back_to(f"/admin/s/{name}/person/{found.id}") if found else back_to(f"/admin/s/{name}", "nobody_found")
+
+
+async def _delete(admin: AdminSession, web: Web, form: Form, control: ClusterControl, person: Person) -> Response:
+    """Deletes somebody who asked for it. The audit log tells that and why, and nothing by which to find the person."""
+    study = web.studies.version(person.study_id)
+    name = study.name if study is not None else ""
+    detail = {"study": name, "reason": _required(form, "note")}
+    record = withdrawal.Deletion(admin.name, "delete participant", detail)
+    done = await deletion.delete(web, control, person.id, record)
+    return back_to(f"/admin/s/{name}", "deleted" if done else "gone")
+
+
+async def _note(web: Web, admin: AdminSession, action: str, detail: dict[str, Any]) -> None:
+    await asyncio.shield(web.database.write(audit.add, admin.name, action, detail))
+
+
+def _text(form: Form, name: str) -> str:
+    return first(form, name).strip()[:LONGEST_TEXT]
+
+
+def _required(form: Form, name: str) -> str:
+    text = _text(form, name)
+    if not text:
+        raise HTTPException(400, f"the form lacks its {name}")
+    return text
+
+
+def _why(form: Form) -> tuple[str, str]:
+    reason = first(form, "reason")
+    if reason not in REASONS:
+        raise HTTPException(400, "an exclusion needs a reason")
+    return reason, _text(form, "note")
+
+
+def _number(form: Form, name: str) -> int:
+    text = first(form, name)
+    if not (text.isascii() and text.isdigit() and len(text) < 10):
+        raise HTTPException(400, f"the form lacks its {name}")
+    return int(text)
+
+
+def _minutes(form: Form) -> int:
+    minutes = _number(form, "minutes")
+    if not 1 <= minutes <= MOST_MINUTES:
+        raise HTTPException(400, f"give 1 to {MOST_MINUTES} minutes")
+    return minutes
+
+
+def _back(form: Form) -> str:
+    return own_path(first(form, "next"))

@@ -1,0 +1,148 @@
+"""Send researchers the running games twice a second by websocket: cards of all, boards of those in view.
+
+A blinded page gets neither conditions nor marks.
+"""
+
+import asyncio
+import json
+import time
+from contextlib import suppress
+from typing import Any, Final
+
+from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+
+from server.background_tasks import ended
+from server.monitoring.arms import arm_names
+from server.monitoring.live_games import CARDS_EVERY_S, Card, LiveGames, board_of, card_of, still_of
+from server.monitoring.peers import View
+from server.store import overview
+from server.store.admins import AdminSession
+from server.store.database import DatabaseDown
+from server.web.admin.rendering import study_at
+from server.web.admin.researcher_auth import session_of
+from server.web.dependencies import Web
+
+FIGURES_EVERY_S: Final = 2.0
+SESSION_EVERY_S: Final = 5.0
+MOST_BOARDS: Final = 60  # a page can show at once
+
+
+class Watching:
+    """One open dashboard: what it shows and what it has been told."""
+
+    def __init__(self, web: Web, live: LiveGames, study: str, admin: AdminSession) -> None:
+        self.live, self.admin = live, admin
+        self.study_ids, self.study = study_at(web, study)
+        self.arms = {} if admin.blind else arm_names(self.study, blind=False)
+        self.shown: list[str] = []
+        self.tab = "active"
+        self._told: set[str] = set()
+
+    def asked(self, text: str) -> None:
+        """What the page shows now: {"show": [episodes], "tab": name}. Raises ValueError for anything else."""
+        try:
+            wish = json.loads(text)
+        except RecursionError:  # brackets in brackets
+            raise ValueError("a wish is an object") from None
+        if not isinstance(wish, dict):
+            raise ValueError("a wish is an object")
+        shown = wish.get("show", self.shown)
+        if not isinstance(shown, list) or not all(isinstance(one, str) for one in shown):
+            raise ValueError("show is a list of episodes")
+        self.shown = shown[:MOST_BOARDS]
+        tab = wish.get("tab")
+        if isinstance(tab, str) and tab in overview.TABS:
+            self.tab = tab
+
+    async def news(self) -> dict[str, Any]:
+        """Cards of all games and boards of those in view."""
+        cards, views = await self.live.cards(self.study_ids), await self.live.views(self.study_ids)
+        by_id: dict[str, Card | View] = {view.id: view for view in views}
+        by_id |= {card.played.id: card for card in cards}
+        shown = {episode: by_id[episode] for episode in self.shown if episode in by_id}
+        fresh = {episode: one for episode, one in shown.items() if episode not in self._told}
+        self._told |= fresh.keys()
+        return {
+            "type": "cards",
+            "cards": [self._card(one) for one in by_id.values()],
+            "boards": {episode: self._board(one) for episode, one in shown.items()},
+            "still": {episode: still_of(one) if isinstance(one, Card) else one.still for episode, one in fresh.items()},
+        }
+
+    def _card(self, one: Card | View) -> dict[str, Any]:
+        if isinstance(one, Card):
+            return card_of(self.live, one, self.arms)
+        return one.card | {"arm": self.arms.get(one.condition, "")}
+
+    def _board(self, one: Card | View) -> dict[str, Any]:
+        if isinstance(one, Card):
+            return board_of(one.game, self.admin.blind)
+        return one.board | ({"prediction": []} if self.admin.blind else {})
+
+
+async def let_in(socket: WebSocket) -> AdminSession | None:
+    """Accepts the socket of a researcher who is signed in, from one of our own pages; refuses all others."""
+    try:
+        admin = await session_of(socket) if socket.app.state.web.guard.is_own_origin(socket) else None
+    except DatabaseDown:
+        await socket.close(1013)
+        return None
+    if admin is None:
+        await socket.close(1008)
+        return None
+    await socket.accept()
+    return admin
+
+
+async def still_in(socket: WebSocket, admin: AdminSession) -> bool:
+    """Whether the session goes on as it was: neither ended nor with conditions shown or hidden since."""
+    with suppress(DatabaseDown):
+        return await session_of(socket) == admin
+    return True
+
+
+router = APIRouter(prefix="/admin")
+
+
+@router.websocket("/s/{name}/live")
+async def watch(socket: WebSocket, name: str) -> None:
+    """Cards and boards twice a second, figures every 2 s."""
+    live: LiveGames = socket.app.state.live
+    web: Web = socket.app.state.web
+    admin = await let_in(socket)
+    if admin is None:
+        return
+    if not web.studies.versions(name):
+        await socket.close(1008)
+        return
+    watching = Watching(web, live, name, admin)
+    teller = asyncio.create_task(_tell(socket, watching))
+    try:
+        while not teller.done():
+            watching.asked(await socket.receive_text())
+    except (WebSocketDisconnect, ValueError, KeyError, RuntimeError):
+        pass  # gone, or no page of ours
+    finally:
+        await ended(teller)
+        with suppress(RuntimeError, WebSocketDisconnect):
+            await socket.close()
+
+
+async def _tell(socket: WebSocket, watching: Watching) -> None:
+    figures = socket.app.state.figures
+    checked = told = time.monotonic() - FIGURES_EVERY_S
+    tab = ""
+    while True:
+        now = time.monotonic()
+        if now - checked >= SESSION_EVERY_S:
+            checked = now
+            if not await still_in(socket, watching.admin):
+                return await socket.close(4003, "sign in again")
+        with suppress(DatabaseDown):
+            await socket.send_text(json.dumps(await watching.news(), separators=(",", ":")))
+            if now - told >= FIGURES_EVERY_S or tab != watching.tab:
+                told, tab = now, watching.tab
+                news = await figures.of(watching.study_ids, watching.study, watching.tab, watching.admin.blind)
+                news = {"type": "figures", **news, "alerts": socket.app.state.alerts.shown(watching.study.name)}
+                await socket.send_text(json.dumps(news, separators=(",", ":")))
+        await asyncio.sleep(CARDS_EVERY_S)

@@ -1,0 +1,86 @@
+"""How a researcher's page is rendered: the template with what all of them need, in English."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from fastapi import HTTPException, Request
+from fastapi.responses import HTMLResponse, RedirectResponse
+from markupsafe import Markup
+
+from server.store.admins import AdminSession
+from server.study.definition import Study
+from server.web.admin.researcher_auth import form_session
+from server.web.auth import FORM_FIELD
+from server.web.dependencies import Web, web_of
+
+SEE_OTHER = 303
+SAID = {
+    "paused": "The game is paused.",
+    "resumed": "The game goes on.",
+    "ended": "The game is ended.",
+    "sent": "The message is sent.",
+    "extended": "There is more time now.",
+    "excluded": "The data are excluded.",
+    "restored": "The exclusion is taken back.",
+    "released": "The place is free again.",
+    "study_paused": "The study is paused: nobody is let in, no game runs.",
+    "study_resumed": "The study goes on.",
+    "version_served": "The new version is served: those who come from now on get it.",
+    "version_refused": "The new version could not be served: the alerts and the log say why.",
+    "signed_out": "The account is signed out everywhere.",
+    "removed": "The account is removed.",
+    "deleted": "The participant is deleted. The audit log says so; only the count of those who left remains.",
+    "nobody_found": "There is no participant with this id or code in this study.",
+    "gone": "No action taken: the game or visit has already ended.",
+}
+
+
+@dataclass(frozen=True)
+class AdminPage:
+    """One answer to one researcher."""
+
+    request: Request
+    admin: AdminSession | None = None
+
+    @property
+    def web(self) -> Web:
+        return web_of(self.request)
+
+    def render(self, template: str, status: int = 200, **context: Any) -> HTMLResponse:
+        base: dict[str, Any] = {
+            "admin": self.admin,
+            "token": Markup('<input type="hidden" name="{}" value="{}">').format(FORM_FIELD, self.form_token()),
+            "said": SAID.get(self.request.query_params.get("said", "")),
+            "here": self.request.url.path,
+            "tab": "",
+            "study": None,
+        }
+        text = self.web.templates.get_template(f"admin/{template}").render(base | context)
+        return HTMLResponse(text, status, {"Cache-Control": "no-store"})
+
+    def form_token(self) -> str:
+        """What every form of this session must bring back."""
+        return self.web.guard.form_token(form_session(self.request))
+
+
+def back_to(path: str, said: str = "") -> RedirectResponse:
+    """To one of our own pages, with a word about what was done."""
+    return RedirectResponse(path + (f"?said={said}" if said else ""), SEE_OTHER, {"Cache-Control": "no-store"})
+
+
+def own_path(path: str) -> str:
+    """The path if it is one of a researcher's pages, else their first page."""
+    plain = all(letter.isalnum() or letter in "/_-.~" for letter in path)
+    return path if plain and path.startswith("/admin/") and "//" not in path else "/admin"
+
+
+def study_at(web: Web, name: str) -> tuple[tuple[int, ...], Study]:
+    """The numbers of all versions of a study, newest first, and the newest itself. Answers 404 where there is none."""
+    versions = web.studies.versions(name)
+    opened = web.studies.open(name)
+    if opened is not None:
+        return versions, opened[1]
+    study = web.studies.version(versions[0]) if versions else None
+    if study is None:
+        raise HTTPException(404, f"there is no study {name!r} here")
+    return versions, study

@@ -1,0 +1,128 @@
+"""Routes of one episode for researchers, running or ended. A blinded researcher gets neither marks nor predictions."""
+
+import asyncio
+import json
+import time
+from contextlib import suppress
+from typing import Final
+
+from fastapi import APIRouter, HTTPException, Request, Response, WebSocket, WebSocketDisconnect
+
+from overcooked.layout import LayoutError
+from server.background_tasks import ended
+from server.monitoring.live_games import Card, LiveGames, card_of, who
+from server.monitoring.peers import View
+from server.monitoring.replay import StoredTicks, input_of, record_json, row_of
+from server.store import decisions, overview
+from server.store.admins import AdminSession
+from server.store.episodes import BrokenEpisode
+from server.web.admin.actions import REASONS, GameDep
+from server.web.admin.live_boards import SESSION_EVERY_S, let_in, still_in
+from server.web.admin.rendering import AdminPage, study_at
+from server.web.admin.researcher_auth import WatchDep
+from server.web.dependencies import WebDep
+
+router = APIRouter(prefix="/admin/s/{name}/game/{episode}")
+LOOK_EVERY_S: Final = 0.05
+STATUS_EVERY_S: Final = 0.5
+STORED_EVERY_S: Final = 0.2
+
+
+@router.get("")
+async def page(request: Request, name: str, admin: WatchDep, web: WebDep, game: GameDep) -> Response:
+    """The game as the participant sees it, its time line, and what can be done about it."""
+    _, study = study_at(web, name)
+    live: LiveGames = request.app.state.live
+    held = await web.database.read(decisions.exclusions_of, [game.participant_id])
+    titles = {kitchen.name: kitchen.title.of("en") for kitchen in study.layouts}
+    mine = await web.database.read(overview.played_by, game.participant_id)
+    return AdminPage(request, admin).render(
+        "game.html",
+        tab="games",
+        study=study,
+        game=game,
+        label=who(game),
+        arm="" if admin.blind else game.condition,
+        shown="" if admin.blind else game.shown,
+        layout=titles.get(game.layout, game.layout),
+        others=[one for one in mine if one.started_at is not None],
+        is_live=live.games.get(game.id) is not None or await live.elsewhere_plays(game),
+        exclusions=[one for one in held if one.episode_id in (None, game.id)],
+        reasons=REASONS,
+    )
+
+
+@router.get("/record.json")
+async def record(admin: WatchDep, web: WebDep, game: GameDep) -> Response:
+    """Everything that is stored of the episode, with the states that follow from it."""
+    try:
+        text = await web.database.read(record_json, game.id, admin.blind)
+    except (BrokenEpisode, LayoutError) as error:
+        raise HTTPException(409, str(error)) from None
+    headers = {"Cache-Control": "no-store", "Content-Disposition": f'inline; filename="{game.id}.json"'}
+    return Response(text, media_type="application/json", headers=headers)
+
+
+@router.websocket("/live")
+async def follow(socket: WebSocket, name: str, episode: str) -> None:
+    """Every new tick of a running game, and how the participant is."""
+    live: LiveGames = socket.app.state.live
+    admin = await let_in(socket)
+    if admin is None:
+        return
+    study_ids = live.web.studies.versions(name)
+    teller = asyncio.create_task(_tell(socket, live, (study_ids, episode), admin))
+    try:
+        while not teller.done():
+            await socket.receive_text()
+    except (WebSocketDisconnect, KeyError, RuntimeError):
+        pass
+    finally:
+        await ended(teller)
+        with suppress(RuntimeError, WebSocketDisconnect):
+            await socket.close()
+
+
+async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...], str], admin: AdminSession) -> None:
+    told, checked, looked = -1, time.monotonic(), 0.0
+    card: Card | View | None = None
+    stored = StoredTicks(live.web.database, which[1])
+    while True:
+        now = time.monotonic()
+        if now - checked >= SESSION_EVERY_S:
+            checked = now
+            if not await still_in(socket, admin):
+                return await socket.close(4003, "sign in again")
+        if card is None or now - looked >= STATUS_EVERY_S:
+            looked = now
+            card = await _status(socket, live, which)
+            if card is None:
+                await socket.send_text('{"type":"over"}')
+                return await socket.close(1000, "the game is over")
+        if isinstance(card, View):
+            for row in await stored.new_rows(admin.blind):
+                await socket.send_text(json.dumps({"type": "tick", "row": row}, separators=(",", ":")))
+            await asyncio.sleep(STORED_EVERY_S)
+            continue
+        session = card.game.session
+        if session.stored and not card.game.busy and session.record is not None and session.trace.timestep > told:
+            told = session.trace.timestep
+            row = row_of(session.record, session.trace, admin.blind)
+            new = [input_of(one, session.spec.tick_ms) for one in session.record.inputs]
+            await socket.send_text(json.dumps({"type": "tick", "row": row, "inputs": new}, separators=(",", ":")))
+        await asyncio.sleep(LOOK_EVERY_S)
+
+
+async def _status(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...], str]) -> Card | View | None:
+    """Tells how the participant is; None when the game does not run any more."""
+    study_ids, episode = which
+    card = next((one for one in await live.cards(study_ids) if one.played.id == episode), None)
+    view = None if card else next((one for one in await live.views(study_ids) if one.id == episode), None)
+    if card is not None:
+        status = card_of(live, card, {}) | {"type": "status", "phase": card.game.session.phase}
+    elif view is not None:
+        status = view.card | {"type": "status", "phase": view.phase}
+    else:
+        return None
+    await socket.send_text(json.dumps(status, separators=(",", ":")))
+    return card or view

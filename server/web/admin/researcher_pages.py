@@ -1,0 +1,242 @@
+"""A researcher's pages: signing in and out, studies, one study's dashboard, people, the audit log, accounts. Thin."""
+
+from typing import Any
+
+from fastapi import APIRouter, HTTPException, Request, Response
+
+from server.monitoring import latency_history
+from server.monitoring.arms import arm_names
+from server.monitoring.dashboard import step_name, way_of
+from server.monitoring.enrolment_flow import arms_of, flow_of, stock
+from server.monitoring.live_games import who
+from server.participation.study_changes import Versions
+from server.store import admins, answers, attempts, audit, decisions, overview
+from server.store.overview import Played
+from server.study.definition import Study
+from server.web import guess_limits
+from server.web.admin import researcher_auth
+from server.web.admin.rendering import AdminPage, back_to, own_path, study_at
+from server.web.admin.researcher_auth import ActDep, AdminFormDep, OwnDep, WatchDep
+from server.web.dependencies import Web, WebDep
+from server.web.forms import Form, first
+from server.web.guess_limits import Busy, Hashing
+
+router = APIRouter(prefix="/admin")
+AUDIT_SHOWN = 500
+BUSY_S = 5
+_WINDOW_MIN = round(attempts.WINDOW.total_seconds() / 60)
+
+
+@router.get("/login")
+async def login_page(request: Request) -> Response:
+    """Asks for name and password."""
+    return AdminPage(request).render("login.html", next=request.query_params.get("next", ""), wrong="")
+
+
+@router.post("/login")
+async def login(request: Request, web: WebDep, form: AdminFormDep) -> Response:
+    """A new session, whatever session there was; too many wrong passwords have to wait."""
+    name = first(form, "name")[:128]
+    hashing: Hashing = request.app.state.hashing
+    try:
+        outcome, stored = await researcher_auth.sign_in(web, hashing, request, name, first(form, "password")[:200])
+    except Busy:
+        return _login_refused(request, form, 429, "Too many people are signing in. Try again in a moment.", BUSY_S)
+    if outcome.left is None:
+        words = f"Too many wrong passwords. Try again in {_WINDOW_MIN} minutes."
+        return _login_refused(request, form, 429, words, _WINDOW_MIN * 60)
+    if not outcome.right or stored is None:
+        words = f"Wrong name or password. {outcome.left} {'try' if outcome.left == 1 else 'tries'} left."
+        return _login_refused(request, form, 401, words)
+    token = await researcher_auth.begin_session(web, name, await researcher_auth.session_of(request))
+    signed_in = back_to(own_path(first(form, "next")))
+    researcher_auth.set_cookie(signed_in, token, secure=web.guard.secure)
+    guess_limits.remember_browser(web, signed_in, name, stored)
+    return signed_in
+
+
+def _login_refused(request: Request, form: Form, status: int, words: str, wait_s: int = 0) -> Response:
+    response = AdminPage(request).render("login.html", status, next=first(form, "next"), wrong=words)
+    if wait_s:
+        response.headers["Retry-After"] = str(wait_s)
+    return response
+
+
+@router.post("/logout")
+async def logout(admin: WatchDep, web: WebDep, form: AdminFormDep) -> Response:  # noqa: ARG001 - checks the form
+    """The session is over, also where its cookie was copied to."""
+    await web.database.write(admins.close_session, admin.token_hash)
+    await web.database.write(audit.add, admin.name, "sign out")
+    response = back_to("/admin/login")
+    researcher_auth.forget_cookie(response, secure=web.guard.secure)
+    return response
+
+
+@router.get("")
+async def studies(request: Request, admin: WatchDep, web: WebDep) -> Response:
+    """All studies of this server."""
+    paused = await web.database.read(decisions.paused_studies)
+    rows = []
+    for name in web.studies.names():
+        versions, study = study_at(web, name)
+        arms = arms_of(study, await web.database.read(stock, versions), arm_names(study, blind=True), blind=True)
+        quotas = [condition.quota for condition in study.conditions if condition.quota is not None]
+        rows.append(
+            {
+                "name": name,
+                "title": study.title.of("en"),
+                "summary": study.summary.of("en"),
+                "paused": name in paused,
+                "versions": len(versions),
+                "completed": sum(arm["completed"] for arm in arms),
+                "active": sum(arm["active"] for arm in arms),
+                "target": sum(quotas) if len(quotas) == len(study.conditions) else None,
+            }
+        )
+    return AdminPage(request, admin).render("studies.html", tab="studies", rows=rows)
+
+
+@router.post("/blind")
+async def blind(admin: ActDep, web: WebDep, form: AdminFormDep) -> Response:
+    """Hides or shows conditions in this session; both are in the audit log."""
+    hide = first(form, "blind") == "on"
+    await web.database.write(admins.set_blind, admin.token_hash, hide)
+    await web.database.write(audit.add, admin.name, "blind mode on" if hide else "blind mode off")
+    return back_to(own_path(first(form, "next")))
+
+
+@router.get("/audit")
+async def audit_page(request: Request, admin: WatchDep, web: WebDep) -> Response:
+    """Who did what, latest first, and whether the log is whole. Conditions are never in it."""
+    entries = await web.database.read(audit.entries)
+    forged = await web.database.read(audit.first_forged)
+    shown = entries[::-1][:AUDIT_SHOWN]
+    return AdminPage(request, admin).render("audit.html", tab="audit", entries=shown, total=len(entries), forged=forged)
+
+
+@router.get("/accounts")
+async def accounts(request: Request, admin: OwnDep, web: WebDep) -> Response:
+    """Who may sign in."""
+    return AdminPage(request, admin).render("accounts.html", tab="accounts", rows=await web.database.read(admins.every))
+
+
+@router.post("/accounts/{account}/{deed}")
+async def change_account(account: str, deed: str, admin: OwnDep, web: WebDep, form: AdminFormDep) -> Response:  # noqa: ARG001 - checks the form
+    """Signs an account out everywhere, or removes it; nobody removes their own."""
+    if deed not in ("signed_out", "removed") or (deed == "removed" and account == admin.name):
+        raise HTTPException(400, "this cannot be done to this account")
+    await web.database.write(admins.close_all if deed == "signed_out" else admins.remove, account)
+    await web.database.write(audit.add, admin.name, f"account {deed}", {"name": account})
+    return back_to("/admin/accounts", deed)
+
+
+@router.get("/s/{name}")
+async def dashboard(request: Request, name: str, admin: WatchDep, web: WebDep) -> Response:
+    """The live overview of one study; what moves in it comes by websocket."""
+    study_ids, study = study_at(web, name)
+    paused = name in await web.database.read(decisions.paused_studies)
+    page = AdminPage(request, admin)
+    versions: Versions | None = getattr(request.app.state, "versions", None)
+    changed = versions.changed.get(name) if versions is not None and versions.can_take else None
+    new = changed if changed is not None and not changed.problem and admin.may("act") else None
+    return page.render("dashboard.html", tab="live", study=study, versions=len(study_ids), paused=paused, new=new)
+
+
+@router.get("/s/{name}/games")
+async def games(request: Request, name: str, admin: WatchDep, web: WebDep) -> Response:
+    """The latest episodes of a study, each to be replayed."""
+    study_ids, study = study_at(web, name)
+    played = await web.database.read(overview.latest, study_ids)
+    rows = await _games(request, web, study, played)
+    return AdminPage(request, admin).render("games.html", tab="games", study=study, rows=rows)
+
+
+@router.get("/s/{name}/person/{person}")
+async def person_page(request: Request, name: str, person: str, admin: WatchDep, web: WebDep) -> Response:
+    """Everything about one participant but what is personal."""
+    study_ids, study = study_at(web, name)
+    found = await web.database.read(overview.person, person)
+    if found is None or found.study_id not in study_ids:
+        raise HTTPException(404, "there is no such participant in this study")
+    played = await web.database.read(overview.played_by, person)
+    way = way_of(web.studies, found)
+    return AdminPage(request, admin).render(
+        "person.html",
+        tab="live",
+        study=study,
+        person=found,
+        label=f"{'B' if found.simulated else 'P'}-{found.number:03d}",
+        arm="" if admin.blind else found.condition,
+        now=step_name(way[min(found.position, len(way) - 1)]),
+        rows=await _games(request, web, study, played),
+        exclusions=await web.database.read(decisions.exclusions_of, [person]),
+        attention=await web.database.read(answers.attention_of, person),
+    )
+
+
+@router.get("/s/{name}/course.json")
+async def course_of(request: Request, name: str, admin: WatchDep, web: WebDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
+    """People of the study and lateness of the server over time."""
+    study_ids, _ = study_at(web, name)
+    return {
+        "machine": request.app.state.course.said(),
+        "people": await web.database.read(latency_history.people, study_ids),
+    }
+
+
+@router.get("/s/{name}/consort.svg")
+async def consort(name: str, admin: WatchDep, web: WebDep) -> Response:
+    """The flow of participants as a CONSORT diagram."""
+    context = await consort_of(web, name, admin.blind)
+    svg = web.templates.get_template("admin/consort.svg.j2").render(context)
+    headers = {"Cache-Control": "no-store", "Content-Disposition": f'attachment; filename="{name}-consort.svg"'}
+    return Response(svg, media_type="image/svg+xml", headers=headers)
+
+
+async def consort_of(web: Web, name: str, blind: bool) -> dict[str, Any]:
+    """What the diagram shows: the flow, and how it splits into arms."""
+    study_ids, study = study_at(web, name)
+    held = await web.database.read(stock, study_ids)
+    arms = arms_of(study, held, arm_names(study, blind), blind)
+    return {"title": study.title.of("en"), "flow": flow_of(study, held), "arms": arms}
+
+
+@router.get("/s/{name}/verdicts.json")
+async def verdicts_of(request: Request, name: str, admin: WatchDep, web: WebDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
+    """What the quality rules say of the latest episodes; `waiting`: how many are still to be judged."""
+    study_ids, _ = study_at(web, name)
+    verdicts = request.app.state.figures.verdicts
+    waiting = await verdicts.look(study_ids)
+    played = [one.id for one in await web.database.read(overview.latest, study_ids)]
+    said = {episode: verdict for episode in played if (verdict := verdicts.of(episode))}
+    return {"waiting": waiting, "verdicts": {each: [one.proposal, one.rules] for each, one in said.items()}}
+
+
+async def _games(request: Request, web: Web, study: Study, played: list[Played]) -> list[dict[str, Any]]:
+    """Rows of a table of games, with what the rules and the researcher say of each."""
+    people = list({one.participant_id for one in played})
+    held = await web.database.read(decisions.exclusions_of, people)
+    reasons = {one.episode_id or one.participant_id: one.reason for one in held}
+    rows = []
+    for one in played:
+        said = {"verdict": request.app.state.figures.verdicts.of(one.id)}
+        said |= {"excluded": reasons.get(one.id) or reasons.get(one.participant_id, "")}
+        rows.append(_game(study, one) | said)
+    return rows
+
+
+def _game(study: Study, played: Played) -> dict[str, Any]:
+    titles = {kitchen.name: kitchen.title.of("en") for kitchen in study.layouts}
+    return {
+        "id": played.id,
+        "who": who(played),
+        "person": played.participant_id,
+        "kind": played.kind,
+        "episode": f"E{played.episode}" if played.kind == "episode" else "Tutorial",
+        "agent": played.agent,
+        "layout": titles.get(played.layout, played.layout),
+        "status": played.status,
+        "reason": played.end_reason or "",
+        "score": played.score,
+        "started": played.started_at,
+    }

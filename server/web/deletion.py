@@ -1,0 +1,17 @@
+"""Deletes a participant who may be in a game: by the participant's own wish, or on request by a researcher."""
+
+from server.cluster.dispatch import ClusterControl
+from server.store import overview, withdrawal
+from server.web.dependencies import Web
+
+
+async def delete(
+    web: Web, control: ClusterControl, participant_id: str, deletion: withdrawal.Deletion | None = None
+) -> bool:
+    """End the participant's games, then delete everything about the person; False if there is no such participant.
+
+    A running game would go on writing.
+    """
+    played = await web.database.read(overview.played_by, participant_id)
+    await control.end_all([one.id for one in played])
+    return await web.database.write(withdrawal.withdraw, participant_id, deletion)

@@ -1,0 +1,195 @@
+"""What every page needs: the parts that the server was wired with, the participant who asks, the words to answer in."""
+
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any
+from urllib.parse import urlencode
+
+import jinja2
+from fastapi import Depends, HTTPException, Request, Response
+from fastapi.responses import HTMLResponse
+from markdown_it import MarkdownIt
+from markupsafe import Markup
+
+from server.participation.recruiter_links import may_start_new
+from server.participation.served_studies import Studies
+from server.store import participants
+from server.store.database import Database
+from server.store.participants import Participant
+from server.study.definition import Study
+from server.study.locale import Locale, best_language, languages, locale
+from server.web.auth import FORM_FIELD, CsrfProtection, session_of, token_for, token_of
+from server.web.forms import Form, first, read_form
+from server.web.rate_limits import NewPlaces
+from server.web.security_headers import policy
+
+TEMPLATES = Path(__file__).parents[2] / "templates"
+_markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
+
+
+@dataclass(frozen=True)
+class Web:
+    """What server.main gives the pages (as `app.state.web`)."""
+
+    database: Database
+    studies: Studies
+    guard: CsrfProtection
+    templates: jinja2.Environment
+    places: NewPlaces = field(default_factory=NewPlaces)
+    production: bool = False
+
+
+@cache
+def templates(folder: Path = TEMPLATES) -> jinja2.Environment:
+    """The templates: escaped, and a missing name is an error. One for the process: compiling them takes a while."""
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(folder),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["markdown"] = lambda words: Markup(_markdown.render(words))  # noqa: S704 - HTML in it is escaped
+    return environment
+
+
+def compile_templates() -> None:
+    """Compile every template: the first page of a kind takes some 50 ms otherwise, for which all games would wait."""
+    environment = templates()
+    for name in environment.list_templates():
+        environment.get_template(name)
+
+
+def web_of(request: Request) -> Web:
+    web: Web = request.app.state.web
+    return web
+
+
+WebDep = Annotated[Web, Depends(web_of)]
+
+
+async def own_form(request: Request, web: WebDep) -> Form:
+    """The form that was sent, from our own page only."""
+    return await read_form(request, web.guard)
+
+
+FormDep = Annotated[Form, Depends(own_form)]
+
+
+async def answers_form(request: Request, web: WebDep) -> Form:
+    """`own_form` of a page with questions, whose answers are checked one by one (server.study.questionnaire)."""
+    return await read_form(request, web.guard, controls=True)
+
+
+AnswersFormDep = Annotated[Form, Depends(answers_form)]
+
+
+async def consent_form(request: Request, name: str, web: WebDep) -> Form:
+    """`own_form` of the consent page, also when it is sent again: what was sent first gave this browser its cookie."""
+    secret, cookie = web.guard.secret, token_of(request)
+    return await read_form(
+        request, web.guard, was_nobodys=lambda form: token_for(secret, name, first(form, "visit")) == cookie
+    )
+
+
+ConsentFormDep = Annotated[Form, Depends(consent_form)]
+
+
+async def participant_of(request: Request, name: str, web: WebDep) -> Participant | None:
+    """Who has the cookie of this study; None for everybody else."""
+    token = token_of(request)
+    found = await web.database.read(participants.by_token, token) if token else None
+    if found is None:
+        return None
+    study = web.studies.version(found.study_id)
+    return found if study is not None and study.name == name else None
+
+
+ParticipantDep = Annotated[Participant | None, Depends(participant_of)]
+
+
+@dataclass(frozen=True)
+class OpenStudy:
+    """A study that takes participants, and the number of its version in the database."""
+
+    id: int
+    study: Study
+
+
+def open_study(name: str, web: WebDep) -> OpenStudy:
+    """The study at this address. Answers 404 where there is none."""
+    found = web.studies.open(name)
+    if found is None:
+        raise HTTPException(404, f"there is no study {name!r} here")
+    return OpenStudy(*found)
+
+
+OpenStudyDep = Annotated[OpenStudy, Depends(open_study)]
+
+
+@dataclass(frozen=True)
+class PageResponse:
+    """One answer to be written: to whom, in which language, about which study."""
+
+    request: Request
+    web: Web
+    language: str
+    study: Study | None = None
+    participant: Participant | None = None
+
+    @property
+    def words(self) -> Locale:
+        return locale(self.language)
+
+    def render(self, template: str, status: int = 200, **context: Any) -> HTMLResponse:
+        """The page; never kept by a cache, as it shows where somebody is."""
+        base: dict[str, Any] = {
+            "t": self.words,
+            "language": self.language,
+            "languages": [(name, locale(name).name) for name in self.languages],
+            "study": self.study,
+            "participant": self.participant,
+            "token": self._token,
+            "query_with_language": self._query_with_language,
+            "path": f"/s/{self.study.name}" if self.study else "",
+            "may_start_new": self.study is not None and may_start_new(self.study),
+            "phases": (),
+            "phase": "",
+        }
+        text = self.web.templates.get_template(template).render(base | context)
+        return HTMLResponse(text, status, {"Cache-Control": "no-store"})
+
+    def allow(self, response: Response, **more: str) -> None:
+        """Lets the page do more than others may (see headers.policy)."""
+        host = self.request.headers.get("host", "")
+        response.headers.update(policy(host, self.web.guard.secure, **more))
+
+    def _token(self) -> Markup:
+        """The hidden field that every form needs (auth.py)."""
+        token = self.web.guard.form_token(session_of(self.request))
+        return Markup('<input type="hidden" name="{}" value="{}">').format(FORM_FIELD, token)
+
+    def _query_with_language(self, language: str) -> str:
+        """The address's parameters with another language, so that a recruitment link stays whole."""
+        kept = [(name, value) for name, value in self.request.query_params.multi_items() if name != "lang"]
+        return urlencode([*kept, ("lang", language)])
+
+    @property
+    def languages(self) -> tuple[str, ...]:
+        """What the page can be read in: where there is a study, its languages."""
+        return self.study.languages if self.study else languages()
+
+
+def page(
+    request: Request, web: Web, study: Study | None = None, participant: Participant | None = None
+) -> PageResponse:
+    """In the participant's language; before consent in the link's `lang`, else in the one that the browser asks for."""
+    offered = study.languages if study else languages()
+    if participant is not None and participant.language in offered:
+        language = participant.language
+    elif (wish := request.query_params.get("lang", "")) in offered:
+        language = wish
+    else:
+        language = best_language(request.headers.get("accept-language", ""), offered)
+    return PageResponse(request, web, language, study, participant)

@@ -1,0 +1,56 @@
+"""Pages for what went wrong, in the same look and the reader's language. They tell nothing about the inside."""
+
+import logging
+from collections.abc import Mapping
+
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+
+from server.store.database import DatabaseDown
+from server.web.dependencies import page, web_of
+from server.web.security_headers import security_headers
+
+_KNOWN = (400, 403, 404, 409, 413, 429, 500, 503)
+log = logging.getLogger(__name__)
+
+
+def install_error_pages(app: FastAPI) -> None:
+    """Errors become pages for browsers, and a line of JSON for programs."""
+
+    @app.exception_handler(HTTPException)
+    async def refused(request: Request, error: HTTPException) -> Response:
+        return error_page(request, error.status_code, str(error.detail), error.headers)
+
+    @app.exception_handler(RequestValidationError)
+    async def not_understood(request: Request, _error: RequestValidationError) -> Response:
+        return error_page(request, 400, "this request is not understood")
+
+    @app.exception_handler(DatabaseDown)
+    async def no_database(request: Request, _error: DatabaseDown) -> Response:
+        return error_page(request, 503, "the database cannot be reached", {"Retry-After": "5"})
+
+    @app.exception_handler(Exception)
+    async def broken(request: Request, error: Exception) -> Response:
+        log.error("the page %s broke", request.url.path, exc_info=error)
+        # The framework makes this answer outside of all middleware.
+        headers = security_headers(request.headers.get("host", ""), web_of(request).guard.secure)
+        return error_page(request, 500, "something went wrong on our side", headers)
+
+
+def error_page(request: Request, status: int, reason: str, headers: Mapping[str, str] | None = None) -> Response:
+    """The answer to a request that failed. `reason` is for programs; people read the page's own words."""
+    if "text/html" not in request.headers.get("accept", ""):
+        return JSONResponse({"detail": reason}, status, dict(headers or {}))
+    web = web_of(request)
+    # A path below /s/name leads back into the study; only a name that exists is put into the page.
+    pieces = request.url.path.split("/")
+    opened = web.studies.open(pieces[2]) if len(pieces) > 3 and pieces[1] == "s" else None
+    study = opened[1] if opened else None
+    kind = str(status if status in _KNOWN else 500 if status >= 500 else 400)
+    path = f"/s/{study.name}" if study else ""
+    response = page(request, web, study).render("participant/error.html", status, kind=kind, study=None, path=path)
+    for name, value in (headers or {}).items():
+        response.headers[name] = value
+    return response

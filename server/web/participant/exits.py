@@ -1,0 +1,87 @@
+"""The routes of those who leave: declined, turned away by the entry checks, withdrawn. Thin, as study_pages.py is."""
+
+from fastapi import APIRouter, Request, Response
+
+from server.participation import progress
+from server.participation.recruiter_links import recruitment_of, way_back
+from server.store.participants import Participant
+from server.study.recruitment import Exit
+from server.web import deletion, guess_limits
+from server.web.admin.actions import ControlDep
+from server.web.auth import forget_cookie
+from server.web.dependencies import FormDep, OpenStudy, OpenStudyDep, PageResponse, ParticipantDep, Web, WebDep, page
+from server.web.forms import first
+
+router = APIRouter(prefix="/s/{name}")
+
+
+@router.get("/declined")
+async def declined(request: Request, opened: OpenStudyDep, web: WebDep) -> Response:
+    """Somebody decided not to take part."""
+    return _turned_away(page(request, web, opened.study), opened, opened.study.recruitment.declined, "declined")
+
+
+@router.get("/unsuitable")
+async def unsuitable(request: Request, opened: OpenStudyDep, web: WebDep) -> Response:
+    """The device did not pass the entry checks: the screened-out code, before anything was stored."""
+    outcome = opened.study.recruitment.screened_out
+    return _turned_away(page(request, web, opened.study), opened, outcome, "unsuitable")
+
+
+def _turned_away(made: PageResponse, opened: OpenStudy, outcome: Exit, template: str) -> Response:
+    recruitment = opened.study.recruitment
+    person, extra = recruitment_of(recruitment, dict(made.request.query_params))
+    values = extra | {name: value for name, value in (("person", person), ("code", outcome.code)) if value}
+    back = way_back(recruitment, outcome, values)
+    return made.render(f"participant/{template}.html", code=outcome.code, back=back)
+
+
+def _codes_of_all(opened: OpenStudy) -> set[str]:
+    """The study's fixed codes, which everybody gets: they tell nobody apart."""
+    recruitment = opened.study.recruitment
+    outcomes = (recruitment.completed, recruitment.screened_out, recruitment.unpaired, recruitment.declined)
+    return {outcome.code.upper() for outcome in outcomes if outcome.code}
+
+
+@router.get("/withdraw")
+async def withdraw_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
+    """Asks whether somebody really wants to leave; without the cookie, by the completion code."""
+    return page(request, web, opened.study, participant).render("participant/withdraw.html", code="", wrong="")
+
+
+@router.post("/withdraw")
+async def withdraw(
+    request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep, form: FormDep, control: ControlDep
+) -> Response:
+    """Deletes everything about the participant; a count remains. Whoever guesses codes has to wait."""
+    code = first(form, "code").strip().upper()
+    made = page(request, web, opened.study, participant)
+    leaving = participant
+    if leaving is None and code in _codes_of_all(opened):
+        return made.render("participant/withdraw.html", 422, code=code, wrong="code_of_all")
+    if leaving is None:
+        outcome, leaving = await _by_code(request, opened, web, code)
+        if leaving is None:
+            status, wrong = (429, "wait") if outcome.left is None else (422, "code_wrong")
+            return made.render("participant/withdraw.html", status, code=code, wrong=wrong)
+    await deletion.delete(web, control, leaving.id)
+    gone = PageResponse(request, web, made.language, opened.study)
+    response = gone.render("participant/ended.html", kind="withdrawn", outcome=Exit(), back=None)
+    if participant is not None:
+        forget_cookie(response, opened.study.name, secure=web.guard.secure)
+    return response
+
+
+async def _by_code(
+    request: Request, opened: OpenStudy, web: Web, code: str
+) -> tuple[guess_limits.GuessOutcome, Participant | None]:
+    """Whose completion code it is. A code has no name, so wrong ones are counted by address alone."""
+    found: Participant | None = None
+
+    async def look() -> bool:
+        nonlocal found
+        found = await web.database.read(progress.by_code, web.studies, opened.study.name, code)
+        return found is not None
+
+    outcome = await guess_limits.guarded(web, guess_limits.stranger(web, request, guess_limits.CODE), "", look)
+    return outcome, found

@@ -1,0 +1,283 @@
+"""The websocket of a game: who may open it, what comes in and goes out, and when it is closed. Plays nothing itself."""
+
+import asyncio
+import logging
+import time
+from collections.abc import Awaitable, Callable
+from typing import Any, Final
+
+from fastapi import APIRouter, WebSocket
+from starlette.requests import HTTPConnection
+
+from server.background_tasks import ended
+from server.participation.seating import ConnectedPlayer
+from server.participation.waiting_room import WaitingRoom
+from server.play import messages
+from server.play.clock import Clock
+from server.play.game import Game
+from server.play.games import Games, NoGame
+from server.play.recorder import RecorderDown
+from server.play.send_queue import Close, SendQueue
+from server.play.token_bucket import PER_S, TokenBucket
+from server.store.database import DatabaseDown
+
+log = logging.getLogger(__name__)
+BEAT_EVERY_S: Final = 0.25
+MOST_OF_ONE: Final = 8  # sockets of one participant
+MOST_REFUSED: Final = 20  # bad messages on one socket
+TROUBLES_PER_S: Final = 1 / 60  # of one participant that are passed on
+TROUBLES_BURST: Final = 10.0
+UNBOUNDED_PER_S: Final = 1e9
+_BUDGETS_KEPT: Final = 10_000
+
+SILENT = 1001
+NOT_TEXT = 1003
+ABUSE = 1008
+TOO_LARGE = 1009
+FAILED = 1011
+TRY_LATER = 1013
+NO_GAME = 4004  # the participant's current step is no game: reload the page
+
+
+# (connection with the cookie, study) -> who
+FindPlayer = Callable[[HTTPConnection, str], Awaitable[ConnectedPlayer | None]]
+IsOurs = Callable[[HTTPConnection], bool]
+Report = Callable[[str, str], Awaitable[None]]  # (participant, text of a problem in their browser)
+
+
+class PlayerSocket:
+    """One accepted socket, as the game and the heartbeat see it."""
+
+    def __init__(self, socket: WebSocket, player: ConnectedPlayer) -> None:
+        self.player = player
+        self.tab = ""
+        self.is_new_page = True
+        self.next_url = player.next_url
+        self.outlet = SendQueue()
+        self.reader: asyncio.Task[Any] | None = asyncio.current_task()
+        self._socket = socket
+
+    def send(self, message: messages.Outgoing) -> None:
+        self.outlet.send(message)
+
+    def close(self, code: int, reason: str) -> None:
+        self.outlet.close(code, reason)
+
+    async def write(self) -> None:
+        """Sends what waits until the socket closes. Returns when it is closed from either side."""
+        while True:
+            frame = await self.outlet.next()
+            if isinstance(frame, Close):
+                await self._socket.send({"type": "websocket.close", "code": frame.code, "reason": frame.reason})
+                return
+            await self._socket.send({"type": "websocket.send", "text": frame.decode()})
+
+
+class Gate:
+    """What of one socket's frames comes in: text, small, well formed, not too many."""
+
+    def __init__(self, budget: TokenBucket) -> None:
+        self._budget = budget
+        self._refused = 0
+
+    def let_in(self, text: str | None, mine: PlayerSocket, now: float) -> messages.Incoming | None:
+        """The message of a frame; None when it was refused, answered here, or the socket is to close."""
+        if text is None:
+            mine.close(NOT_TEXT, "this protocol has text frames only")
+            return None
+        if len(text) > messages.MAX_FRAME_BYTES or len(text.encode()) > messages.MAX_FRAME_BYTES:
+            mine.close(TOO_LARGE, f"a frame has at most {messages.MAX_FRAME_BYTES} bytes")
+            return None
+        try:
+            message = messages.decode(text)
+        except messages.BadMessage as error:
+            self._refuse(str(error), mine, now)
+            return None
+        if isinstance(message, messages.Pong) and mine.outlet.pong(message.id, time.monotonic()):
+            return None
+        if not self._budget.spend(now):
+            mine.close(ABUSE, "too many messages")
+            return None
+        return message
+
+    def _refuse(self, reason: str, mine: PlayerSocket, now: float) -> None:
+        self._refused += 1
+        if self._refused > MOST_REFUSED or not self._budget.spend(now):
+            mine.close(ABUSE, "too many bad messages")
+        else:
+            mine.send(messages.Refused("bad_message", reason))
+
+
+def budget_of(clock: Clock) -> TokenBucket:
+    """What one participant may send. Where games wait for simulated participants, these are as quick as the machine,
+    and no flood: how quick that is, nobody can say beforehand."""
+    return TokenBucket(clock.now(), clock.speed, per_s=UNBOUNDED_PER_S if clock.patience_s else PER_S)
+
+
+class Sockets:
+    """All open game sockets of this server."""
+
+    def __init__(
+        self,
+        games: Games,
+        find: FindPlayer,
+        is_ours: IsOurs,
+        report: Report | None = None,
+        room: WaitingRoom | None = None,
+    ) -> None:
+        """`is_ours`: whether the page that opens the socket is one of ours (Origin check)."""
+        self._games, self._find, self.is_ours, self._report, self._room = games, find, is_ours, report, room
+        self._open: dict[PlayerSocket, None] = {}  # oldest first
+        self._budgets: dict[str, TokenBucket] = {}
+        self._troubles: dict[str, TokenBucket] = {}
+        self._heart: asyncio.Task[None] | None = None
+
+    def __len__(self) -> int:
+        return len(self._open)
+
+    def rtts_ms(self) -> dict[str, float]:
+        """The last measured round trip of every connected participant."""
+        return {
+            socket.player.participant: socket.outlet.rtt_ms for socket in self._open if socket.outlet.rtt_ms is not None
+        }
+
+    async def serve(self, socket: WebSocket, study: str) -> None:
+        """From handshake to close. Strangers and foreign pages get a 403 before anything is accepted."""
+        if not self.is_ours(socket):
+            log.warning("a websocket from another origin was refused: %s", socket.headers.get("origin", "")[:100])
+            return await socket.close(ABUSE)
+        try:
+            player = await self._find(socket, study)
+        except DatabaseDown:
+            await socket.accept()
+            return await socket.close(TRY_LATER, "the database is away")
+        if player is None:
+            return await socket.close(ABUSE)
+        await socket.accept()
+        mine = PlayerSocket(socket, player)
+        self._open[mine] = None
+        self._bound(mine.player.participant)
+        if self._heart is None or self._heart.done():
+            self._heart = asyncio.create_task(self._beat())
+        writer = asyncio.create_task(mine.write())
+        reader = asyncio.create_task(self._read(socket, mine))
+        mine.reader = reader
+        try:
+            await asyncio.wait({writer, reader}, return_when=asyncio.FIRST_COMPLETED)
+            if reader.done():
+                await self._settle(writer, reader, mine)
+        finally:
+            self._open.pop(mine, None)
+            mine.outlet.drop()
+            await ended(writer, reader)
+
+    def _bound(self, participant: str) -> None:
+        """A page has one socket, and a lost one lingers for seconds; of somebody who has many, the oldest closes."""
+        own = [one for one in self._open if one.player.participant == participant]
+        for one in own[:-MOST_OF_ONE]:
+            one.close(ABUSE, "too many connections")
+
+    def dismiss(self, participant: str, reason: str) -> None:
+        """Close every socket of a participant for good."""
+        for one in [one for one in self._open if one.player.participant == participant]:
+            one.close(ABUSE, reason)
+
+    @staticmethod
+    async def _settle(writer: asyncio.Task[None], reader: asyncio.Task[None], mine: PlayerSocket) -> None:
+        """The last words may still go out, but nobody waits long for a dead peer."""
+        if not reader.cancelled() and (error := reader.exception()) is not None:
+            log.error("a game socket failed", exc_info=error)
+            mine.close(FAILED, "the server failed")
+        mine.close(1000, "")  # the page has closed it
+        await asyncio.wait({writer}, timeout=1.0)
+
+    async def _beat(self) -> None:
+        while self._open:
+            await asyncio.sleep(BEAT_EVERY_S)
+            now = time.monotonic()
+            for mine in list(self._open):
+                if mine.outlet.beat(now) and mine.reader is not None:
+                    mine.close(SILENT, "no answer to a ping")
+                    mine.reader.cancel()
+            if len(self._troubles) > _BUDGETS_KEPT:
+                self._troubles = {who: one for who, one in self._troubles.items() if not one.is_full(now)}
+            if len(self._budgets) > _BUDGETS_KEPT:
+                self._budgets = {mine.player.participant: self._budgets[mine.player.participant] for mine in self._open}
+
+    async def _read(self, socket: WebSocket, mine: PlayerSocket) -> None:
+        game: Game | None = None
+        clock = self._games.clock
+        gate = Gate(self._budgets.setdefault(mine.player.participant, budget_of(clock)))
+        try:
+            while (event := await socket.receive())["type"] != "websocket.disconnect":
+                message = gate.let_in(event.get("text"), mine, clock.now())
+                if message is not None:
+                    game = await self._handle(message, game, mine)
+                if mine.outlet.closing:
+                    return
+        finally:
+            if game is not None:
+                game.leave(mine.player.seat, mine)
+            elif self._room is not None:
+                self._room.leave(mine.player.participant, mine)
+
+    async def _handle(self, message: messages.Incoming, game: Game | None, mine: PlayerSocket) -> Game | None:
+        """Does what one message asks; the game that the socket is in from now on."""
+        match message:
+            case messages.Hello():
+                return await self._hello(message, game, mine)
+            case messages.ClientError():
+                await self._trouble(mine.player.participant, message.text)
+            case messages.Pong():
+                pass  # late, or an answer to nothing: of no use, of no harm
+            case _ if game is None:
+                mine.send(messages.Refused("hello_first", "the first message is hello"))
+            case _:
+                game.receive(mine.player.seat, mine, message)
+        return game
+
+    async def _trouble(self, participant: str, text: str) -> None:
+        """Pass on a problem in a browser. A page that breaks on every frame says it over and over: a few are enough."""
+        now = time.monotonic()
+        budget = self._troubles.setdefault(participant, TokenBucket(now, 1.0, TROUBLES_PER_S, TROUBLES_BURST))
+        if not budget.spend(now):
+            return
+        log.info("trouble in a browser: %r", text)
+        if self._report is not None:
+            await self._report(participant, text)
+
+    async def _hello(self, hello: messages.Hello, game: Game | None, mine: PlayerSocket) -> Game | None:
+        player = mine.player
+        mine.tab, mine.is_new_page = hello.tab, hello.last_timestep < 0
+        if hello.protocol != messages.PROTOCOL:
+            mine.send(messages.Refused("protocol", f"this server speaks protocol {messages.PROTOCOL}: reload the page"))
+            mine.close(ABUSE, "another protocol")
+        elif player.wish is not None and self._room is not None:
+            self._room.enter(player.participant, player.wish, mine)
+        elif player.episode is None:
+            mine.send(messages.Refused("no_game", "no game is to be played now: reload the page"))
+            mine.close(NO_GAME, "no game")
+        else:
+            try:
+                return await self._games.join(player.episode, player.seat, mine)
+            except NoGame as error:
+                mine.send(messages.Refused("no_game", str(error)))
+                mine.close(NO_GAME, "no game")
+            except RecorderDown as error:
+                mine.send(messages.Refused("database", str(error)))
+                mine.close(TRY_LATER, "the database is away")
+            except Exception:
+                log.exception("episode %s cannot be taken up", player.episode)
+                mine.send(messages.Refused("broken", "this game cannot be taken up; the researcher has been told"))
+                mine.close(FAILED, "the game is broken")
+        return game
+
+
+router = APIRouter()
+
+
+@router.websocket("/s/{study}/socket")
+async def play(socket: WebSocket, study: str) -> None:
+    """Plays the participant's current step, if it is a game."""
+    sockets: Sockets = socket.app.state.sockets
+    await sockets.serve(socket, study)

@@ -1,0 +1,255 @@
+"""Routes of a participant: read the request, ask `participation.progress`, render. A GET only records a visit."""
+
+import asyncio
+import contextlib
+import hmac
+import secrets
+from dataclasses import replace
+
+from fastapi import APIRouter, HTTPException, Request, Response, WebSocket, WebSocketDisconnect
+from fastapi.responses import RedirectResponse
+
+from server.participation import progress
+from server.participation.page_answers import check_page
+from server.participation.recruiter_links import is_preview, may_start_new, recruitment_of
+from server.store import participants
+from server.store.participants import Participant
+from server.study.assignment import StudyFullError
+from server.study.definition import Study
+from server.web.auth import BOT_MARK, bot_mark, forget_cookie, set_cookie, token_for
+from server.web.client_address import address_of
+from server.web.dependencies import (
+    AnswersFormDep,
+    ConsentFormDep,
+    FormDep,
+    OpenStudyDep,
+    PageResponse,
+    ParticipantDep,
+    Web,
+    WebDep,
+    page,
+)
+from server.web.forms import Form, first
+from server.web.participant import visit_counts
+from server.web.participant.views import Filled, consent_context, render_step
+
+router = APIRouter()
+router.include_router(visit_counts.router)
+SEE_OTHER = 303
+CHECK_S = 15
+MOST_ECHOES = 20
+ECHOED_CHARACTERS = 16
+
+
+def _to(path: str) -> RedirectResponse:
+    return RedirectResponse(path, SEE_OTHER, {"Cache-Control": "no-store"})
+
+
+@router.get("/")
+async def choose(request: Request, web: WebDep) -> Response:
+    """Which study to take part in."""
+    studies = [study for name in web.studies.names() if (found := web.studies.open(name)) for study in [found[1]]]
+    return page(request, web).render("participant/choose.html", studies=studies)
+
+
+@router.get("/s/{name}")
+async def consent_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
+    """The consent page; whoever is in the study already goes on. Stores nothing, so a link preview burns nothing."""
+    study, made = opened.study, page(request, web, opened.study)
+    person, extra = recruitment_of(study.recruitment, dict(request.query_params))
+    before = await web.database.read(progress.known, web.studies, study.name, person) if person else None
+    if participant is not None and (person is None or (before is not None and before.id == participant.id)):
+        if may_start_new(study) and participant.status != "active":
+            return made.render("participant/next_person.html", finished=True)
+        if person is None or not await web.database.read(progress.has_news, participant.id, extra):
+            return _to(f"/s/{study.name}/now")
+    if shown := _in_mturk(made, study):
+        return shown
+    if person is None and study.recruitment.required:
+        return made.render("participant/link_needed.html", 400)
+    if before is not None and before.status != "active" and (participant is None or participant.id != before.id):
+        return made.render("participant/finished.html")
+    if before is None and await web.database.read(progress.is_paused, study.name):
+        return _paused(made)
+    context = consent_context(study, made.language, person, extra, secrets.token_urlsafe(24))
+    template = "participant/welcome_back.html" if before is not None else "participant/consent.html"
+    return made.render(template, **context)
+
+
+def _paused(made: PageResponse) -> Response:
+    response = made.render("participant/paused.html", 503)
+    response.headers["Retry-After"] = "60"
+    return response
+
+
+def _in_mturk(made: PageResponse, study: Study) -> Response | None:
+    """MTurk shows a study in a frame, where browsers keep no cookies and a game is too small: it opens in a tab."""
+    preview = is_preview(study.recruitment, made.request.query_params)
+    framed = made.request.headers.get("sec-fetch-dest") in ("iframe", "frame")
+    if study.recruitment.source != "mturk" or not (preview or framed):
+        return None
+    response = made.render("participant/open.html", preview=preview)
+    made.allow(response, framed_by="https://*.mturk.com")
+    return response
+
+
+@router.post("/s/{name}/consent")
+async def consent(
+    request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep, form: ConsentFormDep
+) -> Response:
+    """Makes the participant and the cookie. The same page sent twice makes one participant."""
+    study = opened.study
+    person, extra = recruitment_of(study.recruitment, {key: values[0] for key, values in form.items()})
+    if person is None and study.recruitment.required:
+        raise HTTPException(400, "the link's parameter that names the person is missing")
+    made = _in_language(page(request, web, study), first(form, "language"))
+    visit = first(form, "visit")
+    if not 16 <= len(visit) <= 64:
+        raise HTTPException(400, "the form lacks its number")
+    token = token_for(web.guard.secret, study.name, visit)
+    holder = participant.id if participant is not None else None
+    simulated = _is_simulated(web, form)
+    arrival = progress.ConsentArrival(study.name, token, made.language, person, extra, simulated, holder)
+    known = await web.database.read(progress.already_here, web.studies, arrival)
+    open_boxes = [index for index in range(len(study.consent.boxes)) if not first(form, f"box_{index}")]
+    if open_boxes and known is None:
+        context = consent_context(study, made.language, person, extra, visit)
+        ticked = [index for index in range(len(study.consent.boxes)) if index not in open_boxes]
+        return made.render("participant/consent.html", 422, **(context | {"ticked": ticked, "open_boxes": open_boxes}))
+    if refused := await _enrol(made, arrival, is_new=known is None):
+        return refused
+    response = _to(f"/s/{study.name}/now")
+    set_cookie(response, study.name, token, secure=web.guard.secure)
+    return response
+
+
+def _is_simulated(web: Web, form: Form) -> bool:
+    """Whether a bot consents. On a public server it proves that with the server's secret: no person is made a bot."""
+    if first(form, "simulated") != "yes":
+        return False
+    wanted = bot_mark(web.guard.secret, first(form, "visit"))
+    return not web.production or hmac.compare_digest(first(form, BOT_MARK).encode(), wanted.encode())
+
+
+async def _enrol(made: PageResponse, arrival: progress.ConsentArrival, is_new: bool) -> Response | None:
+    """Enrols who arrives; returns the page that says why not. A new person takes one of the places that the address may
+    bring, before anything is awaited; it is given back where nobody new came of it."""
+    web, counted = made.web, is_new and not arrival.simulated
+    if counted and not web.places.reserve(address_of(made.request), arrival.study, arrival.token):
+        response = made.render("participant/crowded.html", 429)
+        response.headers["Retry-After"] = "3600"
+        return response
+    used = False
+    try:
+        used = await web.database.write(progress.enrol_once, web.studies, arrival)
+    except progress.StudyPaused:
+        return _paused(made)
+    except progress.AlreadyFinished:
+        return made.render("participant/finished.html", 409)
+    except StudyFullError:
+        return made.render("participant/full.html", 409)
+    finally:
+        web.places.settle(arrival.token, used)
+    return None
+
+
+def _in_language(made: PageResponse, wish: str) -> PageResponse:
+    return replace(made, language=wish) if wish in made.languages else made
+
+
+@router.get("/s/{name}/new")
+async def new_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
+    """Asks whether somebody else wants to take part in this browser."""
+    if participant is None or not may_start_new(opened.study):
+        return _to(f"/s/{opened.study.name}")
+    made = page(request, web, opened.study, participant)
+    return made.render("participant/next_person.html", finished=participant.status != "active")
+
+
+@router.post("/s/{name}/new")
+async def start_new(opened: OpenStudyDep, web: WebDep, form: FormDep) -> Response:  # noqa: ARG001 - checks the form
+    """Forgets who took part in this browser, and what its pages kept, so that the next person can begin."""
+    response = _to(f"/s/{opened.study.name}")
+    if may_start_new(opened.study):
+        forget_cookie(response, opened.study.name, secure=web.guard.secure)
+        response.headers["Clear-Site-Data"] = '"storage"'
+    return response
+
+
+@router.websocket("/s/{name}/check")
+async def check_connection(socket: WebSocket, name: str) -> None:
+    """Sends back what comes, a few times: the entry check measures the connection with it."""
+    web: Web = socket.app.state.web
+    if web.studies.open(name) is None or not web.guard.is_own_origin(socket):
+        await socket.close(1008)
+        return
+    await socket.accept()
+    code = 1000
+    try:
+        async with asyncio.timeout(CHECK_S):
+            for _ in range(MOST_ECHOES):
+                words = await socket.receive_text()
+                await socket.send_text(words[:ECHOED_CHARACTERS])
+    except KeyError:
+        code = 1003  # a binary frame
+    except (TimeoutError, WebSocketDisconnect, RuntimeError):
+        pass
+    with contextlib.suppress(RuntimeError):
+        await socket.close(code)
+
+
+@router.get("/s/{name}/now")
+async def now(request: Request, name: str, web: WebDep, participant: ParticipantDep) -> Response:
+    """The current step, whatever page was open before."""
+    if participant is None:
+        return _to(f"/s/{name}")
+    here = await web.database.write(progress.arrive, web.studies, participant.id)
+    if here is None:
+        return _to(f"/s/{name}")
+    return await _show(request, web, here)
+
+
+@router.post("/s/{name}/now")
+async def submit(
+    request: Request, name: str, web: WebDep, participant: ParticipantDep, form: AnswersFormDep
+) -> Response:
+    """Takes the current step's page. One that is not current changes nothing and leads to the one that is."""
+    if participant is None:
+        return _to(f"/s/{name}")
+    back = _to(f"/s/{name}/now")
+    step = web.studies.step(participant)
+    if participant.status != "active" or first(form, "step") != step.key:
+        return back
+    study = web.studies.of(participant)
+    checked, attention = check_page(study, participant, step, form)
+    if checked.faults:
+        if any(fault.reason == "wrong" for fault in checked.faults.values()):
+            failed = progress.FailedQuiz(_attempt(form), {key: checked.answers.get(key) for key in checked.faults})
+            if not await web.database.write(progress.wrong_quiz, web.studies, participant.id, failed):
+                return back
+        return await _show(request, web, participant, Filled(form, checked.faults), 422)
+    submission = progress.Submission(step, checked.answers, attention, _attempt(form))
+    await web.database.write(progress.submit, web.studies, participant.id, submission)
+    return back
+
+
+def _attempt(form: Form) -> int:
+    """The number that the quiz's page carried; 0, which no attempt has, for anything else."""
+    text = first(form, "attempt")
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 6 else 0
+
+
+async def _show(
+    request: Request, web: Web, participant: Participant, filled: Filled | None = None, status: int = 200
+) -> Response:
+    made = page(request, web, web.studies.of(participant), participant)
+    return await render_step(made, participant, filled, status)
+
+
+@router.post("/s/{name}/language")
+async def language(name: str, web: WebDep, participant: ParticipantDep, form: FormDep) -> Response:
+    """The language of the pages from now on."""
+    wish = first(form, "language")
+    if participant is not None and wish in web.studies.of(participant).languages:
+        await web.database.write(participants.set_language, participant.id, wish)
+    return _to(f"/s/{name}/now")

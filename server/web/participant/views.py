@@ -1,0 +1,183 @@
+"""What the template of each step needs. Reads; never writes, never decides where somebody goes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from fastapi import Response
+
+from server.participation import pairing, progress
+from server.participation.episode_specs import layout_of, lessons
+from server.participation.recruiter_links import WayBack, way_back
+from server.store import episodes, events, participants
+from server.store.participants import Participant
+from server.store.tables import RECRUITMENT_ID
+from server.study.definition import Study
+from server.study.questionnaire import AnswerError, asked
+from server.study.recruitment import Exit
+from server.study.steps import PHASES, StudyStep, episodes_of
+from server.web.dependencies import PageResponse
+
+INTRODUCTION = ("team", "fetch", "fill", "wait", "deliver", "marks")
+
+
+@dataclass(frozen=True)
+class Filled:
+    """A form that came back with faults: what was in it stays in it."""
+
+    form: Mapping[str, list[str]] = field(default_factory=dict)
+    faults: Mapping[str, AnswerError] = field(default_factory=dict)
+
+
+async def render_step(page: PageResponse, participant: Participant, filled: Filled | None, status: int) -> Response:
+    """The page on which the participant is."""
+    if participant.status not in ("active", "completed"):
+        kind, outcome = await _ended(page, participant)
+        return page.render("participant/ended.html", kind=kind, outcome=outcome, back=await _back(page, outcome))
+    way = page.web.studies.way(participant)
+    step = page.web.studies.step(participant)
+    shown = {one.phase for one in way} | {"consent"}
+    base: dict[str, Any] = {
+        "step": step,
+        "phases": [phase for phase in PHASES if phase in shown],
+        "phase": step.phase,
+        "episodes": episodes_of(page.web.studies.of(participant)),
+    }
+    views = {"ready": _ready, "thanks": _thanks, "tutorial": _game, "episode": _game}
+    if step.kind in views:
+        base |= await views[step.kind](page, participant, step)
+    elif step.kind in ("questionnaire", "quiz"):
+        base |= _questions(page, participant, step, filled or Filled())
+        if step.kind == "quiz":
+            base["attempt"] = await page.web.database.read(progress.quiz_attempt, participant.id)
+    elif step.kind == "introduction":
+        base |= _introduction(page, participant)
+    template = "game" if step.is_game else {"quiz": "questionnaire"}.get(step.kind, step.kind)
+    response = page.render(f"participant/{template}.html", status, **base)
+    back = base.get("back")
+    if back is not None and back.fields is not None:
+        page.allow(response, form_to=back.origin)
+    return response
+
+
+def consent_context(
+    study: Study, language: str, person: str | None, extra: Mapping[str, str], visit: str
+) -> dict[str, Any]:
+    """The consent page, and what its form carries: the link's parameters go on in it, out of the address."""
+    kept = dict(extra)
+    if person is not None and study.recruitment.person_parameter:
+        kept[study.recruitment.person_parameter] = person
+    phases = ["consent", "introduction", "practice", "rounds", "finish"]
+    present = {"consent", "introduction", "finish"}
+    present |= {"practice"} if "tutorial" in study.flow else set()
+    present |= {"rounds"} if "episodes" in study.flow else set()
+    return {
+        "consent": study.consent,
+        "kept": kept,
+        "visit": visit,
+        "ticked": [],
+        "open_boxes": [],
+        "phases": [phase for phase in phases if phase in present],
+        "phase": "consent",
+        "page_language": language,
+    }
+
+
+async def _ended(page: PageResponse, participant: Participant) -> tuple[str, Exit]:
+    """How the participation ended before its end, and what the person gets for it."""
+    study = page.web.studies.of(participant)
+    if participant.status == "returned" and participant.completion_code:
+        unpaired = study.recruitment.unpaired
+        return "unpaired", unpaired.model_copy(update={"code": unpaired.code or participant.completion_code})
+    if participant.status == "screened_out":
+        database, kind = page.web.database, events.ATTENTION_SCREENED_OUT
+        inattentive = await database.read(events.of_participant, participant.id, kind)
+        return ("inattentive" if inattentive else "screened_out"), study.recruitment.screened_out
+    return ("withdrawn" if participant.status == "withdrawn" else "timed_out"), Exit()
+
+
+async def _back(page: PageResponse, outcome: Exit, code: str = "") -> WayBack | None:
+    participant = page.participant
+    if participant is None:
+        return None
+    kept = await page.web.database.read(participants.personal_of, participant.id)
+    person = kept.pop(RECRUITMENT_ID, "")
+    values = {name: value for name, value in (("person", person), ("code", outcome.code or code)) if value}
+    return way_back(page.web.studies.of(participant).recruitment, outcome, kept | values)
+
+
+def _questions(page: PageResponse, participant: Participant, step: StudyStep, filled: Filled) -> dict[str, Any]:
+    study = page.web.studies.of(participant)
+    condition = study.condition(participant.condition)
+    key = step.page or step.kind
+    questionnaire = study.quiz if step.kind == "quiz" and study.quiz else study.questionnaires[key]
+    messages = {name: _message(page, study, name, fault) for name, fault in filled.faults.items()}
+    return {
+        "questionnaire": questionnaire,
+        "questions": asked(questionnaire.questions, condition.name, condition.shows_predictions),
+        "form": filled.form,
+        "faults": messages,
+        "attempts": study.quiz.attempts if step.kind == "quiz" and study.quiz else None,
+    }
+
+
+def _message(page: PageResponse, study: Study, name: str, fault: AnswerError) -> str:
+    if fault.reason != "wrong":
+        return page.words(f"faults.{fault.reason}", **fault.numbers)
+    question = next((one for one in study.quiz.questions if one.key == name), None) if study.quiz else None
+    explanation = getattr(question, "explanation", None)
+    return explanation.of(page.language) if explanation else page.words("quiz.wrong_answer")
+
+
+def _introduction(page: PageResponse, participant: Participant) -> dict[str, Any]:
+    """Marks are explained to those who will see some."""
+    study = page.web.studies.of(participant)
+    condition = study.condition(participant.condition)
+    slides = [key for key in INTRODUCTION if key != "marks" or condition.shows_predictions]
+    return {"slides": slides, "with_human": all(agent.human for agent in study.agents)}
+
+
+async def _ready(page: PageResponse, participant: Participant, step: StudyStep) -> dict[str, Any]:
+    study = page.web.studies.of(participant)
+    kitchen = study.layout(step.layout)
+    last = await page.web.database.read(progress.last_episode, participant.id, step.number)
+    mates = await page.web.database.read(pairing.company, page.web.studies, participant, step)
+    return {
+        "with_human": study.agent(step.agent).human and not mates.alone,
+        "kitchen": kitchen.title.of(page.language),
+        "grid": layout_of(kitchen).grid,
+        "seconds": round(study.game.horizon * study.game.tick_ms / 1000),
+        "last": last,
+        "last_kitchen": _title(study, last, page.language),
+    }
+
+
+def _title(study: Study, episode: "episodes.StoredEpisode | None", language: str) -> str:
+    titles = {kitchen.name: kitchen.title.of(language) for kitchen in study.layouts}
+    return titles.get(episode.layout, episode.layout) if episode else ""
+
+
+async def _thanks(page: PageResponse, participant: Participant, _step: StudyStep) -> dict[str, Any]:
+    """The code is shown once it is in the database, and only then."""
+    study = page.web.studies.of(participant)
+    completed = study.recruitment.completed
+    own = participant.completion_code or ""
+    return {
+        "code": completed.code or own,
+        "own_code": own,
+        "back": await _back(page, completed, own),
+        "recruited": study.recruitment.source != "none",
+    }
+
+
+async def _game(page: PageResponse, participant: Participant, step: StudyStep) -> dict[str, Any]:
+    study = page.web.studies.of(participant)
+    taught = lessons(study, study.condition(participant.condition)) if step.kind == "tutorial" else ()
+    game = {
+        "socket": f"/s/{study.name}/socket",
+        "leave": f"/s/{study.name}/withdraw",
+        "lessons": taught,
+        "away_s": study.game.pause.each_s,
+    }
+    skip = step.key if step.kind == "tutorial" and study.tutorial.skippable else None
+    return {"game": game | {"ready_page": step.kind == "episode", "skip": skip}}

@@ -1,0 +1,213 @@
+"""Two agents cook, anybody may watch: a demonstration. Its games live in memory only; nothing of them is stored."""
+
+import secrets
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Annotated, Final
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Depends, Query, Request, Response, WebSocket
+from starlette.requests import HTTPConnection
+
+from server.participation.episode_specs import layout_of, models_of, predictor_of
+from server.participation.seating import ConnectedPlayer
+from server.participation.served_studies import Studies
+from server.play.episode_spec import EpisodeSpec
+from server.play.games import Games, Load
+from server.play.recorder import EpisodeRecord, EpisodeResult, PauseRecord, Recorder, TickRecord
+from server.play.session import VIEWER
+from server.study.definition import Condition, KitchenChoice, PartnerSettings, Study
+from server.study.locale import best_language, languages
+from server.web.client_address import HERE, address_of
+from server.web.dependencies import WebDep, page
+from server.web.participant.game_socket import IsOurs, Sockets
+
+MOST_GAMES: Final = 12  # so that onlookers never take the time of participants
+MOST_OF_ONE_ADDRESS: Final = 4  # not counted on this machine
+HORIZON: Final = 400
+_EPISODE: Final = "kitchenmind.watched"  # in the scope of a socket: the game that was made for it
+_SHOWN: Final = Condition(name="watch", predictor="tom")
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A kitchen in which agents of one study can be watched."""
+
+    study: Study
+    kitchen: KitchenChoice
+    agents: tuple[PartnerSettings, ...]
+
+    @property
+    def key(self) -> str:
+        return f"{self.study.name}.{self.kitchen.name}"
+
+
+@dataclass(frozen=True)
+class WatchRequest:
+    """What somebody wants to watch: the query of the page and of its socket."""
+
+    kitchen: str = ""
+    first: str = ""
+    second: str = ""
+    marks: int = 1  # the seat whose next steps are drawn
+
+
+def wish_of(
+    kitchen: str = "", first: str = "", second: str = "", marks: Annotated[int, Query(ge=0, le=1)] = 1
+) -> WatchRequest:
+    """From the address; whatever is missing or unknown becomes the first that there is."""
+    return WatchRequest(kitchen[:100], first[:100], second[:100], marks)
+
+
+WishDep = Annotated[WatchRequest, Depends(wish_of)]
+
+
+class Unstored:
+    """A Recorder that keeps nothing: no participant, no data."""
+
+    async def ticks(self, records: Sequence[TickRecord]) -> None: ...
+
+    async def pause(self, record: PauseRecord) -> None: ...
+
+    async def end(self, result: EpisodeResult) -> None: ...
+
+
+@dataclass
+class Onlooker:
+    """Somebody who has a socket open. `spec`: the game that was chosen, until it is opened."""
+
+    address: str
+    spec: EpisodeSpec | None
+
+
+class Demonstrations:
+    """The games that are only watched. Each has one onlooker, and ends when that socket closes."""
+
+    def __init__(self, make: Callable[[Recorder, Load], Games], studies: Studies, is_ours: IsOurs) -> None:
+        """`make`: games with the server's clock and models, and a recorder and a reader of their own."""
+        self._studies = studies
+        self._onlookers: dict[str, Onlooker] = {}  # by episode, those who came first first
+        self.games = make(Unstored(), self._load)
+        self.sockets = Sockets(self.games, self._find, is_ours)
+
+    def offers(self) -> list[Offer]:
+        """Every kitchen of the open studies with its agents."""
+        found = [opened[1] for name in self._studies.names() if (opened := self._studies.open(name))]
+        offers: dict[tuple[str, tuple[str, ...]], Offer] = {}
+        for study in (study for study in found if "episodes" in study.flow):
+            agents = tuple(agent for agent in study.agents if not agent.human) or (study.waiting_room.agent,)
+            for kitchen in study.layouts:
+                offers.setdefault((kitchen.name, tuple(agent.name for agent in agents)), Offer(study, kitchen, agents))
+        most = {kitchen: max(len(names) for one, names in offers if one == kitchen) for kitchen, _ in offers}
+        return [offer for (kitchen, names), offer in offers.items() if len(names) == most[kitchen]]
+
+    def spec(self, wish: WatchRequest, language: str) -> EpisodeSpec | None:
+        """The game that was asked for; None where nothing can be watched."""
+        offers = self.offers()
+        if not offers:
+            return None
+        offer = next((one for one in offers if one.key == wish.kitchen), offers[0])
+        pair = [
+            next((a for a in offer.agents if a.name == name), offer.agents[0]) for name in (wish.first, wish.second)
+        ]
+        layout = layout_of(offer.kitchen)
+        predictor = predictor_of(offer.study, pair[wish.marks], _SHOWN)
+        is_there = (offer.kitchen.name, predictor) in models_of(offer.study)[1]
+        return EpisodeSpec(
+            kind="watch",
+            number=1,
+            episodes=1,
+            layout=layout.name,
+            grid=layout.text,
+            title=offer.kitchen.title.of(language),
+            agents=(pair[0].catalogue_name, pair[1].catalogue_name),
+            predictor=predictor if is_there else None,
+            watched_seat=wish.marks,
+            shown="predictor" if is_there else "nothing",
+            seed=secrets.randbits(63),
+            horizon=HORIZON,
+            tick_ms=offer.study.game.tick_ms,
+            deadline_ms=offer.study.game.deadline_ms,
+        )
+
+    async def _find(self, connection: HTTPConnection, language: str) -> ConnectedPlayer | None:
+        given = connection.query_params
+        marks = int(given.get("marks") == "1")
+        wish = wish_of(given.get("kitchen", ""), given.get("first", ""), given.get("second", ""), marks)
+        spec, address = self.spec(wish, language), address_of(connection)
+        if spec is None or not self._make_room(address):
+            return None
+        episode = f"watch-{secrets.token_hex(8)}"
+        self._onlookers[episode] = Onlooker(address, spec)
+        connection.scope[_EPISODE] = episode
+        return ConnectedPlayer(episode, episode, VIEWER, "/watch")
+
+    async def serve(self, socket: WebSocket, language: str) -> None:
+        """Show one game from handshake to close; nothing of it is left afterwards, whatever the socket did."""
+        try:
+            await self.sockets.serve(socket, language)
+        finally:
+            self._end(socket.scope.get(_EPISODE, ""))
+
+    def _make_room(self, address: str) -> bool:
+        """Whether there is a place. If all are taken, the onlooker who has watched no running game longest leaves."""
+        own = [episode for episode, one in self._onlookers.items() if one.address == address]
+        if address not in HERE and len(own) >= MOST_OF_ONE_ADDRESS:
+            candidates = own
+        elif len(self._onlookers) >= MOST_GAMES:
+            candidates = list(self._onlookers)
+        else:
+            return True
+        idle = next((episode for episode in candidates if not self._moves(episode)), None)
+        if idle is not None:
+            self.sockets.dismiss(idle, "somebody else wants to watch")
+            self._end(idle)
+        return idle is not None
+
+    def _moves(self, episode: str) -> bool:
+        game = self.games.get(episode)
+        return game is not None and game.session.moving
+
+    def _end(self, episode: str) -> None:
+        self._onlookers.pop(episode, None)
+        game = self.games.get(episode)
+        if game is not None:
+            self.games.abort(game, "left")
+
+    async def _load(self, episode: str) -> EpisodeRecord | None:
+        onlooker = self._onlookers.get(episode)
+        if onlooker is None or onlooker.spec is None:
+            return None
+        spec, onlooker.spec = onlooker.spec, None
+        return EpisodeRecord(episode, (None, None), spec, (), None, "new", 0.0)
+
+
+router = APIRouter()
+
+
+@router.get("/watch")
+async def choose(request: Request, web: WebDep) -> Response:
+    """What there is to watch."""
+    demonstrations: Demonstrations = request.app.state.demonstrations
+    return page(request, web).render("participant/watch.html", offers=demonstrations.offers())
+
+
+@router.get("/watch/game")
+async def game(request: Request, web: WebDep, wish: WishDep) -> Response:
+    """The game that was chosen; what was chosen stands in the address."""
+    made = page(request, web)
+    socket = "/watch/socket?" + urlencode(asdict(wish) | {"lang": made.language})
+    leave = {"leave": "/watch", "leave_word": made.words("watch.others")}
+    about = {"socket": socket, "lessons": (), "away_s": 30, "watched": True, **leave}
+    return made.render("participant/game.html", game=about)
+
+
+@router.websocket("/watch/socket")
+async def watch(socket: WebSocket) -> None:
+    """Plays the two agents for one onlooker."""
+    demonstrations: Demonstrations = socket.app.state.demonstrations
+    wanted = socket.query_params.get("lang", "")
+    language = (
+        wanted if wanted in languages() else best_language(socket.headers.get("accept-language", ""), languages())
+    )
+    await demonstrations.serve(socket, language)

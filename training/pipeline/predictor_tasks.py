@@ -1,0 +1,103 @@
+"""The tasks that make a kitchen's predictors: games of each target, a predictor in each form, the shipped folders.
+
+On the kitchen of which people's games are recorded they learn with cloned people too. It must not know how tasks are
+scheduled.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from models.networks.config import PredictorConfig
+from overcooked.layout import Layout
+from training.agents import SKILLS
+from training.behaviour_cloning import RECORDED, companions, make_companions
+from training.collect import TEST, CollectionPlan, Target, collect, read_manifest
+from training.dataset import load_episodes
+from training.pipeline.study_tasks import Task, Work
+from training.population import load_extras, load_population, load_target, with_itself_and_extras
+from training.predictor_config import Configs, TrainingConfig, changed
+from training.publish_predictor import partners_met, predictor_folder, write_predictor
+from training.runlog import RunFolder
+from training.train_predictor import prepared, train_predictor
+
+AGENTS, FORMS = ("sp", "fcp"), ("stream", "window")
+LENDER, CLONES = "features", "clones"
+
+
+def predictor_tasks(
+    layout: Layout,
+    partners: Sequence[str],
+    lender: str,
+    settings: Mapping[str, Any],
+    extras: bool = True,
+    ship: bool = True,
+) -> list[Task]:
+    """Games, predictors and their shipping for both targets of a kitchen, inputs first. `partners` (the population, and
+    a crowd that is only trained on) and `lender` are names of tasks that leave checkpoints; `settings` change the
+    configs for all forms, or in a table for one. Without `extras` the games are those with the paper's 31 partners;
+    with `ship` the predictors also replace those in models/weights."""
+    tasks = []
+    if extras and layout.name == RECORDED:
+        clones = {name: [asdict(config), asdict(mode)] for name, (config, mode) in companions().items()}
+        tasks.append(Task(layout.name, CLONES, _clone, clones, (), 2.0))
+        partners = (*partners, CLONES)
+    for agent in AGENTS:
+        chosen, games = f"choose_{agent}", f"games_{agent}"
+        inputs: tuple[str, ...] = (chosen, *partners)
+        plan = asdict(CollectionPlan()) if extras else {**asdict(CollectionPlan()), "extras": False}
+        tasks.append(Task(layout.name, games, partial(_collect, layout, agent, extras), plan, inputs))
+        for form in FORMS:
+            configs = _configs(form, settings)
+            facts = {"network": asdict(configs[0]), "training": asdict(configs[1])}
+            inputs = (games, chosen, lender) if configs[0].eyes == "cnn" else (games, chosen)
+            action = partial(_train, layout, agent, configs, ship)
+            tasks.append(Task(layout.name, f"predictor_{agent}_{form}", action, facts, inputs, 10.0))
+    return tasks
+
+
+def _configs(form: str, settings: Mapping[str, Any]) -> Configs:
+    own = {key: value for key, value in settings.items() if not isinstance(value, Mapping)}
+    own.update(settings.get(form, {}))
+    return changed((PredictorConfig(form=form), TrainingConfig(minutes=1e9)), own, f"[predictor] {form}")
+
+
+def _target(work: Work, layout: Layout, agent: str) -> Target:
+    found = load_target(str(work.inputs[f"choose_{agent}"] / "agent"), layout)
+    return Target(agent, found.policy, found.mode, found.sha256)
+
+
+def _clone(work: Work) -> None:
+    make_companions(work.folder)
+
+
+def _collect(layout: Layout, agent: str, extras: bool, work: Work) -> None:
+    target = _target(work, layout, agent)
+    folders = [folder for _, folder in _inputs(work, "population")]
+    partners = with_itself_and_extras(target, load_population(folders, layout), layout, extras)
+    crowd = {f"{name}_{k}": folder / str(k) for name, folder in _inputs(work, "crowd") for k in SKILLS}
+    clones = {name: at / name for _, at in _inputs(work, CLONES) for name in companions()}
+    partners += load_extras({**crowd, **clones}, layout)
+    collect(work.folder / "games", layout, target, partners, CollectionPlan(), work.report)
+
+
+def _inputs(work: Work, prefix: str) -> list[tuple[str, Path]]:
+    return [(name, folder) for name, folder in work.inputs.items() if name.startswith(prefix)]
+
+
+def _train(layout: Layout, agent: str, configs: Configs, ship: bool, work: Work) -> None:
+    """Trains a predictor and leaves it in <folder>/predictor and, if wanted, among the shipped weights."""
+    games = work.inputs[f"games_{agent}"] / "games"
+    lender: Path | None = next((folder / "100" for _, folder in _inputs(work, LENDER)), None)
+    network, training = configs
+    trainer = prepared(layout, network, training, games, lender)
+    run = RunFolder(work.folder / "run", work.task.settings)
+    trained = train_predictor(trainer, run, lambda share, _: work.report(share))
+    counts = {"updates": trainer.update, "training games": len(trainer.train)}
+    how = {**counts, **partners_met(read_manifest(games)), **work.task.settings}
+    test = load_episodes(games, TEST, layout, trained.eyes)
+    shipped = [predictor_folder(layout, agent, network.form)] if ship else []
+    for folder in (work.folder / "predictor", *shipped):
+        write_predictor(folder, trained, layout, _target(work, layout, agent), test, how)

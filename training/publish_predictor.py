@@ -1,0 +1,138 @@
+"""From a trained predictor to the folder that travels: measured on partners it never saw, with its card.
+
+It must not know how training went on.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from models.agents.catalogue import WEIGHTS, load_agent
+from models.networks.predictor import PredictorNetwork, save_predictor
+from overcooked.layout import Layout
+from training.collect import TEST, TRAIN, VALIDATION, CollectionPlan, Partner, Target, games_with, split_by_agent
+from training.dataset import Episodes, episodes_of, joined
+from training.evaluate_predictor import STUCK_AFTER, Evaluation, evaluate
+from training.population import load_population
+from training.runlog import revision
+
+POPULATION = "population"
+
+
+def predictor_folder(layout: Layout, agent: str, form: str) -> Path:
+    """Where a shipped predictor lies."""
+    return WEIGHTS / layout.name / f"{agent}_predictor_{form}"
+
+
+def population_folder(layout: Layout) -> Path:
+    """Where a layout's shipped partners lie."""
+    return WEIGHTS / layout.name / POPULATION
+
+
+def unseen_games(
+    layout: Layout,
+    target: Target,
+    network: PredictorNetwork,
+    population: Path | Sequence[Partner],
+    plan: CollectionPlan,
+    partner: str | None = None,
+) -> Episodes:
+    """The agent's games with the test partners of a population (a folder, or the partners themselves), or with one
+    other agent as people meet it, played anew (the same seed gives the same games)."""
+    if partner is not None:
+        others = [Partner(partner, partner, "extra", *load_agent(partner, layout))]
+    else:
+        everybody = load_population(population, layout) if isinstance(population, Path) else list(population)
+        others = test_partners(everybody)
+    return games_of(layout, target, others, network, plan)
+
+
+def test_partners(partners: list[Partner]) -> list[Partner]:
+    """Those that no predictor was trained or stopped on."""
+    split = split_by_agent(partners)
+    return [partner for partner in partners if split[partner.agent] == TEST]
+
+
+def games_of(
+    layout: Layout, target: Target, partners: list[Partner], network: PredictorNetwork, plan: CollectionPlan
+) -> Episodes:
+    """Games with each of these partners, as the network's eyes see them."""
+    return joined(
+        [episodes_of(games_with(layout, target, partner, plan), layout, network.eyes) for partner in partners]
+    )
+
+
+def partners_met(manifest: Mapping[str, Any]) -> dict[str, str]:
+    """Rows for a card, from the manifest of its games: with whom it learned, stopped and is measured."""
+    by_split: dict[str, set[str]] = {split: set() for split in (TRAIN, VALIDATION, TEST)}
+    extras = Counter[str]()
+    for name, facts in manifest["shards"].items():
+        if facts["kind"] == "extra":
+            word = name.removeprefix("extra_").partition("_")[0] if name.startswith("extra_") else "noisy or scripted"
+            extras[{"human": "clones of people", "crowd": "of the crowd"}.get(word, word)] += 1
+        else:
+            by_split[facts["split"]].add(facts["agent"])
+    names = {split: ", ".join(sorted(agents)) for split, agents in by_split.items()}
+    more = "".join(f"; {count} {word}" for word, count in sorted(extras.items()))
+    return {"learned with": names[TRAIN] + more, "stopped on": names[VALIDATION], "measured with": names[TEST]}
+
+
+def write_predictor(
+    folder: Path, network: PredictorNetwork, layout: Layout, target: Target, test: Episodes, how: Mapping[str, Any]
+) -> Evaluation:
+    """Measures the predictor on `test` and writes its checkpoint with the card; `how` joins the card. Returns what was
+    measured (with the weights as trained; they are stored as 16 bits)."""
+    result = evaluate(network, test)
+    steps = {f"step{k + 1}": round(share, 4) for k, share in enumerate(result.accuracy.steps)}
+    facts = {
+        "agent_sha256": target.sha256,
+        "accuracy": {**steps, "mean": round(result.accuracy.mean, 4)},
+        "measured": result.entry(layout.name, target.name, network.config.form),
+        "revision": revision(),
+    }
+    save_predictor(folder, network, layout, target.name, card(network, layout, target, result, how), **facts)
+    return result
+
+
+def card(network: PredictorNetwork, layout: Layout, target: Target, result: Evaluation, how: Mapping[str, Any]) -> str:
+    """The page that travels with the weights: what it predicts, how well, how it came about."""
+    config, mode = network.config, target.mode
+    form = (
+        f"a window of 10 timesteps, {config.layers} layers, the last token answers (the paper's form)"
+        if config.form == "window"
+        else f"causal, one token a timestep, each of {config.layers} layers looks back {config.look_back} timesteps"
+    )
+    eyes = "lent convolutions, frozen" if config.eyes == "cnn" else "the entries of the encoding that can change"
+    rows = [
+        ("accuracy", result.accuracy), ("repeat the last action", result.repeat),
+        ("most frequent action", result.frequent), ("accuracy, nobody stuck", result.free),
+        ("repeat, nobody stuck", result.free_repeat), ("most frequent, nobody stuck", result.free_frequent),
+    ]  # fmt: skip
+    lines = [
+        f"# Predictor of {target.name} on {layout.name} ({config.form})",
+        "",
+        f"Foretells the agent's next 3 actions from what both chefs did: {form}. Eyes: {eyes}.",
+        f"The agent acts with temperature {mode.temperature:g}, {mode.stuck_mix:.0%} of the probability on the",
+        f"four moves after {mode.stuck_after} timesteps without a change of its own cell, facing or hand.",
+        f"Agent sha256: {target.sha256[:16]}.",
+        "",
+        "On partner agents that it never saw, in both seats, deciding and sampling (%):",
+        "",
+        "| | step 1 | step 2 | step 3 | mean |",
+        "|---|---|---|---|---|",
+        *(
+            f"| {name} | " + " | ".join(f"{100 * share:.1f}" for share in (*accuracy.steps, accuracy.mean)) + " |"
+            for name, accuracy in rows
+        ),
+        "",
+        f"Ceiling of step 1, mean of the largest probability of the agent's action: {100 * result.ceiling:.1f} %.",
+        f"Expected calibration error: {result.error:.3f}. Windows: {result.windows:,}; nobody stuck (neither chef",
+        f"without a change for {STUCK_AFTER} timesteps) in {result.free_share:.0%} of them.",
+        "",
+        "| how | |",
+        "|---|---|",
+        *(f"| {key.replace('_', ' ')} | {value} |" for key, value in how.items()),
+        f"| code revision | {revision()} |",
+    ]
+    return "\n".join(lines)
