@@ -49,9 +49,9 @@ def law_ahead(
     after.step(by_seat, np.zeros((len(game), PLAYERS), np.int32))
     still = (after.players == before).all(-1)[rows[:, None], seats[:, game].T]  # (courses, 2), the agent's own first
     ahead = law_ahead(after, agents, seat[game], np.where(still, stuck[game] + 1, 0), timesteps - 1)
-    law = np.zeros((kitchens.games, ACTIONS))
-    np.add.at(law, game, share[:, None] * ahead)
-    return np.asarray(law, np.float32)
+    action_distribution = np.zeros((kitchens.games, ACTIONS))
+    np.add.at(action_distribution, game, share[:, None] * ahead)
+    return np.asarray(action_distribution, np.float32)
 
 
 def _law(policy: Policy, mode: Mode, seen: Observations, stuck: Ints) -> Probabilities:
@@ -71,8 +71,8 @@ def limits(layout: Layout, agent: str, partner: str, states: int) -> list[float]
     best = []
     for step in range(STEPS):
         kitchens = Kitchens(layout, at["players"].copy(), at["contents"].copy(), clock.copy())
-        law = law_ahead(kitchens, agents, seat.ravel()[chosen], at["stuck"].astype(np.int64), step)
-        best.append(round(100 * float(law.max(1).mean()), 1))
+        action_distribution = law_ahead(kitchens, agents, seat.ravel()[chosen], at["stuck"].astype(np.int64), step)
+        best.append(round(100 * float(action_distribution.max(1).mean()), 1))
     return best
 
 

@@ -64,7 +64,7 @@ def first_page(chromium: Browser, url: str) -> dict[str, Any]:
     return {
         "first_paint_ms": round(statistics.median(paint for paint, _, _ in visits)),
         "first_page_kb": round(max(size for _, size, _ in visits) / 1000),
-        "elsewhere": sum(elsewhere for _, _, elsewhere in visits),
+        "elsewhere": sum(peers for _, _, peers in visits),
     }
 
 
@@ -76,9 +76,9 @@ def visit(chromium: Browser, url: str) -> tuple[float, int, int]:
     page.wait_for_load_state("networkidle")
     paint = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
     size = sum(len(response.body()) for response in responses)
-    elsewhere = sum(not response.url.startswith(url) for response in responses)
+    peers = sum(not response.url.startswith(url) for response in responses)
     page.context.close()
-    return paint, size, elsewhere
+    return paint, size, peers
 
 
 def round_of(chromium: Browser, server: RealServer) -> dict[str, Any]:

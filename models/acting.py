@@ -14,22 +14,22 @@ def distribution(probabilities: Probabilities, stuck: NDArray[np.integer], mode:
     """The law of the action: (games, 6), rows sum to one. `stuck` (games,) as `Stuck` counts it; rules in `Mode`."""
     if mode.temperature > 0:
         logs = np.log(np.maximum(probabilities, 1e-30)) / mode.temperature
-        law = np.exp(logs - logs.max(axis=1, keepdims=True))
-        law /= law.sum(axis=1, keepdims=True)
+        action_distribution = np.exp(logs - logs.max(axis=1, keepdims=True))
+        action_distribution /= action_distribution.sum(axis=1, keepdims=True)
     else:
-        law = np.zeros_like(probabilities)
-        law[np.arange(len(law)), probabilities.argmax(axis=1)] = 1
+        action_distribution = np.zeros_like(probabilities)
+        action_distribution[np.arange(len(action_distribution)), probabilities.argmax(axis=1)] = 1
     jammed = stuck >= mode.stuck_after
     if mode.stuck_mix > 0 and jammed.any():
         moves = np.zeros(ACTIONS)
         moves[:STAY] = mode.stuck_mix / STAY  # the four moves are the actions below STAY
-        law[jammed] = (1 - mode.stuck_mix) * law[jammed] + moves
-    return np.asarray(law, np.float32)
+        action_distribution[jammed] = (1 - mode.stuck_mix) * action_distribution[jammed] + moves
+    return np.asarray(action_distribution, np.float32)
 
 
-def draw(law: Probabilities, uniform: NDArray[np.floating]) -> NDArray[np.int8]:
+def draw(action_distribution: Probabilities, uniform: NDArray[np.floating]) -> NDArray[np.int8]:
     """Actions (games,) by inverse transform of `uniform` (games,) in [0, 1): the same number gives the same action."""
-    reached = np.cumsum(law, axis=1, dtype=np.float64)
+    reached = np.cumsum(action_distribution, axis=1, dtype=np.float64)
     threshold = np.asarray(uniform, np.float64)[:, None] * reached[:, -1:]  # rounding never leaves the last action out
     return np.asarray((reached <= threshold).sum(axis=1), np.int8)
 

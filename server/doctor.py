@@ -155,9 +155,9 @@ def _studies(settings: Settings) -> Iterator[HealthFinding]:
 
 
 def _weights(files: list[StudyFile]) -> Iterator[HealthFinding]:
-    cast = required_models(files)
-    models = (*cast.agents, *cast.predictors)
-    folders = {folder_of(layout, cast.paths.located(model)) for layout, model in models}
+    required = required_models(files)
+    models = (*required.agents, *required.predictors)
+    folders = {folder_of(layout, required.paths.located(model)) for layout, model in models}
     whole = 0
     for folder in sorted(folder for folder in folders if (folder / "config.json").is_file()):
         try:

@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     from server.cluster.node import ClusterNode
 
 log = logging.getLogger(__name__)
-MOST_TROUBLES = 100  # of one participant that are stored
+MAX_CLIENT_ERRORS = 100  # of one participant that are stored
 _ROUTES = (
     study_pages,
     exits,
@@ -87,9 +87,9 @@ def create_app(settings: Settings, ahead: Launched | None = None) -> FastAPI:
     app.state.launched = ahead
     app.state.rates = Rates()
     app.state.settings = settings
-    guard = CsrfProtection(settings.signing_key(), settings.public_url)
-    app.state.guard = guard
-    app.add_middleware(SecurityHeaders, secure=guard.secure)
+    csrf = CsrfProtection(settings.signing_key(), settings.public_url)
+    app.state.csrf = csrf
+    app.add_middleware(SecurityHeaders, secure=csrf.secure)
     app.add_middleware(Boundary)
     app.mount("/static", StaticFiles(directory=ROOT / "static"), name="static")
     install_error_pages(app)
@@ -125,9 +125,9 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
         app.state.models = models
         production = settings.mode == "production"
         places = NewPlaces(settings.new_per_address, counts_local=production)
-        app.state.web = Web(database, studies, app.state.guard, templates(), places, production)
-        member = await _member(settings, files, stack) if several else None
-        app.state.games = _games(settings, database, models, member)
+        app.state.web = Web(database, studies, app.state.csrf, templates(), places, production)
+        node = await _node(settings, files, stack) if several else None
+        app.state.games = _games(settings, database, models, node)
         stack.push_async_callback(app.state.games.stop)
         app.state.versions = StudyVersions(settings, files, models, studies)
         await app.state.versions.load_earlier(database)
@@ -135,10 +135,10 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
         app.state.demonstrations = Demonstrations(
             lambda recorder, load: Games(app.state.games.clock, models, recorder, load),
             studies,
-            app.state.guard.is_own_origin,
+            app.state.csrf.is_own_origin,
         )
         stack.push_async_callback(app.state.demonstrations.games.stop)
-        stack.push_async_callback((await _researchers(app, settings, member)).stop)
+        stack.push_async_callback((await _researchers(app, settings, node)).stop)
         stack.push_async_callback(_alarm(app, settings))
         gc.freeze()
         gc.set_threshold(*_GARBAGE_THRESHOLDS)
@@ -147,9 +147,11 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
 
 
 def _models(settings: Settings, files: Sequence[StudyFile], ahead: Launched | None) -> ModelServer:
-    cast = required_models(files)
-    models = ModelServer(cast.agents, cast.predictors, settings.model_workers, grids=cast.grids, ahead=ahead)
-    models.paths = cast.paths
+    required = required_models(files)
+    models = ModelServer(
+        required.agents, required.predictors, settings.model_workers, grids=required.grids, ahead=ahead
+    )
+    models.paths = required.paths
     return models
 
 
@@ -170,7 +172,7 @@ def _served(settings: Settings) -> list[StudyFile]:
     return served
 
 
-async def _member(settings: Settings, files: list[StudyFile], stack: AsyncExitStack) -> "ClusterNode":
+async def _node(settings: Settings, files: list[StudyFile], stack: AsyncExitStack) -> "ClusterNode":
     """This process among several. Raises StudyError, ClusterDown, DatabaseDown."""
     from server.cluster.node import ClusterNode, refuse_pairs
     from server.cluster.registry import Cluster
@@ -186,10 +188,10 @@ async def _member(settings: Settings, files: list[StudyFile], stack: AsyncExitSt
     return ClusterNode(FencedRecorder(of_games), cluster)
 
 
-def _games(settings: Settings, database: Database, models: ModelServer, member: "ClusterNode | None") -> Games:
+def _games(settings: Settings, database: Database, models: ModelServer, node: "ClusterNode | None") -> Games:
     clock = Clock(settings.speed, settings.patience_s)
-    if member is not None:
-        return Games(clock, models, member.recorder, member.load, owners=member)
+    if node is not None:
+        return Games(clock, models, node.recorder, node.load, owners=node)
 
     async def load(episode: str) -> EpisodeRecord | None:
         try:
@@ -204,7 +206,7 @@ def _sockets(app: FastAPI, database: Database, studies: Studies) -> Sockets:
     async def report(participant: str, text: str) -> None:
         event = events.Event("trouble", datetime.now(UTC), participant, detail={"text": text})
         try:
-            await database.write(events.add_at_most, event, MOST_TROUBLES)
+            await database.write(events.add_at_most, event, MAX_CLIENT_ERRORS)
         except DatabaseDown:
             log.warning("a problem in a browser could not be stored: %r", text)
 
@@ -214,22 +216,22 @@ def _sockets(app: FastAPI, database: Database, studies: Studies) -> Sockets:
         return await seats.find(token_of(connection), study)
 
     room = WaitingRoom(app.state.games.clock, seats.seat_two, seats.seat_alone)
-    return Sockets(app.state.games, find, app.state.guard.is_own_origin, report, room)
+    return Sockets(app.state.games, find, app.state.csrf.is_own_origin, report, room)
 
 
-async def _researchers(app: FastAPI, settings: Settings, member: "ClusterNode | None") -> Control:
+async def _researchers(app: FastAPI, settings: Settings, node: "ClusterNode | None") -> Control:
     """What the researchers' pages look through and reach in with."""
     web: Web = app.state.web
-    elsewhere = None if member is None else member.cluster
-    app.state.live = LiveGames(web, app.state.games, app.state.sockets, elsewhere)
+    peers = None if node is None else node.cluster
+    app.state.live = LiveGames(web, app.state.games, app.state.sockets, peers)
     url = normal_url(settings.database)
     file = Path(str(url.database)) if url.get_backend_name() == "sqlite" else None
     app.state.figures = Dashboard(app.state.live, file)
     control = Control(app.state.games, web.database, web.studies)
     await control.begin()
-    app.state.control = ClusterControl(control, elsewhere)
-    if member is not None:
-        member.show(app.state.live, app.state.control, lambda: figures_of(app.state))
+    app.state.control = ClusterControl(control, peers)
+    if node is not None:
+        node.show(app.state.live, app.state.control, lambda: figures_of(app.state))
     return control
 
 
@@ -247,8 +249,8 @@ def _alarm(app: FastAPI, settings: Settings) -> Callable[[], Coroutine[Any, Any,
             hook.send(message_of(alert, over, settings.public_url))
 
     app.state.alerts = Alerts(app.state.live, app.state.figures.file, tell, app.state.versions)
-    app.state.course = LatencyHistory(app.state.live)
-    running = (app.state.alerts, app.state.course, app.state.versions, hook)
+    app.state.latency_history = LatencyHistory(app.state.live)
+    running = (app.state.alerts, app.state.latency_history, app.state.versions, hook)
     tasks = [asyncio.create_task(work.run()) for work in running if work is not None]
 
     async def stop() -> None:
@@ -262,6 +264,6 @@ def _warm(files: Sequence[StudyFile]) -> None:
     compile_templates()
     with only_our_kernels():
         for file in files:
-            trace = Simulation(layout_of(file.study.layouts[0]), horizon=1)
-            trace.step((STAY, STAY))
-            trace.history(0)(1)
+            simulation = Simulation(layout_of(file.study.layouts[0]), horizon=1)
+            simulation.step((STAY, STAY))
+            simulation.history(0)(1)

@@ -47,16 +47,16 @@ def _variant_problems(study: Study) -> Iterator[Problem]:
             yield Problem((*place, "predictor"), f"{name!r} asks for a variant of a predictor", remedy)
 
 
-def missing_problems(file: StudyFile, cast: RequiredModels) -> Iterator[Problem]:
+def missing_problems(file: StudyFile, required: RequiredModels) -> Iterator[Problem]:
     """Agents and predictors that this machine does not have, or that no study may name, each at its place in the
     file."""
     yield from _variant_problems(file.study)
     told = set()
     for place, layout, model in _models(file.study):
-        reason = cast.lacks(layout, model)
+        reason = required.lacks(layout, model)
         if reason is not None and reason not in told:
             told.add(reason)
-            yield Problem(place, reason, _remedy(place, layout, model, cast))
+            yield Problem(place, reason, _remedy(place, layout, model, required))
 
 
 def _models(study: Study) -> Iterator[tuple[Path, str, str]]:
@@ -72,11 +72,11 @@ def _models(study: Study) -> Iterator[tuple[Path, str, str]]:
             yield from (((*place, key), layout, model) for key, name in names if name == model)
 
 
-def _remedy(place: Path, layout: str, model: str, cast: RequiredModels) -> str:
+def _remedy(place: Path, layout: str, model: str, required: RequiredModels) -> str:
     base = without_variant(model)
     if is_class(base):
-        return f"Correct the name. Modules are looked for in {', '.join(cast.paths.folders)} and in PYTHONPATH."
-    if cast.paths.located(base) != base or base.endswith(".onnx"):
+        return f"Correct the name. Modules are looked for in {', '.join(required.paths.folders)} and in PYTHONPATH."
+    if required.paths.located(base) != base or base.endswith(".onnx"):
         here = " (it is in the current folder)" if FilePath(base).exists() else ""
         return f"Correct the path: it starts from the folder of the study file{here}."
     known = _there(layout, predictors=place[-1] == "predictor")
@@ -86,21 +86,23 @@ def _remedy(place: Path, layout: str, model: str, cast: RequiredModels) -> str:
 
 
 def _model_problems(file: StudyFile, layouts: dict[str, Layout]) -> Iterator[Problem]:
-    cast = required_models([file])
-    yield from missing_problems(file, cast)
-    yield from _degraded_problems(cast)
+    required = required_models([file])
+    yield from missing_problems(file, required)
+    yield from _degraded_problems(required)
     told: set[str] = set()
     for place, layout, model in _models(file.study):
-        if (layout, model) in cast.missing or layout not in layouts:
+        if (layout, model) in required.missing or layout not in layouts:
             continue
-        problem = _grid_problem(file.study, layouts[layout], model, cast) or _unfit(place, layouts[layout], model, cast)
+        problem = _grid_problem(file.study, layouts[layout], model, required) or _unfit(
+            place, layouts[layout], model, required
+        )
         if problem is not None and problem.reason not in told:
             told.add(problem.reason)
             yield problem
 
 
-def _grid_problem(study: Study, layout: Layout, model: str, cast: RequiredModels) -> Problem | None:
-    config = folder_of(layout.name, cast.paths.located(model)) / "config.json"
+def _grid_problem(study: Study, layout: Layout, model: str, required: RequiredModels) -> Problem | None:
+    config = folder_of(layout.name, required.paths.located(model)) / "config.json"
     if not config.is_file() or json.loads(config.read_text("utf-8")).get("grid") == layout.text:
         return None
     names = [kitchen.name for kitchen in study.layouts]
@@ -109,19 +111,19 @@ def _grid_problem(study: Study, layout: Layout, model: str, cast: RequiredModels
     return Problem(place, reason, "Give the own grid an own name, or name a model of this kitchen.")
 
 
-def _unfit(place: Path, layout: Layout, model: str, cast: RequiredModels) -> Problem | None:
+def _unfit(place: Path, layout: Layout, model: str, required: RequiredModels) -> Problem | None:
     """Why a model that is there cannot be used. A Python class is not run here: the server tries it when it starts."""
     from models.agents.catalogue import load_agent
     from models.agents.predictors import load_predictor
 
-    base = cast.paths.located(without_variant(model))
+    base = required.paths.located(without_variant(model))
     if is_class(base):
         return None
     try:
         if place[-1] == "predictor":  # of a network, how much worse it can be made is told by _degraded_problems
             load_predictor(model if base in WITHOUT_WEIGHTS else base, layout)
         else:
-            load_agent(cast.paths.located(model), layout)
+            load_agent(required.paths.located(model), layout)
     except (ValueError, OSError) as error:
         return Problem(place, f"{model!r} cannot be used on {layout.name}: {error}".rstrip("."), "Name another.")
     return None
@@ -130,7 +132,7 @@ def _unfit(place: Path, layout: Layout, model: str, cast: RequiredModels) -> Pro
 def doubts(file: StudyFile) -> Iterator[Problem]:
     """What can be played and is probably not meant so (warnings): predictions are shown that say nothing about the
     agent that people play with."""
-    study, cast = file.study, required_models([file])
+    study, required = file.study, required_models([file])
     if not any(condition.predictor in ("tom", "degraded") for condition in study.conditions):
         return
     for index, agent in enumerate(study.agents):
@@ -141,30 +143,30 @@ def doubts(file: StudyFile) -> Iterator[Problem]:
             yield Problem(place, reason, "Is that intended? Name a predictor that was trained for it.", warning=True)
         for layout in study.layouts if not agent.human else ():
             name = predictor_of(study, agent, study.conditions[0]) or ""
-            base = cast.paths.located(without_variant(name))
+            base = required.paths.located(without_variant(name))
             config = folder_of(layout.name, base) / "config.json"
             if is_foreign(base) or base in WITHOUT_WEIGHTS or not config.is_file():
                 continue
             watched = json.loads(config.read_text("utf-8")).get("agent_sha256")
-            played = _identity(layout.name, cast.paths.located(without_variant(agent.catalogue_name)), cast)
+            played = _identity(layout.name, required.paths.located(without_variant(agent.catalogue_name)), required)
             if watched and played and watched != played:
                 reason = f"{name} was trained to predict another agent than {agent.name} on {layout.name}"
                 yield Problem(place, reason, "Is that intended? Train one for this agent.", warning=True)
 
 
-def _identity(layout: str, model: str, cast: RequiredModels) -> str | None:
+def _identity(layout: str, model: str, required: RequiredModels) -> str | None:
     """What a predictor's config calls the agent that it was trained for."""
-    return None if model in WITHOUT_WEIGHTS else fingerprint(layout, model, cast.paths.folders)
+    return None if model in WITHOUT_WEIGHTS else fingerprint(layout, model, required.paths.folders)
 
 
-def _degraded_problems(cast: RequiredModels) -> Iterator[Problem]:
+def _degraded_problems(required: RequiredModels) -> Iterator[Problem]:
     """A predictor is made worse by leaving what it is right about, so it must be known how often it is right."""
-    for layout, model in cast.predictors:
+    for layout, model in required.predictors:
         name, _, wanted = model.rpartition("@")
         if not wanted.replace(".", "").isdigit():
             continue
         place: Path = ("conditions",)
-        config = folder_of(layout, cast.paths.located(model)) / "config.json"
+        config = folder_of(layout, required.paths.located(model)) / "config.json"
         if is_foreign(name):
             reason = f"nobody knows how often {name!r} is right, so it cannot be made worse"
             yield Problem(place, reason, "Name a predictor of ours in the agent's `predictor`, or drop the condition.")

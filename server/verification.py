@@ -48,8 +48,8 @@ def verify(connection: Connection, episode_id: str) -> VerificationResult:
         layout = _layout(record.spec.grid, record.spec.layout)
     except LayoutError as error:
         return VerificationResult(episode_id, ended.layout, 0, f"the stored grid is no kitchen: {error}")
-    trace = Simulation(layout, record.spec.horizon)
-    found = _compare_ticks(trace, stored) or _compare_end(trace, record, ended)
+    simulation = Simulation(layout, record.spec.horizon)
+    found = _compare_ticks(simulation, stored) or _compare_end(simulation, record, ended)
     return VerificationResult(episode_id, ended.layout, len(stored) - 1, *(found or (None, None)))
 
 
@@ -58,31 +58,33 @@ def _layout(grid: str, name: str) -> Layout:
     return parse_layout(grid, name)
 
 
-def _compare_ticks(trace: Simulation, stored: list[TickRecord]) -> tuple[str, int] | None:
+def _compare_ticks(simulation: Simulation, stored: list[TickRecord]) -> tuple[str, int] | None:
     for tick in stored:
         if tick.timestep:
             if tick.actions is None:
                 return "no joint action is stored", tick.timestep
-            step = trace.step(tick.actions)
+            step = simulation.step(tick.actions)
             for name in ("rewards", "shaped", "events"):
                 if getattr(step, name) != getattr(tick, name):
                     return f"{name} are {getattr(step, name)}, stored is {getattr(tick, name)}", tick.timestep
-        if trace.hash() != tick.state_hash:
-            return f"state hash is {trace.hash()}, stored is {tick.state_hash}", tick.timestep
+        if simulation.hash() != tick.state_hash:
+            return f"state hash is {simulation.hash()}, stored is {tick.state_hash}", tick.timestep
     return None
 
 
-def _compare_end(trace: Simulation, record: EpisodeRecord, ended: StoredEpisode) -> tuple[str, int] | None:
+def _compare_end(simulation: Simulation, record: EpisodeRecord, ended: StoredEpisode) -> tuple[str, int] | None:
     """Only for what has ended: a running episode has no score yet."""
     if ended.status not in ("done", "aborted"):
         return None
     simulated = {
-        "score": trace.score,
-        "soups": trace.soups,
-        "progress": progress_credit(trace.layout, trace.players(), trace.contents(), record.spec.progress),
-        "final_hash": trace.hash(),
+        "score": simulation.score,
+        "soups": simulation.soups,
+        "progress": progress_credit(
+            simulation.layout, simulation.players(), simulation.contents(), record.spec.progress
+        ),
+        "final_hash": simulation.hash(),
     }
     for name, value in simulated.items():
         if value != getattr(ended, name):
-            return f"{name} is {value}, stored is {getattr(ended, name)}", trace.timestep
+            return f"{name} is {value}, stored is {getattr(ended, name)}", simulation.timestep
     return None

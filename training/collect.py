@@ -168,17 +168,24 @@ def games_with(layout: Layout, target: Target, partner: Partner, plan: Collectio
             for k in range(PLAYERS):
                 stuck[k].begin(number, kitchens.players[number, seats[:, k]])
         seen = kitchens.encode()
-        law = distribution(target.policy.probabilities(seen[number, seats[:, 0]]), stuck[0].counts, target.mode)
+        action_distribution = distribution(
+            target.policy.probabilities(seen[number, seats[:, 0]]), stuck[0].counts, target.mode
+        )
         other = partner.policy.probabilities(seen[number, seats[:, 1]])
         actions = np.stack(
             [
-                draw(law, random.random(games)),
-                draw(_partner_law(partner, other, stuck[1], decided), random.random(games)),
+                draw(action_distribution, random.random(games)),
+                draw(_partner_distribution(partner, other, stuck[1], decided), random.random(games)),
             ],
             1,
         )
         state = {"players": kitchens.players, "contents": kitchens.contents, "timestep": kitchens.timestep}
-        now = {**state, "actions": actions, "law": law, "stuck": np.stack([counter.counts for counter in stuck], 1)}
+        now = {
+            **state,
+            "actions": actions,
+            "law": action_distribution,
+            "stuck": np.stack([counter.counts for counter in stuck], 1),
+        }
         for name, values in now.items():
             shard[name][:, t] = values
         kitchens.step(np.take_along_axis(actions, seats.astype(np.intp), 1), events)  # back into the order of the seats
@@ -187,7 +194,7 @@ def games_with(layout: Layout, target: Target, partner: Partner, plan: Collectio
     return shard
 
 
-def _partner_law(
+def _partner_distribution(
     partner: Partner, probabilities: Probabilities, stuck: Stuck, decided: NDArray[np.bool_]
 ) -> Probabilities:
     if partner.mode is not None:

@@ -50,10 +50,10 @@ def play(
     for _ in range(horizon):
         for seat, player in enumerate(players):
             seen = np.ascontiguousarray(observations[:, seat])
-            law = distribution(player.policy.probabilities(seen), stuck[seat].counts, player.mode)
-            actions[:, seat] = draw(law, random.random(games))
+            action_distribution = distribution(player.policy.probabilities(seen), stuck[seat].counts, player.mode)
+            actions[:, seat] = draw(action_distribution, random.random(games))
             if seat == 0:
-                certainty += float(law.max(1).mean())
+                certainty += float(action_distribution.max(1).mean())
                 stuck_share += float((stuck[0].counts >= player.mode.stuck_after).mean())
         env.step(actions, sparse, shaped, dones)
         env.kitchens.encode(observations, horizon)

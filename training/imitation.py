@@ -44,10 +44,10 @@ def _lessons(fast: FastPath, layout: Layout, noise: float, seed: int) -> tuple[t
     sparse, shaped = np.zeros((_GAMES, PLAYERS), np.int32), np.zeros((_GAMES, PLAYERS), np.int32)
     dones, entries, actions = np.zeros(_GAMES, np.bool_), [], []
     for _ in range(_TIMESTEPS):
-        laws = planner.probabilities(seen.reshape(-1, *seen.shape[2:]))  # (games * players, 6)
+        action_distributions = planner.probabilities(seen.reshape(-1, *seen.shape[2:]))  # (games * players, 6)
         entries.append(seen.reshape(PLAYERS * _GAMES, -1)[:, fast.columns])
-        actions.append(laws.argmax(axis=1))
-        done = draw(distribution(laws, stuck.counts, MODE), random.random(len(laws)))
+        actions.append(action_distributions.argmax(axis=1))
+        done = draw(distribution(action_distributions, stuck.counts, MODE), random.random(len(action_distributions)))
         disturbed = random.random(len(done)) < noise
         done[disturbed] = random.integers(ACTIONS, size=int(disturbed.sum()))
         env.step(done.reshape(_GAMES, PLAYERS), sparse, shaped, dones, seen)

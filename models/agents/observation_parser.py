@@ -29,7 +29,7 @@ class Pot:
 
 
 @dataclass(frozen=True)
-class Sight:
+class ParsedObservation:
     """What one chef sees."""
 
     me: Cell
@@ -46,12 +46,12 @@ class Sight:
     exits: tuple[Cell, ...]
 
 
-def sight(planes: NDArray[np.int8]) -> Sight:
+def parse_observation(planes: NDArray[np.int8]) -> ParsedObservation:
     """Reads one observation (width, height, 26)."""
     me, other = _cells(planes[..., _ME])[0], _cells(planes[..., _OTHER])[0]
     counters = _cells(planes[..., _COUNTER])
     items = {cell: item for cell in counters if (item := _item(planes[cell])) != NOTHING}
-    return Sight(
+    return ParsedObservation(
         me=me,
         facing=int(planes[me][_MY_FACING : _MY_FACING + 4].argmax()),
         held=_item(planes[me]),
@@ -92,9 +92,9 @@ def distances(floor: NDArray[np.bool_], start: Cell, blocked: Cell | None) -> di
 
 def certain(action: int) -> NDArray[np.float32]:
     """Probabilities (6,) of an agent that knows what it does."""
-    law = np.zeros(ACTIONS, np.float32)
-    law[action] = 1
-    return law
+    action_distribution = np.zeros(ACTIONS, np.float32)
+    action_distribution[action] = 1
+    return action_distribution
 
 
 def _cells(plane: NDArray[np.int8]) -> tuple[Cell, ...]:

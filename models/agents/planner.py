@@ -5,7 +5,7 @@ It knows its layout only through what it sees, and its partner only by place and
 
 import numpy as np
 
-from models.agents.observation_parser import Cell, Sight, Walk, certain, distances, sight
+from models.agents.observation_parser import Cell, ParsedObservation, Walk, certain, distances, parse_observation
 from models.protocols import Mode, Observations, Probabilities
 from overcooked.constants import ACTIONS, DISH, INTERACT, NOTHING, ONION, ONIONS_PER_SOUP, SOUP, STAY, STEP_X, STEP_Y
 
@@ -16,13 +16,13 @@ class PlannerPolicy:
     """The `planner` of the catalogue; a Policy for any layout."""
 
     def probabilities(self, observations: Observations) -> Probabilities:
-        laws = np.empty((len(observations), ACTIONS), np.float32)
+        action_distributions = np.empty((len(observations), ACTIONS), np.float32)
         for game, planes in enumerate(observations):
-            laws[game] = certain(_action(sight(planes)))
-        return laws
+            action_distributions[game] = certain(_action(parse_observation(planes)))
+        return action_distributions
 
 
-def _action(seen: Sight) -> int:
+def _action(seen: ParsedObservation) -> int:
     """The first wish that can be reached decides; with nothing to do, the cook makes room by waiting."""
     around = distances(seen.floor, seen.me, seen.other)
     through = distances(seen.floor, seen.me, None)  # as if the other would step aside
@@ -34,7 +34,7 @@ def _action(seen: Sight) -> int:
     return STAY
 
 
-def _wishes(seen: Sight) -> list[tuple[Cell, ...]]:
+def _wishes(seen: ParsedObservation) -> list[tuple[Cell, ...]]:
     """Groups of cells to use, the most wanted first."""
     hungry = [pot for pot in seen.pots if pot.left is None]
     cooking = sorted((pot for pot in seen.pots if pot.left is not None), key=lambda pot: pot.left or 0)
@@ -50,7 +50,7 @@ def _wishes(seen: Sight) -> list[tuple[Cell, ...]]:
     return _wishes_of_an_empty_hand(seen, len(cooking), _missing_onions(seen))
 
 
-def _wishes_of_an_empty_hand(seen: Sight, soups: int, missing: int) -> list[tuple[Cell, ...]]:
+def _wishes_of_an_empty_hand(seen: ParsedObservation, soups: int, missing: int) -> list[tuple[Cell, ...]]:
     lying = {item: tuple(cell for cell, here in seen.items.items() if here == item) for item in (ONION, DISH, SOUP)}
     fetch_dish = lying[DISH] + seen.dishes
     fetch_onion = seen.onions + lying[ONION]
@@ -64,12 +64,12 @@ def _wishes_of_an_empty_hand(seen: Sight, soups: int, missing: int) -> list[tupl
     return wishes
 
 
-def _missing_onions(seen: Sight) -> int:
+def _missing_onions(seen: ParsedObservation) -> int:
     wanted = sum(ONIONS_PER_SOUP - pot.onions for pot in seen.pots if pot.left is None)
     return wanted - (seen.other_held == ONION)
 
 
-def _nearest(seen: Sight, reached: dict[Cell, tuple[int, int]], cells: tuple[Cell, ...]) -> Walk | None:
+def _nearest(seen: ParsedObservation, reached: dict[Cell, tuple[int, int]], cells: tuple[Cell, ...]) -> Walk | None:
     """The way to the nearest of `cells`, ending with the use of it."""
     best: Walk | None = None
     for x, y in cells:
@@ -83,7 +83,7 @@ def _nearest(seen: Sight, reached: dict[Cell, tuple[int, int]], cells: tuple[Cel
     return best
 
 
-def _use(seen: Sight, direction: int, cell: Cell) -> int:
+def _use(seen: ParsedObservation, direction: int, cell: Cell) -> int:
     """Standing beside a station: turn to it, wait for a soup, or use it."""
     if seen.facing != direction:
         return direction

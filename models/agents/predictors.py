@@ -124,8 +124,8 @@ class DegradedPredictor:
         return answer
 
 
-def _mislead(law: NDArray[np.float32], shift: int) -> None:
+def _mislead(action_distribution: NDArray[np.float32], shift: int) -> None:
     """Makes another action the likeliest: the two change places."""
-    right = int(law.argmax())
+    right = int(action_distribution.argmax())
     wrong = (right + shift) % ACTIONS
-    law[right], law[wrong] = law[wrong], law[right]
+    action_distribution[right], action_distribution[wrong] = action_distribution[wrong], action_distribution[right]

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from models.agents.observation_parser import Cell, Sight, certain, sight
+from models.agents.observation_parser import Cell, ParsedObservation, certain, parse_observation
 from models.protocols import STEPS, Mode, Observations, Predictions, Probabilities
 from overcooked.constants import ACTIONS, STAY, STEP_X, STEP_Y
 
@@ -34,7 +34,7 @@ class GuidePolicy:
     """
 
     def probabilities(self, observations: Observations) -> Probabilities:
-        return np.stack([certain(_pace(*_where(sight(planes)))) for planes in observations])
+        return np.stack([certain(_pace(*_where(parse_observation(planes)))) for planes in observations])
 
 
 class GuidePredictor:
@@ -56,20 +56,20 @@ class GuidePredictor:
 
 def guide_ahead(observations: Observations) -> Predictions:
     """The guide's next actions if the other chef stays where it is: (games, STEPS, 6), nearly certain."""
-    laws = np.full((len(observations), STEPS, ACTIONS), 0.01 / (ACTIONS - 1), np.float32)
+    action_distributions = np.full((len(observations), STEPS, ACTIONS), 0.01 / (ACTIONS - 1), np.float32)
     for game, planes in enumerate(observations):
-        seen = sight(planes)
+        seen = parse_observation(planes)
         me, facing, is_free = _where(seen)
         for step in range(STEPS):
             action = _pace(me, facing, is_free)
-            laws[game, step, action] = 0.99
+            action_distributions[game, step, action] = 0.99
             if action < STAY:
                 ahead = (me[0] + STEP_X[action], me[1] + STEP_Y[action])
                 me, facing = (ahead if is_free[ahead] else me), action
-    return laws
+    return action_distributions
 
 
-def _where(seen: Sight) -> tuple[Cell, int, np.ndarray[tuple[int, int], np.dtype[np.bool_]]]:
+def _where(seen: ParsedObservation) -> tuple[Cell, int, np.ndarray[tuple[int, int], np.dtype[np.bool_]]]:
     is_free = seen.floor.copy()
     is_free[seen.other] = False
     return seen.me, seen.facing, is_free.reshape(is_free.shape[0], is_free.shape[1])

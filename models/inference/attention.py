@@ -81,7 +81,7 @@ def look_back(qkv, ring, slots, timesteps, cosine, sine):
 
 
 @_kernel
-def look_around(qkv, present, first_query):
+def window_attention(qkv, present, first_query):
     """Every token from `first_query` on looks at the last `present` (games,) tokens of its game, itself among them.
 
     `qkv` (games, tokens, 3, heads, dim). Gives (games, tokens - first_query, heads * dim); zero for absent tokens.

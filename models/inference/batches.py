@@ -9,7 +9,7 @@ from models.inference.wire import Answer, ModelRequest
 from models.protocols import STEPS
 from overcooked.constants import ACTIONS
 
-_LAW_BYTES = ACTIONS * np.dtype(np.float32).itemsize
+_DISTRIBUTION_BYTES = ACTIONS * np.dtype(np.float32).itemsize
 
 
 def together(asks: Sequence[ModelRequest]) -> list[list[ModelRequest]]:
@@ -40,13 +40,13 @@ def joined(group: Sequence[ModelRequest]) -> ModelRequest:
 def parted(whole: Answer, group: Sequence[ModelRequest]) -> Iterator[Answer]:
     """The answer to each question of the group. Faults are told once, with the first."""
     for ask, (begin, end) in zip(group, pairwise(accumulate((len(ask.rows) for ask in group), initial=0)), strict=True):
-        laws = slice(begin * _LAW_BYTES, end * _LAW_BYTES)
-        predictions = slice(STEPS * laws.start, STEPS * laws.stop)
+        action_distributions = slice(begin * _DISTRIBUTION_BYTES, end * _DISTRIBUTION_BYTES)
+        predictions = slice(STEPS * action_distributions.start, STEPS * action_distributions.stop)
         yield Answer(
             id=ask.id,
             model_ms=whole.model_ms,
             acted=whole.acted[begin:end],
-            laws=whole.laws[laws],
+            action_distributions=whole.action_distributions[action_distributions],
             predicted=whole.predicted[begin:end],
             predictions=whole.predictions[predictions],
             faults=whole.faults if ask is group[0] else [],

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.inference.attention import look_around, look_back, norm
+from models.inference.attention import look_back, norm, window_attention
 from models.inference.convolutions_numpy import NumpyConvolutions
 from models.networks.checkpoint import Checkpoint, CheckpointError, load_checkpoint
 from models.networks.columns import varying_columns
@@ -182,7 +182,7 @@ class WindowPredictor(_Games):
         return self._probabilities(last.go_on(x[:, -1], seen[:, 0]))
 
     def _look(self, qkv: Floats, present: NDArray[np.int64], first_query: int) -> Floats:
-        seen: Floats = look_around(qkv.reshape(len(present), HISTORY, 3, self._heads, -1), present, first_query)
+        seen: Floats = window_attention(qkv.reshape(len(present), HISTORY, 3, self._heads, -1), present, first_query)
         return seen
 
 

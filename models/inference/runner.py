@@ -58,8 +58,8 @@ class ModelServer:
         self.paths = ModelPaths()
         self._first = (agents, predictors, dict(grids or {}))
         self._workers, self._hang_s, self._ahead = workers, hang_s, ahead
-        self._lanes: list[SupervisedWorker] = []
-        self._lanes_of: dict[Name, list[SupervisedWorker]] = {}  # any of them answers
+        self._pool: list[SupervisedWorker] = []
+        self._pool_of: dict[Name, list[SupervisedWorker]] = {}  # any of them answers
         self._agents: frozenset[Name] = frozenset()
         self._predictors: frozenset[Name] = frozenset()
         self._seats: dict[str, set[int]] = {}
@@ -70,8 +70,8 @@ class ModelServer:
     async def start(self) -> None:
         """Loads and warms every model. Raises ModelsDown with the name and the reason; nothing is left running then."""
         for load in _loads(*self._first, self.paths):
-            self._take_in(load, self._lanes_for(load, self._ahead))
-        started = await asyncio.gather(*(lane.start() for lane in self._lanes), return_exceptions=True)
+            self._take_in(load, self._pool_for(load, self._ahead))
+        started = await asyncio.gather(*(worker.start() for worker in self._pool), return_exceptions=True)
         errors = [outcome for outcome in started if isinstance(outcome, BaseException)]
         if errors:
             await self.close()
@@ -84,17 +84,17 @@ class ModelServer:
         nothing has changed."""
         new = [name for name in agents if name not in self._agents]
         watching = [name for name in predictors if name not in self._predictors]
-        made = [(load, self._lanes_for(load)) for load in _loads(new, watching, grids, paths)]
-        lanes = [lane for _, some in made for lane in some]
-        started = await asyncio.gather(*(lane.start() for lane in lanes), return_exceptions=True)
+        made = [(load, self._pool_for(load)) for load in _loads(new, watching, grids, paths)]
+        pool = [worker for _, some in made for worker in some]
+        started = await asyncio.gather(*(worker.start() for worker in pool), return_exceptions=True)
         errors = [outcome for outcome in started if isinstance(outcome, BaseException)]
         if errors:
-            await asyncio.gather(*(lane.close() for lane in lanes))
+            await asyncio.gather(*(worker.close() for worker in pool))
             raise errors[0]
         for load, some in made:
             self._take_in(load, some)
 
-    def _lanes_for(self, load: Load, ahead: Launched | None = None) -> list[SupervisedWorker]:
+    def _pool_for(self, load: Load, ahead: Launched | None = None) -> list[SupervisedWorker]:
         if any(is_foreign(name) for _, name in (*load.agents, *load.predictors)):
             return [SupervisedWorker(load, 1, self._hang_s)]
         numbers = range(self._workers)
@@ -102,16 +102,16 @@ class ModelServer:
             SupervisedWorker(load, int(number == 0), self._hang_s, ahead if number == 0 else None) for number in numbers
         ]
 
-    def _take_in(self, load: Load, lanes: list[SupervisedWorker]) -> None:
+    def _take_in(self, load: Load, pool: list[SupervisedWorker]) -> None:
         """From now on these lanes answer about these models."""
-        self._lanes += lanes
-        self._lanes_of |= dict.fromkeys((*load.agents, *load.predictors), lanes)
+        self._pool += pool
+        self._pool_of |= dict.fromkeys((*load.agents, *load.predictors), pool)
         self._agents |= set(load.agents)
         self._predictors |= set(load.predictors)
 
     async def close(self) -> None:
         """Ends every worker."""
-        await asyncio.gather(*(lane.close() for lane in self._lanes))
+        await asyncio.gather(*(worker.close() for worker in self._pool))
 
     async def ask(self, questions: Sequence[Question], deadline_ms: float) -> list[Decision | None]:
         """One decision a question, in order; None where no answer came within `deadline_ms` or the model broke."""
@@ -131,27 +131,27 @@ class ModelServer:
     def forget(self, game: str) -> None:
         """The game is over: its memory is freed."""
         keys = [_key(game, seat) for seat in self._seats.pop(game, ())]
-        for lane in self._lanes:
-            lane.forget(keys)
+        for worker in self._pool:
+            worker.forget(keys)
 
     def statistics(self) -> ModelStatistics:
         times = np.array(self._times) if self._times else np.zeros(1)
         median, high, most = np.quantile(times, (0.5, 0.99, 1.0)).tolist()
-        restarts = sum(lane.restarts for lane in self._lanes)
+        restarts = sum(worker.restarts for worker in self._pool)
         return ModelStatistics(restarts, self._late, dict(self._faults), (median, high, most))
 
     @property
     def ready(self) -> bool:
         """Whether every model can be asked now."""
-        return all(lane.pid for lane in self._lanes)
+        return all(worker.pid for worker in self._pool)
 
     def worker_pids(self) -> list[int]:
         """Of the workers that answer now (spares are not among them)."""
-        return [lane.pid for lane in self._lanes if lane.pid]
+        return [worker.pid for worker in self._pool if worker.pid]
 
-    def _lane(self, game: str, name: Name) -> SupervisedWorker:
-        lanes = self._lanes_of[name]
-        return lanes[zlib.crc32(game.encode()) % len(lanes)]
+    def _worker_for(self, game: str, name: Name) -> SupervisedWorker:
+        pool = self._pool_of[name]
+        return pool[zlib.crc32(game.encode()) % len(pool)]
 
     def _send(
         self, questions: Sequence[Question], patience_s: float
@@ -159,13 +159,13 @@ class ModelServer:
         """Asks each worker about each layout once; returns what was asked: indices of questions, answer to come."""
         groups: dict[tuple[SupervisedWorker, str], list[tuple[int, str | None, str | None]]] = {}
         for k, question in enumerate(questions):
-            for lane, agent, predictor in self._parts(question):
-                groups.setdefault((lane, question.layout), []).append((k, agent, predictor))
+            for worker, agent, predictor in self._parts(question):
+                groups.setdefault((worker, question.layout), []).append((k, agent, predictor))
         sent = []
-        for (lane, layout), parts in groups.items():
+        for (worker, layout), parts in groups.items():
             chosen = [k for k, _, _ in parts]
-            if lane.ready(patience_s):
-                sent.append((chosen, self._send_group(lane, layout, questions, parts)))
+            if worker.ready(patience_s):
+                sent.append((chosen, self._send_group(worker, layout, questions, parts)))
             else:
                 self._late += len(chosen)
         return sent
@@ -175,15 +175,15 @@ class ModelServer:
         layout = question.layout
         agent = question.agent if (layout, question.agent) in self._agents else None
         predictor = question.predictor if (layout, question.predictor) in self._predictors else None
-        lanes: dict[SupervisedWorker, list[str | None]] = {}
+        pool: dict[SupervisedWorker, list[str | None]] = {}
         for position, name in enumerate((agent, predictor)):
             if name is not None:
-                lanes.setdefault(self._lane(question.game, (layout, name)), [None, None])[position] = name
-        return [(lane, names[0], names[1]) for lane, names in lanes.items()]
+                pool.setdefault(self._worker_for(question.game, (layout, name)), [None, None])[position] = name
+        return [(worker, names[0], names[1]) for worker, names in pool.items()]
 
     def _send_group(
         self,
-        lane: SupervisedWorker,
+        worker: SupervisedWorker,
         layout: str,
         questions: Sequence[Question],
         parts: list[tuple[int, str | None, str | None]],
@@ -193,8 +193,8 @@ class ModelServer:
             question = questions[k]
             key = _key(question.game, question.seat)
             self._seats.setdefault(question.game, set()).add(question.seat)
-            missing = 1 if predictor is None else lane.missing(key, question.timestep)
-            history = question.history(missing or lane.memory)
+            missing = 1 if predictor is None else worker.missing(key, question.timestep)
+            history = question.history(missing or worker.memory)
             rows.append(
                 Row(
                     key=key,
@@ -210,10 +210,10 @@ class ModelServer:
             states.append(history.observations)
             actions.append(history.actions)
             if predictor is not None:
-                lane.saw(key, question.timestep)
+                worker.saw(key, question.timestep)
         joined = np.concatenate(states, dtype=np.int8, casting="unsafe")
         width, height, planes = joined.shape[1:]
-        return lane.ask(
+        return worker.ask(
             layout,
             (width, height, planes),
             rows,
@@ -225,11 +225,11 @@ class ModelServer:
         self._times.append(answer.model_ms)
         self._faults.update(f"{fault.model}: {fault.reason}" for fault in answer.faults)
         acted = np.frombuffer(answer.acted, np.int8).tolist()
-        laws = np.frombuffer(answer.laws, np.float32).reshape(-1, ACTIONS).tolist()
+        action_distributions = np.frombuffer(answer.action_distributions, np.float32).reshape(-1, ACTIONS).tolist()
         predictions = np.frombuffer(answer.predictions, np.float32).reshape(-1, STEPS, ACTIONS).tolist()
         for k, part in enumerate(found):
             if acted[k] >= 0:
-                part.action, part.probabilities = acted[k], tuple(laws[k])
+                part.action, part.probabilities = acted[k], tuple(action_distributions[k])
             if answer.predicted[k]:
                 part.prediction = tuple(tuple(step) for step in predictions[k])
 

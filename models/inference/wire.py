@@ -79,7 +79,7 @@ class Answer(Struct, tag=True, frozen=True):
     id: int
     model_ms: float
     acted: bytes  # int8 (rows,): the action, -1 where no agent answered
-    laws: bytes  # float32 (rows, 6): the distribution the action was drawn from
+    action_distributions: bytes  # float32 (rows, 6): the distribution the action was drawn from
     predicted: bytes  # int8 (rows,): 1 where a predictor answered
     predictions: bytes  # float32 (rows, STEPS, 6)
     faults: list[ModelFault]

@@ -122,14 +122,14 @@ class Worker:
         observations: Observations = np.frombuffer(ask.observations, np.int8).reshape(-1, *ask.shape)
         actions = np.frombuffer(ask.actions, np.int8).reshape(-1, 2)
         acted = np.full(len(rows), -1, np.int8)
-        laws = np.zeros((len(rows), ACTIONS), np.float32)
+        action_distributions = np.zeros((len(rows), ACTIONS), np.float32)
         predicted = np.zeros(len(rows), np.int8)
         predictions = np.zeros((len(rows), STEPS, ACTIONS), np.float32)
         faults: list[ModelFault] = []
         for agent, chosen in _by_model([row.agent for row in rows]):
             with self._watched((ask.layout, agent), faults) as may_answer:
                 if may_answer:
-                    laws[chosen], acted[chosen] = self._act(
+                    action_distributions[chosen], acted[chosen] = self._act(
                         (ask.layout, agent), [rows[k] for k in chosen], observations[states[chosen]]
                     )
         for name, known in _by_model([row.predictor for row in rows]):
@@ -142,7 +142,13 @@ class Worker:
                     predicted[chosen] = 1
         model_ms = (time.perf_counter() - started) * 1000
         return Answer(
-            ask.id, model_ms, acted.tobytes(), laws.tobytes(), predicted.tobytes(), predictions.tobytes(), faults
+            ask.id,
+            model_ms,
+            acted.tobytes(),
+            action_distributions.tobytes(),
+            predicted.tobytes(),
+            predictions.tobytes(),
+            faults,
         )
 
     def _follow(self, name: Name, rows: list[Row], chosen: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -157,8 +163,8 @@ class Worker:
     def _act(self, name: Name, rows: list[Row], observations: Observations) -> tuple[Probabilities, NDArray[np.int8]]:
         policy, mode = self._agents[name]
         probabilities = _checked_probabilities(policy.probabilities(observations), len(rows))
-        law = distribution(probabilities, np.array([row.stuck for row in rows]), mode)
-        return law, draw(law, np.array([row.uniform for row in rows]))
+        action_distribution = distribution(probabilities, np.array([row.stuck for row in rows]), mode)
+        return action_distribution, draw(action_distribution, np.array([row.uniform for row in rows]))
 
     def _predict(
         self,

@@ -73,7 +73,7 @@ class Respondent:
         """1 to `points`, on the whole the higher the better the episode went for what the question is about."""
         smooth = 1 - min(1.0, 5 * last.share(last.blocked, last.tried))
         pace = min(1.0, last.soups_in_80_s / 8)
-        foresight = last.share(last.right, last.foretold) if last.foretold else 0.45
+        foresight = last.share(last.right, last.predicted) if last.predicted else 0.45
         if any(word in name for word in _ABOUT_ARROWS) and "predictability" not in name:
             level = foresight
         elif any(word in name for word in _ABOUT_FORESIGHT):

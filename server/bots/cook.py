@@ -55,7 +55,7 @@ class Impression:
     soups: int = 0
     tried: int = 0  # own moves
     blocked: int = 0  # of them, those that led nowhere because somebody stood there
-    foretold: int = 0  # timesteps for which an arrow told what the partner would do
+    predicted: int = 0  # timesteps for which an arrow told what the partner would do
     right: int = 0  # of them, those that it did
 
     def share(self, part: int, whole: int) -> float:
@@ -76,21 +76,21 @@ class Cook:
         self._seen: deque[Kitchens] = deque(maxlen=traits.delay + 1)
         self._before: Kitchens | None = None
         self._stuck = 0
-        self._foretold: int | None = None
+        self._predicted: int | None = None
         self.impression = Impression()
 
     def act(self, now: Kitchens, soups: int, actions: tuple[int, int], arrow: int | None, horizon: int) -> int:
         """The action on this state. `actions`: what led to it; `arrow`: the first foretold action of the partner."""
         self._judge(now, soups, actions)
-        self._foretold = arrow
+        self._predicted = arrow
         self._seen.append(now)
         timestep = int(now.timestep[0])
         if uniform(self._seed, timestep, _IDLE) < self._traits.idle:
             return STAY
         seen = self._view(now, arrow).encode(horizon=horizon)[:, self._seat]
         stuck = np.array([self._stuck])
-        law = distribution(self._agent.policy.probabilities(seen), stuck, self._agent.mode)
-        return int(draw(law, np.array([uniform(self._seed, timestep, _DRAW)]))[0])
+        action_distribution = distribution(self._agent.policy.probabilities(seen), stuck, self._agent.mode)
+        return int(draw(action_distribution, np.array([uniform(self._seed, timestep, _DRAW)]))[0])
 
     def _view(self, now: Kitchens, arrow: int | None) -> Kitchens:
         """The kitchen as the participant has it in mind."""
@@ -125,9 +125,9 @@ class Cook:
         if actions[self._seat] < STAY:
             seen.tried += 1
             seen.blocked += unchanged and self._faced_a_chef(before, actions[self._seat])
-        if self._foretold is not None:
-            seen.foretold += 1
-            seen.right += actions[other] == self._foretold
+        if self._predicted is not None:
+            seen.predicted += 1
+            seen.right += actions[other] == self._predicted
 
     def _faced_a_chef(self, before: Kitchens, action: int) -> bool:
         x, y = before.players[0, self._seat, :FACING].tolist()

@@ -12,7 +12,7 @@ from urllib.parse import urlencode
 from sqlalchemy import Connection
 
 from server.bots import invariants
-from server.bots.game_client import Trouble
+from server.bots.game_client import BrowserFault
 from server.bots.invariants import Claim
 from server.bots.participant import Bot, Habits, ParsedPage
 from server.store import participants
@@ -35,7 +35,7 @@ class Crowd:
     study: Study | None = None  # None: the file is not known, only the address
     dropout: float = 0.0
     seed: int = 0
-    troubles: tuple[Trouble, ...] = ()  # what happens to everybody in every game, on purpose
+    browser_faults: tuple[BrowserFault, ...] = ()  # what happens to everybody in every game, on purpose
     secret: str = ""  # of the server, to which they prove with it that they are bots
 
 
@@ -149,7 +149,9 @@ def _habits(crowd: Crowd, number: int) -> Habits:
         pages = len(steps(crowd.study, crowd.study.conditions[0].name, 0)) - 1
     drop_after = chance.randrange(pages) if chance.random() < crowd.dropout else None
     known = dict(_right_answers(crowd.study)) if crowd.study is not None else {}
-    return Habits(known, drop_after, arrival=_arrival(crowd, number), troubles=crowd.troubles, secret=crowd.secret)
+    return Habits(
+        known, drop_after, arrival=_arrival(crowd, number), browser_faults=crowd.browser_faults, secret=crowd.secret
+    )
 
 
 def _right_answers(study: Study) -> Iterator[tuple[str, str]]:

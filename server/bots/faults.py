@@ -15,7 +15,7 @@ from server.bots.local_server import OwnServer
 from server.bots.participant import Bot
 from server.store.database import Database
 
-TROUBLES: Final = ("reload", "second_tab", "half_open")
+BROWSER_FAULTS: Final = ("reload", "second_tab", "half_open")
 STATES_BEFORE_THE_KILL: Final = 40  # that each participant has seen, on average
 # What is promised, and the words by which a violation says that it was broken.
 GUARANTEES: Final = {
@@ -55,7 +55,7 @@ class Trial:
         return rows
 
 
-FAULTS: Final = {"server_kill", *TROUBLES}
+FAULTS: Final = {"server_kill", *BROWSER_FAULTS}
 
 
 async def try_out(crowd: Crowd, server: OwnServer, database: Database) -> Trial:
@@ -66,7 +66,7 @@ async def try_out(crowd: Crowd, server: OwnServer, database: Database) -> Trial:
     bots = await walking
     faults = Counter({"server_kill": 1} if away_s else {})
     for bot in bots:
-        faults.update(bot.journal.troubles)
+        faults.update(bot.journal.browser_faults)
     return Trial(judge(bots, database), dict(faults), away_s)
 
 

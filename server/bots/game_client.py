@@ -25,7 +25,7 @@ from server.study.order import derived_seed
 _decoder = msgspec.json.Decoder(messages.Outgoing)
 _encoder = msgspec.json.Encoder()
 MOST_RECONNECTS: Final = 50
-Trouble = Literal["reload", "second_tab", "half_open"]
+BrowserFault = Literal["reload", "second_tab", "half_open"]
 _SUPERSEDED: Final = 4001
 _GONE: Final = 1006  # the server was killed in the meantime
 _ABUSE: Final = 1008  # no participant of ours deserves it
@@ -46,7 +46,9 @@ class Journal:
     broken_displays: dict[str, set[int]] = field(default_factory=dict)  # episode -> timesteps not shown as promised
     violations: list[str] = field(default_factory=list)
     reconnects: int = 0
-    troubles: dict[str, int] = field(default_factory=dict)  # what happened on purpose: reload, second_tab, half_open
+    browser_faults: dict[str, int] = field(
+        default_factory=dict
+    )  # what happened on purpose: reload, second_tab, half_open
     code: str | None = None
 
 
@@ -95,7 +97,7 @@ class BotGame:
     def __init__(self, url: str, cookie: str, journal: Journal, traits: Traits) -> None:
         """`url`: ws://host/s/study/socket."""
         self.url, self.cookie = url, cookie
-        self.troubles: dict[int, Trouble] = {}  # by the timestep at which they happen
+        self.browser_faults: dict[int, BrowserFault] = {}  # by the timestep at which they happen
         self.drop_at: int | None = None  # the timestep at which the browser is closed
         self._journal, self._traits = journal, traits
         self._origin = "http" + url.removeprefix("ws").split("/s/")[0]
@@ -210,15 +212,15 @@ class BotGame:
         if self.drop_at is not None and timestep >= self.drop_at:
             socket.transport.abort()
             raise GameDropped
-        due = next((at for at in self.troubles if timestep >= at), None)
+        due = next((at for at in self.browser_faults if timestep >= at), None)
         if due is None:
             return
-        trouble = self.troubles.pop(due)
-        self._journal.troubles[trouble] = self._journal.troubles.get(trouble, 0) + 1
-        if trouble == "reload":
+        fault = self.browser_faults.pop(due)
+        self._journal.browser_faults[fault] = self._journal.browser_faults.get(fault, 0) + 1
+        if fault == "reload":
             socket.transport.abort()
             await socket.wait_closed()
-        elif trouble == "second_tab":
+        elif fault == "second_tab":
             self._tab += "x"
             self._left_open.append(asyncio.create_task(self._taken_over(socket)))
             raise _Left

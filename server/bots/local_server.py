@@ -70,7 +70,7 @@ class OwnServer:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self, kind: type[BaseException] | None, error: BaseException | None, simulation: TracebackType | None
     ) -> None:
         self._clear_away()
 

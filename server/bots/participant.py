@@ -12,14 +12,14 @@ import httpx
 
 from server.bots.answers import Field, Fields, Respondent
 from server.bots.cook import Traits
-from server.bots.game_client import BotGame, GameDropped, Journal, Trouble
+from server.bots.game_client import BotGame, BrowserFault, GameDropped, Journal
 from server.web.auth import BOT_MARK, bot_mark
 
 MOST_PAGES: Final = 200
 _RELOADS_A_PAGE: Final = 0.05
 _RELOADS_A_GAME: Final = 0.15
 _LAST_RELOAD: Final = 300
-_LAST_TROUBLE: Final = 60
+_LAST_FAULT_AT: Final = 60
 _AGAIN_WITHIN_S: Final = 60.0
 
 
@@ -70,7 +70,7 @@ class Habits:
     known: Mapping[str, str] = field(default_factory=dict)  # question -> the right answer, from the study file
     drop_after: int | None = None  # gives up at the page after so many; in a game, in the middle of it
     reloads: bool = True
-    troubles: tuple[Trouble, ...] = ()  # what happens to it in every game, on purpose
+    browser_faults: tuple[BrowserFault, ...] = ()  # what happens to it in every game, on purpose
     arrival: str = ""  # the recruitment parameters of the link
     simulated: bool = True
     secret: str = ""  # of a public server, which believes nobody else that a bot comes
@@ -153,10 +153,12 @@ class Bot:
         moment = self._chance.randrange(1, _LAST_RELOAD)
         if gives_up:
             game.drop_at = moment
-        elif self._habits.troubles:
-            game.troubles = {self._chance.randrange(1, _LAST_TROUBLE): trouble for trouble in self._habits.troubles}
+        elif self._habits.browser_faults:
+            game.browser_faults = {
+                self._chance.randrange(1, _LAST_FAULT_AT): fault for fault in self._habits.browser_faults
+            }
         elif self._habits.reloads and self._chance.random() < _RELOADS_A_GAME:
-            game.troubles[moment] = "reload"
+            game.browser_faults[moment] = "reload"
         await game.play()
         return await self._get(self.now)
 
@@ -164,7 +166,7 @@ class Bot:
         """Now and then a page is loaded again: it must be the same one."""
         if not self._habits.reloads or page.faults or self._chance.random() >= _RELOADS_A_PAGE:
             return page
-        self.journal.troubles["page_reload"] = self.journal.troubles.get("page_reload", 0) + 1
+        self.journal.browser_faults["page_reload"] = self.journal.browser_faults.get("page_reload", 0) + 1
         again = await self._get(self.now)
         if again.step(self.now) != page.step(self.now):
             self.journal.violations.append(f"a reload led from {page.step(self.now)} to {again.step(self.now)}")

@@ -45,22 +45,23 @@ class State:
 
 def state_of(file: StudyFile) -> State:
     """As it is here and now. Raises StateError for models that are not here, LayoutError, StudyError."""
-    cast = required_models([file])
-    missing = [file.describe(problem) for problem in missing_problems(file, cast)]
+    required = required_models([file])
+    missing = [file.describe(problem) for problem in missing_problems(file, required)]
     if missing:
         raise StateError("\n".join(missing))
     kitchens = (*file.study.layouts, file.study.tutorial.layout)
     layouts = {kitchen.name: _sha256(layout_of(kitchen).text.encode()) for kitchen in kitchens}
     models = {
-        f"{layout}/{model}": _model(cast, layout, model) for layout, model in sorted({*cast.agents, *cast.predictors})
+        f"{layout}/{model}": _model(required, layout, model)
+        for layout, model in sorted({*required.agents, *required.predictors})
     }
     return State(code_version(), dict(sorted(layouts.items())), models, dict(_code()))
 
 
 def outside_models(file: StudyFile) -> list[str]:
     """Return the models of a study that are code outside this repository or an address: `module:Class` and URLs."""
-    cast = required_models([file])
-    models = {without_variant(model) for _, model in (*cast.agents, *cast.predictors)}
+    required = required_models([file])
+    models = {without_variant(model) for _, model in (*required.agents, *required.predictors)}
     return sorted(model for model in models if ":" in model)
 
 
@@ -80,9 +81,9 @@ def _unlike(wanted: Mapping[str, str], here: Mapping[str, str]) -> list[str]:
     return sorted(name for name in wanted.keys() | here.keys() if wanted.get(name) != here.get(name))
 
 
-def _model(cast: RequiredModels, layout: str, model: str) -> str:
+def _model(required: RequiredModels, layout: str, model: str) -> str:
     base = without_variant(model)
-    return cast.fingerprint(layout, model) or (f"scripted: {base}" if base in WITHOUT_WEIGHTS else NOT_HASHED)
+    return required.fingerprint(layout, model) or (f"scripted: {base}" if base in WITHOUT_WEIGHTS else NOT_HASHED)
 
 
 def _code() -> Iterator[tuple[str, str]]:

@@ -10,17 +10,17 @@ from server.monitoring.peers import Peers, SingleProcess
 class ClusterControl:
     """`Control` of all processes; made once in server.main."""
 
-    def __init__(self, control: Control, elsewhere: Peers | None = None) -> None:
-        self._control, self._elsewhere = control, elsewhere or SingleProcess()
+    def __init__(self, control: Control, peers: Peers | None = None) -> None:
+        self._control, self._peers = control, peers or SingleProcess()
 
     async def do(self, deed: str, episode: str, *given: Any) -> bool:
         """pause, resume, tell, extend or end a game. False: the game does not run, or nobody is there to be told."""
-        return await self.answer(deed, episode, *given) or await self._elsewhere.owner_does(deed, episode, *given)
+        return await self.answer(deed, episode, *given) or await self._peers.owner_does(deed, episode, *given)
 
     async def end_all(self, episodes: Sequence[str]) -> None:
         """Ends these games where they run."""
         await self._control.end_all(episodes)
-        await self._elsewhere.all_do("end_all", list(episodes))
+        await self._peers.all_do("end_all", list(episodes))
 
     async def pause_study(self, study: str) -> None:
         await self._to_study("pause_study", study)
@@ -34,7 +34,7 @@ class ClusterControl:
 
     async def _to_study(self, deed: str, *given: str) -> int:
         here = await self.answer(deed, *given)
-        there = await self._elsewhere.all_do(deed, *given)
+        there = await self._peers.all_do(deed, *given)
         return int(here) + sum(int(reached) for reached in there)
 
     async def answer(self, deed: str, *given: Any) -> Any:

@@ -114,13 +114,13 @@ def _try_out(arguments: argparse.Namespace) -> int:
 
     import uvloop
 
-    from server.bots.faults import TROUBLES, table, try_out
+    from server.bots.faults import BROWSER_FAULTS, table, try_out
     from server.bots.local_server import QUICK, OwnServer
     from server.commands.databases import open_stored
     from server.settings import ROOT
 
     study = arguments.study or ROOT / "studies" / "quick_look.yaml"
-    crowd = replace(_crowd(arguments, study), troubles=TROUBLES)
+    crowd = replace(_crowd(arguments, study), browser_faults=BROWSER_FAULTS)
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="kitchenmind-bots-"))
         url = arguments.database or f"sqlite:///{Path(folder) / 'bots.sqlite3'}"

@@ -59,23 +59,23 @@ def _verify(connection: "Connection", study: str | None) -> tuple[list[str], int
     return report(verify_all(connection, chosen))
 
 
-def report(verdicts: "Iterable[VerificationResult]") -> tuple[list[str], int]:
+def report(results: "Iterable[VerificationResult]") -> tuple[list[str], int]:
     """Return a line for each layout and for the first differences, and the exit status."""
     lines: dict[str, _Line] = {}
     different: list[VerificationResult] = []
-    for verdict in verdicts:
-        line = lines.setdefault(verdict.layout, _Line())
+    for result in results:
+        line = lines.setdefault(result.layout, _Line())
         line.episodes += 1
-        line.timesteps += verdict.timesteps
-        if verdict.difference is not None:
+        line.timesteps += result.timesteps
+        if result.difference is not None:
             line.different += 1
-            different.append(verdict)
+            different.append(result)
     said = [f"{'layout':<24}{'episodes':>10}{'timesteps':>12}{'different':>11}\n"]
     for layout, line in sorted(lines.items()):
         said.append(f"{layout:<24}{line.episodes:>10}{line.timesteps:>12}{line.different:>11}\n")
-    for verdict in different[:LISTED]:
-        place = "" if verdict.timestep is None else f", timestep {verdict.timestep}"
-        said.append(f"episode {verdict.episode}{place}: {verdict.difference}\n")
+    for result in different[:LISTED]:
+        place = "" if result.timestep is None else f", timestep {result.timestep}"
+        said.append(f"episode {result.episode}{place}: {result.difference}\n")
     if len(different) > LISTED:
         said.append(f"... and {len(different) - LISTED} more episodes\n")
     said.append("Every episode was simulated to the same states.\n" if not different else "")

@@ -61,7 +61,7 @@ class Alerts:
         self, live: LiveGames, database_file: Path | None, tell: Tell, versions: Versions | None = None
     ) -> None:
         self.open: dict[str, Alert] = {}
-        self._elsewhere: list[Alert] = []  # of other processes, which tell of them themselves
+        self._peers: list[Alert] = []  # of other processes, which tell of them themselves
         self._live, self._file, self._tell, self._versions = live, database_file, tell, versions
 
     async def run(self) -> None:
@@ -75,9 +75,9 @@ class Alerts:
 
     async def look(self) -> None:
         """Tells of what has begun and what is over since the last look."""
-        others = await self._live.elsewhere.processes()
-        self._elsewhere = self._late(others)
-        leads = all(self._live.elsewhere.name < other.name for other in others)  # one tells what all of them see
+        others = await self._live.peers.processes()
+        self._peers = self._late(others)
+        leads = all(self._live.peers.name < other.name for other in others)  # one tells what all of them see
         found = {
             alert.key: alert for alert in (*self._machine(leads), *self._changed(leads), *await self._games(leads))
         }
@@ -93,13 +93,13 @@ class Alerts:
     def shown(self, study: str) -> list[dict[str, object]]:
         """Alerts of the whole server as the dashboard of a study lists them; those of games stand on their cards."""
         now = datetime.now(UTC)
-        of_all = (*self.open.values(), *self._elsewhere)
+        of_all = (*self.open.values(), *self._peers)
         mine = [alert for alert in of_all if alert.study in ("", study) and not alert.key.startswith("game ")]
         return [{"text": one.text, "since_s": round((now - (one.since or now)).total_seconds())} for one in mine]
 
     def _late(self, others: list[Process]) -> list[Alert]:
         """Of those processes."""
-        since = {alert.key: alert.since for alert in self._elsewhere}
+        since = {alert.key: alert.since for alert in self._peers}
         found: list[Alert] = []
         for process in others:
             p99_ms = 1000 * process.figures.get("tick_lateness_seconds_p99", 0.0)
@@ -114,7 +114,7 @@ class Alerts:
         if late and late[int(0.99 * len(late))] > LATE_MS:
             p99 = late[int(0.99 * len(late))]
             yield Alert("late", f"Timesteps come late: {p99:.0f} ms at the 99th percentile.")
-        if any(DATABASE in game.session.holds for game in self._live.games):
+        if any(DATABASE in game.session.pause_reasons for game in self._live.games):
             yield Alert("database", "The database does not take data: games stand still until it does.")
         if leads and self._file is not None and self._file.exists():
             free_gb = shutil.disk_usage(self._file.parent).free / 1e9
@@ -144,15 +144,15 @@ class Alerts:
                         text = f"{name}: {who(card.played)} is away ({card.flag.word.lower()}) for {since_s} s."
                         path = f"/admin/s/{name}/game/{card.played.id}"
                         found.append(Alert(f"game {card.played.id}", text, path, name))
-                found += await self._troubles(name, versions) if leads else []
+                found += await self._client_errors(name, versions) if leads else []
                 crowd = await invented_participants.signs(self._live.web, name, versions, leads)
                 found += [Alert(key, text, f"/admin/s/{name}", name) for key, text in crowd.items()]
         except DatabaseDown:
             found.append(Alert("unreadable", "The database cannot be reached."))
         return found
 
-    async def _troubles(self, name: str, versions: tuple[int, ...]) -> list[Alert]:
-        people = await self._live.web.database.read(_in_trouble, versions)
+    async def _client_errors(self, name: str, versions: tuple[int, ...]) -> list[Alert]:
+        people = await self._live.web.database.read(_with_client_errors, versions)
         return [
             Alert(
                 f"trouble {person}", f"{name}: the browser of P-{number:03d} reports errors.", f"/admin/s/{name}", name
@@ -170,7 +170,7 @@ def _displays(name: str, broken: list[int]) -> Iterator[Alert]:
         yield Alert(f"display {name}", text, f"/admin/s/{name}", name)
 
 
-def _in_trouble(connection: Connection, versions: tuple[int, ...]) -> dict[str, int]:
+def _with_client_errors(connection: Connection, versions: tuple[int, ...]) -> dict[str, int]:
     """Whose browsers reported errors lately, with their numbers."""
     lately = datetime.now(UTC) - overview.HERE
-    return {person: number for at, person, number, _ in overview.troubles(connection, versions) if at > lately}
+    return {person: number for at, person, number, _ in overview.client_errors(connection, versions) if at > lately}

@@ -45,7 +45,7 @@ class Attention:
         if session.phase == "paused" and pause is not None:
             if pause.reason in _AWAY:
                 return Flag(ACT, _AWAY[pause.reason], session.paused_since)
-            return Flag(LOOK, "Paused" if RESEARCHER in session.holds else "Waiting", session.paused_since)
+            return Flag(LOOK, "Paused" if RESEARCHER in session.pause_reasons else "Waiting", session.paused_since)
         if session.phase == "waiting":
             return Flag(CALM, "Not started")
         if session.phase == "running" and idle_s >= IDLE_S:
@@ -61,7 +61,7 @@ class Attention:
     def _idle_s(self, game: Game, seat: int, now: float) -> float:
         session = game.session
         keys = session.keys.get(seat)
-        actions = session.trace.last_actions
+        actions = session.simulation.last_actions
         seq = keys.seq if keys else 0
         seen = self._seen.get(session.episode)
         moved = actions is not None and actions[seat] != _STAY

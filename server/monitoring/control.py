@@ -60,7 +60,7 @@ class Control:
         """The participant may be away so much longer in this game."""
         game = self._running(episode)
         if game is not None:
-            game.session.holds.extend(seconds)
+            game.session.pause_reasons.extend(seconds)
             game.tell_paused()
         return game is not None
 
@@ -108,7 +108,7 @@ class Control:
         while self._paused:
             try:
                 for game in await self._of(tuple(number for versions in self._paused.values() for number in versions)):
-                    if game.session.phase != "ended" and RESEARCHER not in game.session.holds:
+                    if game.session.phase != "ended" and RESEARCHER not in game.session.pause_reasons:
                         game.pause(RESEARCHER, "researcher")
             except DatabaseDown:
                 pass  # then no game runs anyway

@@ -93,7 +93,7 @@ class Dashboard:
             "paused": study.name in decisions.paused_studies(connection),
             "troubles": [
                 {"at": at.isoformat(), "person": person, "who": f"P-{number:03d}", "text": text}
-                for at, person, number, text in overview.troubles(connection, study_ids)
+                for at, person, number, text in overview.client_errors(connection, study_ids)
             ],
         }
 
@@ -111,13 +111,13 @@ class Dashboard:
             "seen_s": max(0, round((datetime.now(UTC) - person.last_seen_at).total_seconds())),
             "minutes": round((until - person.started_at).total_seconds() / 60),
             "arm": arms.get(person.condition, ""),
-            "troubles": person.troubles,
+            "troubles": person.client_errors,
             "excluded": person.excluded,
         }
 
     async def _machine(self) -> dict[str, Any]:
         live = self._live
-        others = await live.elsewhere.processes()
+        others = await live.peers.processes()
         late = live.games.loop.lateness.last(most=2000)
         models = sorted(live.models_ms)
         found: dict[str, Any] = {

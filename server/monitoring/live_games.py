@@ -31,9 +31,9 @@ class Card:
 class LiveGames:
     """Looks at the running games on behalf of everybody who watches; made once in server.main."""
 
-    def __init__(self, web: Site, games: Games, sockets: OpenSockets, elsewhere: Peers | None = None) -> None:
+    def __init__(self, web: Site, games: Games, sockets: OpenSockets, peers: Peers | None = None) -> None:
         self.web, self.games, self.sockets = web, games, sockets
-        self.elsewhere = elsewhere or SingleProcess()
+        self.peers = peers or SingleProcess()
         self.models_ms: deque[float] = deque(maxlen=_SAMPLES)  # sampled while somebody watches
         self._attention = Attention()
         self._played: dict[str, Played] = {}
@@ -52,10 +52,10 @@ class LiveGames:
         """The games of a study that other processes play; asked for at most twice a second."""
         async with self._looking:
             if time.monotonic() - self._views[0] >= 0.8 * CARDS_EVERY_S:
-                self._views = (time.monotonic(), await self.elsewhere.views())
+                self._views = (time.monotonic(), await self.peers.views())
         return [view for view in self._views[1] if view.study_id in study_ids]
 
-    async def elsewhere_plays(self, played: Played) -> bool:
+    async def peer_plays(self, played: Played) -> bool:
         """Whether another process plays the episode."""
         return any(view.id == played.id for view in await self.views((played.study_id,)))
 
@@ -118,9 +118,9 @@ def card_of(live: LiveGames, card: Card, arms: dict[str, str]) -> dict[str, Any]
         "agent": played.agent,
         "title": session.spec.title,
         "arm": arms.get(played.condition, ""),
-        "t": session.trace.timestep,
+        "t": session.simulation.timestep,
         "horizon": session.spec.horizon,
-        "score": session.trace.score,
+        "score": session.simulation.score,
         "level": card.flag.level,
         "flag": card.flag.word,
         "since_s": live.since_s(card.flag),
@@ -130,7 +130,7 @@ def card_of(live: LiveGames, card: Card, arms: dict[str, str]) -> dict[str, Any]
 
 def kitchen_of(game: Game) -> dict[str, Any]:
     """The current state as the browser draws it."""
-    kitchen = game.session.trace.kitchen()
+    kitchen = game.session.simulation.kitchen()
     return {name: getattr(kitchen, name) for name in ("t", "players", "counters", "pots", "score", "soups")}
 
 
@@ -140,7 +140,7 @@ def board_of(game: Game, blind: bool) -> dict[str, Any]:
     return {
         "state": kitchen_of(game),
         "prediction": [] if blind else session.displayed,
-        "actions": session.trace.last_actions or (4, 4),
+        "actions": session.simulation.last_actions or (4, 4),
     }
 
 
@@ -148,7 +148,7 @@ def still_of(card: Card) -> dict[str, Any]:
     """What of a board never changes."""
     session = card.game.session
     return {
-        "grid": session.trace.layout.grid,
+        "grid": session.simulation.layout.grid,
         "seat": card.played.seat,
         "watched_seat": session.spec.watched_seat,
         "tick_ms": session.spec.tick_ms,

@@ -52,25 +52,27 @@ def record_json(connection: Connection, episode: str, blind: bool) -> str:
 
 def simulate(loaded: EpisodeRecord, stored: list[TickRecord], blind: bool) -> tuple[list[dict[str, Any]], str | None]:
     """A row for each stored tick, and the first difference between the rules and the record (None: all are equal)."""
-    trace = Simulation(parse_layout(loaded.spec.grid, loaded.spec.layout), loaded.spec.horizon)
+    simulation = Simulation(parse_layout(loaded.spec.grid, loaded.spec.layout), loaded.spec.horizon)
     rows: list[dict[str, Any]] = []
     difference = None
     for tick in stored:
         if tick.timestep % _BREATHE_EVERY == 0:
             time.sleep(0)
         if tick.actions is not None:
-            step = trace.step(tick.actions)
+            step = simulation.step(tick.actions)
             if difference is None and (step.rewards, step.events) != (tick.rewards, tick.events):
                 difference = f"timestep {tick.timestep}: other rewards or events than stored"
-        if difference is None and trace.hash() != tick.state_hash:
-            difference = f"timestep {tick.timestep}: the state's hash is {trace.hash()}, stored is {tick.state_hash}"
-        rows.append(row_of(tick, trace, blind))
+        if difference is None and simulation.hash() != tick.state_hash:
+            difference = (
+                f"timestep {tick.timestep}: the state's hash is {simulation.hash()}, stored is {tick.state_hash}"
+            )
+        rows.append(row_of(tick, simulation, blind))
     return rows, difference
 
 
-def row_of(tick: TickRecord, trace: Simulation, blind: bool) -> dict[str, Any]:
-    """One tick as the page takes it; `trace` stands at its state."""
-    kitchen = trace.kitchen()
+def row_of(tick: TickRecord, simulation: Simulation, blind: bool) -> dict[str, Any]:
+    """One tick as the page takes it; `simulation` stands at its state."""
+    kitchen = simulation.kitchen()
     return {
         "t": tick.timestep,
         "state": {name: getattr(kitchen, name) for name in ("t", "players", "counters", "pots", "score", "soups")},
@@ -124,7 +126,7 @@ class StoredTicks:
 
     def __init__(self, database: Database, episode: str) -> None:
         self._database, self._episode = database, episode
-        self._trace: Simulation | None = None
+        self._simulation: Simulation | None = None
 
     async def new_rows(self, blind: bool) -> list[dict[str, Any]]:
         """The newest at the first call, then all that came since; none while the database is away."""
@@ -133,18 +135,18 @@ class StoredTicks:
         return []
 
     def _read(self, connection: Connection, blind: bool) -> list[dict[str, Any]]:
-        if self._trace is None:
+        if self._simulation is None:
             loaded = episodes.load(connection, self._episode)
             if loaded is None or loaded.last_hash is None:
                 return []
-            self._trace = Simulation(parse_layout(loaded.spec.grid, loaded.spec.layout), loaded.spec.horizon)
+            self._simulation = Simulation(parse_layout(loaded.spec.grid, loaded.spec.layout), loaded.spec.horizon)
             for actions in loaded.joint_actions:
-                self._trace.step(actions)
-            newest = ticks.of_episode(connection, self._episode, after=self._trace.timestep - 1)
-            return [row_of(newest[0], self._trace, blind)]
+                self._simulation.step(actions)
+            newest = ticks.of_episode(connection, self._episode, after=self._simulation.timestep - 1)
+            return [row_of(newest[0], self._simulation, blind)]
         rows = []
-        for tick in ticks.of_episode(connection, self._episode, after=self._trace.timestep):
+        for tick in ticks.of_episode(connection, self._episode, after=self._simulation.timestep):
             if tick.actions is not None:
-                self._trace.step(tick.actions)
-            rows.append(row_of(tick, self._trace, blind))
+                self._simulation.step(tick.actions)
+            rows.append(row_of(tick, self._simulation, blind))
         return rows

@@ -37,13 +37,13 @@ class StudyVersions:
         self._files = list(files)  # every one that was ever served here: participants may still be in it
         self._served = {file.study.name: file for file in files}
         self._stamps = {name: _stamp(Path(file.source)) for name, file in self._served.items()}
-        self._cast = required_models(files)
+        self._required = required_models(files)
         self.changed: dict[str, ChangedStudy] = {}
         self.can_take = settings.workers == 1 and settings.redis is None
 
     def fingerprint(self, layout: str, model: str) -> str | None:
         """Return the SHA-256 that names a model in the data."""
-        return self._cast.fingerprint(layout, model)
+        return self._required.fingerprint(layout, model)
 
     async def run(self) -> None:
         """Look at the files every few seconds."""
@@ -92,14 +92,14 @@ class StudyVersions:
         """Serve the file as it is now to those who come from now on; return its SHA-256. Raises StudyError (also for a
         model that does not load), OSError, DatabaseDown; then the version that was served goes on."""
         file = await asyncio.to_thread(self._checked, name, self._served[name])
-        cast = required_models([*self._files, file])
+        required = required_models([*self._files, file])
         try:
-            await self._load(cast)
+            await self._load(required)
         except ModelsDown as error:
             raise StudyError([f"{file.source}: {error}"]) from error
         await self._studies.take(database, file)
         self._files.append(file)
-        self._served[name], self._cast = file, cast
+        self._served[name], self._required = file, required
         self.changed.pop(name, None)
         return file.sha256
 
@@ -113,16 +113,16 @@ class StudyVersions:
                 continue
             file = replace(newest, study=study, source=f"{study.name} (an earlier version)")
             try:
-                cast = required_models([*self._files, file])
-                await self._load(cast)
+                required = required_models([*self._files, file])
+                await self._load(required)
             except (StudyError, ModelsDown) as error:
                 log.warning("participants of an earlier version of %s play without its models: %s", study.name, error)
             else:
                 self._files.append(file)
-                self._cast = cast
+                self._required = required
 
-    async def _load(self, cast: RequiredModels) -> None:
-        await self._models.add(cast.agents, cast.predictors, cast.grids, cast.paths)
+    async def _load(self, required: RequiredModels) -> None:
+        await self._models.add(required.agents, required.predictors, required.grids, required.paths)
 
 
 def _stamp(path: Path) -> _Stamp:

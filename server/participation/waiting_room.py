@@ -34,7 +34,7 @@ class PairingRequest:
 @dataclass
 class _Waiter:
     participant: str
-    wish: PairingRequest
+    choice: PairingRequest
     connection: Connection
     told_at: float = -TELL_EVERY_S
     busy: bool = False  # being seated
@@ -55,13 +55,13 @@ class WaitingRoom:
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def enter(self, participant: str, wish: PairingRequest, connection: Connection) -> None:
+    def enter(self, participant: str, choice: PairingRequest, connection: Connection) -> None:
         """Waits from now on; the newest tab of somebody who waits already takes over."""
         before = self._waiting.get(participant)
         if before is not None and before.connection is not connection:
             before.connection.send(Superseded())
             before.connection.close(SUPERSEDED, "another tab has taken over")
-        self._waiting[participant] = _Waiter(participant, wish, connection, busy=before is not None and before.busy)
+        self._waiting[participant] = _Waiter(participant, choice, connection, busy=before is not None and before.busy)
         if self._keeper is None or self._keeper.done():
             self._keeper = asyncio.create_task(self._keep())
 
@@ -73,7 +73,7 @@ class WaitingRoom:
 
     async def _keep(self) -> None:
         while self._waiting:
-            waiting = sorted(self._waiting.values(), key=lambda waiter: waiter.wish.since)
+            waiting = sorted(self._waiting.values(), key=lambda waiter: waiter.choice.since)
             for index, waiter in enumerate(waiting):
                 if waiter.busy:
                     continue
@@ -110,12 +110,12 @@ class WaitingRoom:
             waiter.connection.send(Waiting(round(self._left_s(waiter) / self._clock.speed, 1)))
 
     def _left_s(self, waiter: _Waiter) -> float:
-        waited_s = (self._clock.wall() - waiter.wish.since).total_seconds() * self._clock.speed
-        return waiter.wish.limit_s - waited_s
+        waited_s = (self._clock.wall() - waiter.choice.since).total_seconds() * self._clock.speed
+        return waiter.choice.limit_s - waited_s
 
 
 def fit(one: _Waiter, other: _Waiter) -> bool:
     """Whether two may be seated together."""
-    if one.wish.room != other.wish.room:
+    if one.choice.room != other.choice.room:
         return False
-    return one.wish.partner in (None, other.participant) and other.wish.partner in (None, one.participant)
+    return one.choice.partner in (None, other.participant) and other.choice.partner in (None, one.participant)

@@ -44,7 +44,7 @@ class Game:
         """`start` is called when nothing holds the game any more, `stop` when something does."""
         self.session = session
         self.clock = clock
-        self.durable = RetryingWriter(recorder, clock)
+        self.retrying_writer = RetryingWriter(recorder, clock)
         self.connections: dict[int, Connection] = {}
         self.busy = False  # a state is being made or stored: no other may be begun
         self.unstored: TickRecord | None = None  # the database did not take it yet
@@ -135,7 +135,7 @@ class Game:
         now, session = self.clock.wall(), self.session
         since = min(since or now, now)  # the wall clock may have been set back
         session.paused_since -= (now - since).total_seconds() * self.clock.speed
-        session.pause_record = PauseRecord(self.episode, session.trace.timestep, "server", since, None)
+        session.pause_record = PauseRecord(self.episode, session.simulation.timestep, "server", since, None)
         self.store(session.pause_record)
 
     def release(self, holder: Holder) -> None:
@@ -144,7 +144,7 @@ class Game:
 
     def store(self, record: PauseRecord | None) -> None:
         if record is not None:
-            self.durable.pause(record)
+            self.retrying_writer.pause(record)
 
     # What people are told
 

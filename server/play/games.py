@@ -126,7 +126,7 @@ class Games:
     async def _finish(self, game: Game, result: EpisodeResult) -> None:
         """The end is stored before anybody hears of it."""
         try:
-            await game.durable.end(result)
+            await game.retrying_writer.end(result)
             if self._after_end is not None:
                 await self._after_end(self._records[game.episode], result)
         except GamesLost:
@@ -169,7 +169,7 @@ class Games:
             for game in list(self._games.values()):
                 if game.busy or game.session.moving or game.session.phase == "ended":
                     continue
-                left_s = game.session.holds.left_s(now)
+                left_s = game.session.pause_reasons.left_s(now)
                 if left_s is not None and left_s <= 0:
                     self.abort(game, "away")
                 elif left_s is None and not game.connections and now - game.idle_since > FORGET_AFTER_S:
@@ -187,7 +187,7 @@ class Games:
         await self.loop.close()
         try:
             async with asyncio.timeout(STOP_WITHIN_S):
-                await asyncio.gather(*(game.durable.flush() for game in games), *self._tasks)
+                await asyncio.gather(*(game.retrying_writer.flush() for game in games), *self._tasks)
         except TimeoutError:
             log.error("the last pauses were not stored within %s s", STOP_WITHIN_S)
         for game in games:

@@ -19,7 +19,7 @@ class Answers:
     late: bool  # an agent did not answer in time: it will wait
 
 
-def questions(episode: str, spec: EpisodeSpec, trace: Simulation) -> list[Question]:
+def questions(episode: str, spec: EpisodeSpec, simulation: Simulation) -> list[Question]:
     """One question for each chef whom an agent plays or a predictor watches."""
     asked = []
     for seat, agent in enumerate(spec.agents):
@@ -31,12 +31,12 @@ def questions(episode: str, spec: EpisodeSpec, trace: Simulation) -> list[Questi
                 game=episode,
                 layout=spec.layout,
                 seat=seat,
-                timestep=trace.timestep,
+                timestep=simulation.timestep,
                 agent=agent,
                 predictor=predictor,
-                uniform=uniform(spec.seed, trace.timestep, PARTNER + seat),
-                stuck=trace.stuck[seat],
-                history=trace.history(seat),
+                uniform=uniform(spec.seed, simulation.timestep, PARTNER + seat),
+                stuck=simulation.stuck[seat],
+                history=simulation.history(seat),
             )
         )
     return asked

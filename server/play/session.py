@@ -39,22 +39,22 @@ class Session:
         self.episode, self.spec = record.episode, spec
         self.people: tuple[int, ...] = spec.human_seats or (VIEWER,)
         self.keys = {seat: Keys(record.inputs.get(seat)) for seat in spec.human_seats}
-        self.trace = Simulation(parse_layout(record.spec.grid, spec.layout), spec.horizon)
+        self.simulation = Simulation(parse_layout(record.spec.grid, spec.layout), spec.horizon)
         lessons = tuple(key for key in spec.lessons if key != "marks" or spec.shown != "nothing")
         self.tutor = Tutor(lessons, self.people[0]) if lessons and spec.human_seats else None
         self._replay(record)
         self.stored = record.last_hash is not None  # is the current state stored, with what was decided on it?
         self.next_actions = record.next_actions or (None, None)
-        self.displayed = record.displayed or marks.display(spec, self.trace.timestep, ())
+        self.displayed = record.displayed or marks.display(spec, self.simulation.timestep, ())
         self.late = False
         self.display_violations = 0  # timesteps, since this process plays it, whose display breaks the promise
         self.resumed = self.stored  # also at the start state, which is stored when the first countdown begins
         self.phase: Phase = "paused" if self.resumed else "waiting"
-        self.holds = PauseReasons(spec.pause, record.paused_ms)
+        self.pause_reasons = PauseReasons(spec.pause, record.paused_ms)
         self.pause_record: PauseRecord | None = None  # of the pause that lasts
         self.paused_since = now
         for person in self.people:
-            self.holds.hold(person, "server" if self.resumed else NOT_STARTED, now)
+            self.pause_reasons.hold(person, "server" if self.resumed else NOT_STARTED, now)
         self._zero = 0.0  # when timestep 0 would have been, had there been no pause
         self._asked: list[Question] = []
         self._step = _STILL
@@ -64,11 +64,11 @@ class Session:
 
     def _replay(self, record: EpisodeRecord) -> None:
         for actions in record.joint_actions:
-            step = self.trace.step(actions)
+            step = self.simulation.step(actions)
             if self.tutor is not None:
-                self.tutor.watch(self.trace, step)
-        if record.last_hash is not None and self.trace.hash() != record.last_hash:
-            place = f"episode {record.episode}, timestep {self.trace.timestep}"
+                self.tutor.watch(self.simulation, step)
+        if record.last_hash is not None and self.simulation.hash() != record.last_hash:
+            place = f"episode {record.episode}, timestep {self.simulation.timestep}"
             raise ReplayMismatch(f"{place}: the stored actions do not lead to the stored state")
 
     # When
@@ -85,7 +85,7 @@ class Session:
     @property
     def next_deadline(self) -> float:
         """When the next timestep is due; means something during countdown and running."""
-        return self._zero + (self.trace.timestep + 1) * self.tick_s
+        return self._zero + (self.simulation.timestep + 1) * self.tick_s
 
     @property
     def moving(self) -> bool:
@@ -95,7 +95,7 @@ class Session:
     @property
     def over(self) -> bool:
         """Nothing is left to play; the result waits to be stored."""
-        if self.spec.horizon and self.trace.timestep >= self.spec.horizon:
+        if self.spec.horizon and self.simulation.timestep >= self.spec.horizon:
             return True
         return self.tutor is not None and self.tutor.finished
 
@@ -103,7 +103,7 @@ class Session:
 
     def key(self, seat: int, keys: messages.Input, now: float, tab: str = "", unix_ms: float = 0.0) -> bool:
         """A person's keys. False: a message seen before, nothing changed. Until the game moves, taps do not count."""
-        go = self._zero + self.trace.timestep * self.tick_s
+        go = self._zero + self.simulation.timestep * self.tick_s
         game_ms = round((now - self._zero) * 1000, 3) if self.moving else None
         return self.keys[seat].press(keys, now, self.moving and now >= go, InputArrival(tab, unix_ms, game_ms))
 
@@ -114,29 +114,31 @@ class Session:
         """Stops the game at once; the PauseRecord to store if it was moving. Before the start nothing pauses."""
         for keys in self.keys.values():
             keys.clear()
-        if self.phase == "ended" or (self.phase == "waiting" and isinstance(holder, int) and holder in self.holds):
+        if self.phase == "ended" or (
+            self.phase == "waiting" and isinstance(holder, int) and holder in self.pause_reasons
+        ):
             return None
-        started = self.stored or self.trace.timestep > 0
-        self.holds.hold(holder, reason if started or isinstance(holder, str) else NOT_STARTED, now)
+        started = self.stored or self.simulation.timestep > 0
+        self.pause_reasons.hold(holder, reason if started or isinstance(holder, str) else NOT_STARTED, now)
         if not self.moving:
             return None
         self.phase = "paused" if started else "waiting"
         if not started:
             return None
         self.paused_since = now
-        self.pause_record = PauseRecord(self.episode, self.trace.timestep, reason, at, None)
+        self.pause_record = PauseRecord(self.episode, self.simulation.timestep, reason, at, None)
         return replace(self.pause_record, inputs=self._inputs())
 
     def release(self, holder: Holder, now: float) -> bool:
         """Somebody is back. True: nothing holds the game any more, `count_down` may be called."""
-        self.holds.release(holder, now)
-        return not self.holds and self.phase in ("waiting", "paused")
+        self.pause_reasons.release(holder, now)
+        return not self.pause_reasons and self.phase in ("waiting", "paused")
 
     def expect_others(self, person: int, now: float) -> None:
         """Somebody is ready: from now on the time of the other people counts as an absence."""
         for other in self.people:
-            if other != person and other in self.holds:
-                self.holds.hold(other, "lost", now)
+            if other != person and other in self.pause_reasons:
+                self.pause_reasons.hold(other, "lost", now)
 
     def count_down(self, now: float, go: float) -> PauseRecord | None:
         """The game moves at `go`; returns the PauseRecord of the pause that is over, to be stored."""
@@ -153,13 +155,13 @@ class Session:
 
     def start_at(self, go: float) -> None:
         """Moves the deadlines: the current state stands until `go`, the next one comes a tick later."""
-        self._zero = go - self.trace.timestep * self.tick_s
+        self._zero = go - self.simulation.timestep * self.tick_s
 
     # Ticks
 
     def begin_start(self) -> list[Question]:
         """Questions about the start state; `finish_tick` makes its record."""
-        self._asked = partner.questions(self.episode, self.spec, self.trace)
+        self._asked = partner.questions(self.episode, self.spec, self.simulation)
         return self._asked
 
     def begin_tick(self, now: float) -> list[Question]:
@@ -169,10 +171,10 @@ class Session:
         """
         self._late_ms = max(0.0, (now - self.next_deadline) * 1000)
         self.phase, self.stored = "running", False
-        self._step = self.trace.step(self._joint_action())
+        self._step = self.simulation.step(self._joint_action())
         if self.tutor is not None:
-            self.tutor.watch(self.trace, self._step)
-        self._asked = [] if self.over else partner.questions(self.episode, self.spec, self.trace)
+            self.tutor.watch(self.simulation, self._step)
+        self._asked = [] if self.over else partner.questions(self.episode, self.spec, self.simulation)
         return self._asked
 
     def _joint_action(self) -> tuple[int, int]:
@@ -180,7 +182,7 @@ class Session:
         used = []
         for seat, keys in self.keys.items():
             self._applied[seat] = keys.seq
-            actions[seat], press = keys.take(self.trace.timestep + 1)
+            actions[seat], press = keys.take(self.simulation.timestep + 1)
             if press is not None:
                 received_ms = round((press.received - self._zero) * 1000, 3)
                 used.append(KeyRecord(seat, press.seq, press.client_ms, received_ms))
@@ -199,7 +201,7 @@ class Session:
         if models_ms > self.spec.deadline_ms + grace_ms:
             decisions = [None] * len(self._asked)
         answers = partner.answers(self._asked, decisions)
-        timestep, step = self.trace.timestep, self._step
+        timestep, step = self.simulation.timestep, self._step
         self.next_actions, self.late = answers.next_actions, answers.late
         if self.over:
             self.displayed = tuple((marks.NOTHING_SHOWN, opacity) for _, opacity in self.displayed)
@@ -210,7 +212,7 @@ class Session:
             episode=self.episode,
             timestep=timestep,
             actions=step.actions if timestep else None,
-            state_hash=self.trace.hash(),
+            state_hash=self.simulation.hash(),
             rewards=step.rewards,
             shaped=step.shaped,
             events=step.events,
@@ -231,11 +233,11 @@ class Session:
 
     def tick_message(self, person: int) -> messages.Tick:
         """The frame of the current state. Only for a state that is stored."""
-        actions = self.trace.last_actions or (STAY, STAY)
+        actions = self.simulation.last_actions or (STAY, STAY)
         displayed = self.displayed
         if person == self.spec.watched_seat:
             displayed = tuple((marks.NOTHING_SHOWN, opacity) for _, opacity in displayed)
-        return messages.Tick(self.trace.kitchen(), displayed, actions, self._applied[person], self.late)
+        return messages.Tick(self.simulation.kitchen(), displayed, actions, self._applied[person], self.late)
 
     def welcome(self, person: int) -> messages.Welcome:
         spec = self.spec
@@ -247,22 +249,22 @@ class Session:
             episodes=spec.episodes,
             layout=spec.layout,
             title=spec.title,
-            grid=self.trace.layout.grid,
+            grid=self.simulation.layout.grid,
             seat=person,
             watched_seat=spec.watched_seat,
             horizon=spec.horizon,
             tick_ms=spec.tick_ms,
             steps=spec.steps_shown,
             shows_predictions=spec.shown != "nothing" and person != spec.watched_seat,
-            state=self.trace.kitchen(),
-            resumed=self.stored and self.trace.timestep > 0,
+            state=self.simulation.kitchen(),
+            resumed=self.stored and self.simulation.timestep > 0,
             endless=spec.horizon == 0,
             partner="human" if len(spec.human_seats) > 1 else "agent",
         )
 
     def paused(self, person: int, now: float) -> messages.Paused:
-        left_s = self.holds.left_s(now)
-        reason = cast(messages.PauseReason, self.holds.reason(person))
+        left_s = self.pause_reasons.left_s(now)
+        reason = cast(messages.PauseReason, self.pause_reasons.reason(person))
         return messages.Paused(reason, 0.0 if left_s is None else round(max(0.1, left_s), 1))
 
     def lesson(self) -> messages.Lesson | None:
@@ -281,19 +283,21 @@ class Session:
         for keys in self.keys.values():
             keys.clear(ENDED)
         passed = status == "done" and (self.spec.kind != "tutorial" or self._delivered())
-        credit = progress_credit(self.trace.layout, self.trace.players(), self.trace.contents(), self.spec.progress)
-        default = "horizon" if self.spec.horizon and self.trace.timestep >= self.spec.horizon else "lessons"
+        credit = progress_credit(
+            self.simulation.layout, self.simulation.players(), self.simulation.contents(), self.spec.progress
+        )
+        default = "horizon" if self.spec.horizon and self.simulation.timestep >= self.spec.horizon else "lessons"
         return EpisodeResult(
             episode=self.episode,
             status=status,
             reason=reason or default,
-            score=self.trace.score,
-            soups=self.trace.soups,
+            score=self.simulation.score,
+            soups=self.simulation.soups,
             progress=credit,
             passed=passed,
-            final_hash=self.trace.hash(),
+            final_hash=self.simulation.hash(),
             inputs=self._inputs(),
         )
 
     def _delivered(self) -> bool:
-        return self.tutor.delivered if self.tutor is not None else self.trace.soups > 0
+        return self.tutor.delivered if self.tutor is not None else self.simulation.soups > 0

@@ -50,15 +50,15 @@ class Tutor:
     def delivered(self) -> bool:
         return "deliver" in self._learnt
 
-    def watch(self, trace: Simulation, step: SimulatedStep) -> None:
-        """Takes one timestep into account: `step` led to the state in which `trace` is now."""
+    def watch(self, simulation: Simulation, step: SimulatedStep) -> None:
+        """Takes one timestep into account: `step` led to the state in which `simulation` is now."""
         teaching = self.lessons[self.index] if not self.finished else None
         action, events = step.actions[self._seat], step.events[self._seat]
-        if action < STAY and trace.moved(self._seat):
+        if action < STAY and simulation.moved(self._seat):
             self._learnt.add("walk")
         if events & ONION_PICKUP:
             self._learnt.add("fetch")
-        inside = trace.pot_contents()
+        inside = simulation.pot_contents()
         if any(content >= COOKING for content in inside):
             self._learnt.add("fill")
         if any(content == READY for content in inside):

@@ -36,7 +36,7 @@ class Person:
     started_at: datetime
     last_seen_at: datetime
     completed_at: datetime | None
-    troubles: int
+    client_errors: int
     excluded: int  # active exclusions
 
 
@@ -127,10 +127,10 @@ def person(connection: Connection, participant_id: str) -> Person | None:
 
 
 def _people() -> Any:
-    troubles = select(func.count()).where(events.c.participant_id == _p.id, events.c.kind == "trouble")
+    client_errors = select(func.count()).where(events.c.participant_id == _p.id, events.c.kind == "trouble")
     held = select(func.count()).where(exclusions.c.participant_id == _p.id, exclusions.c.restored_at.is_(None))
     own = [_p[name] for name in Person.__dataclass_fields__ if name in _p]
-    return select(*own, troubles.scalar_subquery().label("troubles"), held.scalar_subquery().label("excluded"))
+    return select(*own, client_errors.scalar_subquery().label("troubles"), held.scalar_subquery().label("excluded"))
 
 
 def played(connection: Connection, *ids: str) -> dict[str, Played]:
@@ -164,7 +164,9 @@ def _played(
     return [Played(**row._mapping) for row in connection.execute(query.where(wanted).order_by(order).limit(most))]
 
 
-def troubles(connection: Connection, study_ids: Sequence[int], most: int = 20) -> list[tuple[datetime, str, int, str]]:
+def client_errors(
+    connection: Connection, study_ids: Sequence[int], most: int = 20
+) -> list[tuple[datetime, str, int, str]]:
     """Errors on participants' consoles, latest first: when, whose, the participant's number, the text."""
     query = select(events.c.at, _p.id, _p.number, events.c.detail).join_from(events, participants)
     query = query.where(_p.study_id.in_(study_ids), events.c.kind == "trouble").order_by(events.c.id.desc())

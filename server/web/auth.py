@@ -72,8 +72,8 @@ def cookie_name(name: str, secure: bool) -> str:
 
 def token_of(connection: HTTPConnection) -> str | None:
     """The participant's token, from the cookie."""
-    guard: CsrfProtection = connection.app.state.web.guard
-    token = connection.cookies.get(cookie_name(COOKIE, guard.secure), "")
+    csrf: CsrfProtection = connection.app.state.web.csrf
+    token = connection.cookies.get(cookie_name(COOKIE, csrf.secure), "")
     return token if 20 <= len(token) <= 200 else None
 
 

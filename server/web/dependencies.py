@@ -34,7 +34,7 @@ class Web:
 
     database: Database
     studies: Studies
-    guard: CsrfProtection
+    csrf: CsrfProtection
     templates: jinja2.Environment
     places: NewPlaces = field(default_factory=NewPlaces)
     production: bool = False
@@ -71,7 +71,7 @@ WebDep = Annotated[Web, Depends(web_of)]
 
 async def own_form(request: Request, web: WebDep) -> Form:
     """The form that was sent, from our own page only."""
-    return await read_form(request, web.guard)
+    return await read_form(request, web.csrf)
 
 
 FormDep = Annotated[Form, Depends(own_form)]
@@ -79,7 +79,7 @@ FormDep = Annotated[Form, Depends(own_form)]
 
 async def answers_form(request: Request, web: WebDep) -> Form:
     """`own_form` of a page with questions, whose answers are checked one by one (server.study.questionnaire)."""
-    return await read_form(request, web.guard, controls=True)
+    return await read_form(request, web.csrf, controls=True)
 
 
 AnswersFormDep = Annotated[Form, Depends(answers_form)]
@@ -87,9 +87,9 @@ AnswersFormDep = Annotated[Form, Depends(answers_form)]
 
 async def consent_form(request: Request, name: str, web: WebDep) -> Form:
     """`own_form` of the consent page, also when it is sent again: what was sent first gave this browser its cookie."""
-    secret, cookie = web.guard.secret, token_of(request)
+    secret, cookie = web.csrf.secret, token_of(request)
     return await read_form(
-        request, web.guard, was_nobodys=lambda form: token_for(secret, name, first(form, "visit")) == cookie
+        request, web.csrf, was_nobodys=lambda form: token_for(secret, name, first(form, "visit")) == cookie
     )
 
 
@@ -163,11 +163,11 @@ class PageResponse:
     def allow(self, response: Response, **more: str) -> None:
         """Lets the page do more than others may (see headers.policy)."""
         host = self.request.headers.get("host", "")
-        response.headers.update(policy(host, self.web.guard.secure, **more))
+        response.headers.update(policy(host, self.web.csrf.secure, **more))
 
     def _token(self) -> Markup:
         """The hidden field that every form needs (auth.py)."""
-        token = self.web.guard.form_token(session_of(self.request))
+        token = self.web.csrf.form_token(session_of(self.request))
         return Markup('<input type="hidden" name="{}" value="{}">').format(FORM_FIELD, token)
 
     def _query_with_language(self, language: str) -> str:
@@ -188,8 +188,8 @@ def page(
     offered = study.languages if study else languages()
     if participant is not None and participant.language in offered:
         language = participant.language
-    elif (wish := request.query_params.get("lang", "")) in offered:
-        language = wish
+    elif (choice := request.query_params.get("lang", "")) in offered:
+        language = choice
     else:
         language = best_language(request.headers.get("accept-language", ""), offered)
     return PageResponse(request, web, language, study, participant)

@@ -35,7 +35,7 @@ def install_error_pages(app: FastAPI) -> None:
     async def broken(request: Request, error: Exception) -> Response:
         log.error("the page %s broke", request.url.path, exc_info=error)
         # The framework makes this answer outside of all middleware.
-        headers = security_headers(request.headers.get("host", ""), web_of(request).guard.secure)
+        headers = security_headers(request.headers.get("host", ""), web_of(request).csrf.secure)
         return error_page(request, 500, "something went wrong on our side", headers)
 
 

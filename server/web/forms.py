@@ -18,7 +18,7 @@ Form = Mapping[str, list[str]]
 
 async def read_form(
     request: Request,
-    guard: CsrfProtection,
+    csrf: CsrfProtection,
     session: str | None = None,
     was_nobodys: Callable[[Form], bool] | None = None,
     controls: bool = False,
@@ -27,7 +27,7 @@ async def read_form(
     403) what is too large, unreadable, or not from our own pages. `session`: what the form was made for; None: the
     participant's. `was_nobodys`: whether the form may have been made before there was a session. `controls`: the caller
     deals with control characters itself."""
-    if not guard.is_own_origin(request):
+    if not csrf.is_own_origin(request):
         raise HTTPException(403, "this form was not sent by our own page")
     try:
         async with asyncio.timeout(FORM_WITHIN_S):
@@ -41,7 +41,7 @@ async def read_form(
     sessions = [session_of(request) if session is None else session]
     if was_nobodys is not None and was_nobodys(form):
         sessions.append(NOBODY)
-    if not any(guard.is_own_form(first(form, FORM_FIELD), one) for one in sessions):
+    if not any(csrf.is_own_form(first(form, FORM_FIELD), one) for one in sessions):
         raise HTTPException(403, "the form is too old or not ours")
     found = {name: [_newlines(value) for value in values] for name, values in form.items()}
     for name, values in found.items() if not controls else ():

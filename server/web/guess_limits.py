@@ -112,7 +112,7 @@ def stranger(web: Web, connection: HTTPConnection, kind: str) -> Origin:
 
 def keyed(web: Web, *parts: str) -> str:
     """Return a hash that nobody can make or look up without our secret."""
-    return hmac.new(web.guard.secret, "\n".join(parts).encode(), sha256).hexdigest()
+    return hmac.new(web.csrf.secret, "\n".join(parts).encode(), sha256).hexdigest()
 
 
 # Known browsers. The mark gives nothing but tries of its own; a new password makes it worthless.
@@ -120,7 +120,7 @@ def keyed(web: Web, *parts: str) -> str:
 
 def known_browser(web: Web, connection: HTTPConnection, name: str, stored: str | None) -> Origin | None:
     """Return the origin of a browser in which this account was signed in with its present password, or None."""
-    made, _, seal = connection.cookies.get(cookie_name(BROWSER, web.guard.secure), "")[:200].partition(".")
+    made, _, seal = connection.cookies.get(cookie_name(BROWSER, web.csrf.secure), "")[:200].partition(".")
     if stored is None or not hmac.compare_digest(seal.encode(), _seal(web, made, name, stored).encode()):
         return None
     return Origin(PASSWORD_OF_KNOWN, keyed(web, "browser", made))
@@ -130,11 +130,11 @@ def remember_browser(web: Web, response: Response, name: str, stored: str) -> No
     """Mark the browser that has just signed in."""
     made = secrets.token_hex(16)
     response.set_cookie(
-        cookie_name(BROWSER, web.guard.secure),
+        cookie_name(BROWSER, web.csrf.secure),
         f"{made}.{_seal(web, made, name, stored)}",
         max_age=BROWSER_S,
         path=BROWSER_PATH,
-        secure=web.guard.secure,
+        secure=web.csrf.secure,
         httponly=True,
         samesite="strict",
     )

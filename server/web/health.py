@@ -127,8 +127,8 @@ async def metrics(request: Request) -> Response:
     """The figures of all server processes. Where KITCHENMIND_METRICS_TOKEN is set only for who has it; otherwise only
     on one's own machine."""
     _let_in(request)
-    elsewhere = request.app.state.live.elsewhere
-    processes = [Process(elsewhere.name, figures_of(request.app.state)), *await elsewhere.processes()]
+    peers = request.app.state.live.peers
+    processes = [Process(peers.name, figures_of(request.app.state)), *await peers.processes()]
     return Response("\n".join(_lines(processes)) + "\n", media_type="text/plain; version=0.0.4")
 
 

@@ -30,16 +30,16 @@ class Rates:
     """The budgets of everybody who asked lately."""
 
     def __init__(self) -> None:
-        self._budgets: OrderedDict[str, TokenBucket] = OrderedDict()
+        self._buckets: OrderedDict[str, TokenBucket] = OrderedDict()
 
     def spend(self, key: str, per_s: float, burst: float) -> bool:
         """Takes one request's worth; False if there is none left."""
         now = time.monotonic()
-        budget = self._budgets.setdefault(key, TokenBucket(now, 1.0, per_s, burst))
-        self._budgets.move_to_end(key)
-        if len(self._budgets) > _MOST_REMEMBERED:
-            self._budgets.popitem(last=False)
-        return budget.spend(now)
+        bucket = self._buckets.setdefault(key, TokenBucket(now, 1.0, per_s, burst))
+        self._buckets.move_to_end(key)
+        if len(self._buckets) > _MOST_REMEMBERED:
+            self._buckets.popitem(last=False)
+        return bucket.spend(now)
 
 
 @dataclass
@@ -54,7 +54,7 @@ class TurnedAway:
 class _Reservation:
     """A place that was taken from a budget; `waiting`: how many requests with the same page are on their way."""
 
-    budgets: list[TokenBucket]
+    buckets: list[TokenBucket]
     waiting: int = 1
     used: bool = False
 
@@ -68,7 +68,7 @@ class NewPlaces:
     def __init__(self, an_hour: int = 0, counts_local: bool = False) -> None:
         self.an_hour = an_hour
         self._counts_local = counts_local
-        self._budgets: OrderedDict[str, TokenBucket] = OrderedDict()
+        self._buckets: OrderedDict[str, TokenBucket] = OrderedDict()
         self._reserved: dict[str, _Reservation] = {}  # by page, while its participant is being stored
         self._turned_away: dict[str, TurnedAway] = {}
 
@@ -83,25 +83,25 @@ class NewPlaces:
             self._reserved[page].waiting += 1
             return True
         now = time.monotonic()
-        budgets, site = [self._budget(address, self.an_hour, now)], site_of(address)
+        buckets, site = [self._bucket(address, self.an_hour, now)], site_of(address)
         if site is not None:
-            budgets.append(self._budget(site, _LARGE_SITE * self.an_hour, now))
-        spent = [budget for budget in budgets if budget.spend(now)]
-        if len(spent) == len(budgets):
-            self._reserved[page] = _Reservation(budgets)
+            buckets.append(self._bucket(site, _LARGE_SITE * self.an_hour, now))
+        spent = [bucket for bucket in buckets if bucket.spend(now)]
+        if len(spent) == len(buckets):
+            self._reserved[page] = _Reservation(buckets)
             return True
-        for budget in spent:
-            budget.refund()
+        for bucket in spent:
+            bucket.refund()
         turned = self._turned_away.setdefault(study, TurnedAway())
         turned.people, turned.last_s = turned.people + 1, now
         return False
 
-    def _budget(self, network: str, an_hour: int, now: float) -> TokenBucket:
-        budget = self._budgets.setdefault(network, TokenBucket(now, 1.0, an_hour / _HOUR_S, float(an_hour)))
-        self._budgets.move_to_end(network)
-        if len(self._budgets) > _MOST_REMEMBERED:
-            self._budgets.popitem(last=False)
-        return budget
+    def _bucket(self, network: str, an_hour: int, now: float) -> TokenBucket:
+        bucket = self._buckets.setdefault(network, TokenBucket(now, 1.0, an_hour / _HOUR_S, float(an_hour)))
+        self._buckets.move_to_end(network)
+        if len(self._buckets) > _MOST_REMEMBERED:
+            self._buckets.popitem(last=False)
+        return bucket
 
     def settle(self, page: str, used: bool) -> None:
         """Give the reserved place back unless somebody new came of it."""
@@ -113,8 +113,8 @@ class NewPlaces:
         if reservation.waiting == 0:
             del self._reserved[page]
             if not reservation.used:
-                for budget in reservation.budgets:
-                    budget.refund()
+                for bucket in reservation.buckets:
+                    bucket.refund()
 
     def turned_away(self, study: str) -> int:
         """Return how many were turned away lately; 0 once an hour has passed without one."""

@@ -85,7 +85,7 @@ async def postgres_killed(folder: Path, seconds: float) -> Row:
 
 
 async def _postgres(folder: Path, how: str, seconds: float) -> Row:
-    postgres = PostgresServer(durable=True)
+    postgres = PostgresServer(retrying_writer=True)
     try:
         with LiveServer(folder, study=LONG_STUDY, speed=2.0, database=postgres.url()) as live:
             async with Crowd(live.url, 5, idle=0.8) as crowd:

@@ -126,7 +126,7 @@ async def slow_reader(folder: Path, seconds: float) -> Row:
             waiting, ends = 0, time.monotonic() + seconds
             while time.monotonic() < ends:
                 await asyncio.sleep(0.05)
-                waiting = max([waiting, *(len(one.outlet._line) for one in list(live.app.state.sockets._open))])
+                waiting = max([waiting, *(len(one.send_queue._line) for one in list(live.app.state.sockets._open))])
             slow_growth = (await _settled_now()).rss_kib - before.rss_kib
             await others.moving(time.monotonic())
         calm = {episode for one in others.witnesses for episode, _ in one.testimony.states}

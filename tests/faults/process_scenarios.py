@@ -40,7 +40,7 @@ def last_timesteps(url: str) -> dict[str, int]:
         return {row[0]: row[1] for row in database.read_now(lambda connection: connection.execute(query).all())}
 
 
-def elsewhere(crowd: Crowd, stood: dict[str, int], after: float) -> list[str]:
+def peers(crowd: Crowd, stood: dict[str, int], after: float) -> list[str]:
     """Games that did not go on at the timestep where they are stored."""
     found = []
     for one in crowd.witnesses:
@@ -106,7 +106,7 @@ async def kills(folder: Path, tries: int, games: int, seed: int = 0, budget_s: f
                 welcomed += back
                 slowest.append(max(back))
                 moving += await crowd.moving(began)
-                wrong += elsewhere(crowd, stood, began)
+                wrong += peers(crowd, stood, began)
         await asyncio.to_thread(server.end, signal.SIGTERM)
         found = held_against(server.database, crowd.witnesses, silence_s=10)
         gaps = untold(server.database, downtimes)

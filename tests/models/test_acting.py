@@ -13,8 +13,8 @@ LAW = np.array([[0.1, 0.2, 0.3, 0.15, 0.05, 0.2]], np.float32)
 
 
 def test_temperature_zero_takes_the_likeliest_action() -> None:
-    law = distribution(LAW, np.zeros(1, int), Mode(temperature=0.0))
-    assert law.tolist() == [[0, 0, 1, 0, 0, 0]]
+    action_distribution = distribution(LAW, np.zeros(1, int), Mode(temperature=0.0))
+    assert action_distribution.tolist() == [[0, 0, 1, 0, 0, 0]]
 
 
 def test_temperature_one_leaves_the_probabilities_alone() -> None:
@@ -22,15 +22,15 @@ def test_temperature_one_leaves_the_probabilities_alone() -> None:
 
 
 def test_a_low_temperature_sharpens() -> None:
-    law = distribution(LAW, np.zeros(1, int), Mode(temperature=0.5))
-    np.testing.assert_allclose(law, LAW**2 / (LAW**2).sum(), atol=1e-6)
+    action_distribution = distribution(LAW, np.zeros(1, int), Mode(temperature=0.5))
+    np.testing.assert_allclose(action_distribution, LAW**2 / (LAW**2).sum(), atol=1e-6)
 
 
 def test_a_stuck_agent_shares_probability_among_the_four_moves_only() -> None:
     mode = Mode(temperature=0.0, stuck_after=3, stuck_mix=0.5)
-    law = distribution(np.repeat(LAW, 2, axis=0), np.array([2, 3]), mode)
-    assert law[0].tolist() == [0, 0, 1, 0, 0, 0]
-    assert law[1].tolist() == [0.125, 0.125, 0.625, 0.125, 0, 0]
+    action_distribution = distribution(np.repeat(LAW, 2, axis=0), np.array([2, 3]), mode)
+    assert action_distribution[0].tolist() == [0, 0, 1, 0, 0, 0]
+    assert action_distribution[1].tolist() == [0.125, 0.125, 0.625, 0.125, 0, 0]
 
 
 @given(
@@ -38,10 +38,10 @@ def test_a_stuck_agent_shares_probability_among_the_four_moves_only() -> None:
     st.floats(0, 1, exclude_max=True),
 )
 def test_draw_never_gives_an_action_without_probability(row: list[float], uniform: float) -> None:
-    law = np.array([row], np.float32) / np.float32(sum(row))
-    action = int(draw(law, np.array([uniform]))[0])
+    action_distribution = np.array([row], np.float32) / np.float32(sum(row))
+    action = int(draw(action_distribution, np.array([uniform]))[0])
     assert 0 <= action < ACTIONS
-    assert law[0, action] > 0
+    assert action_distribution[0, action] > 0
 
 
 def test_draw_follows_the_law() -> None:
@@ -67,8 +67,8 @@ def test_stuck_counts_timesteps_without_a_change_of_own_cell_facing_or_hand() ->
 def test_every_law_sums_to_one(mode: Mode) -> None:
     random = np.random.default_rng(0)
     given_law = random.dirichlet(np.ones(ACTIONS), 50).astype(np.float32)
-    law = distribution(given_law, random.integers(0, 5, 50), mode)
-    np.testing.assert_allclose(law.sum(axis=1), 1, atol=1e-5)
-    assert (law >= 0).all()
-    assert law.dtype == np.float32
+    action_distribution = distribution(given_law, random.integers(0, 5, 50), mode)
+    np.testing.assert_allclose(action_distribution.sum(axis=1), 1, atol=1e-5)
+    assert (action_distribution >= 0).all()
+    assert action_distribution.dtype == np.float32
     assert STAY == 4  # the moves are the actions before it

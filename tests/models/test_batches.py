@@ -31,14 +31,20 @@ def test_every_question_gets_its_own_rows_back():
     whole = joined(group)
     assert whole.observations == bytes([1, 1, 2, 3, 3, 3])
     assert [row.key for row in whole.rows] == list("abcdef")
-    laws = np.arange(6 * ACTIONS, dtype=np.float32).reshape(6, ACTIONS)
+    action_distributions = np.arange(6 * ACTIONS, dtype=np.float32).reshape(6, ACTIONS)
     predictions = np.arange(6 * STEPS * ACTIONS, dtype=np.float32).reshape(6, STEPS, ACTIONS)
     answer = Answer(
-        1, 2.0, bytes(range(6)), laws.tobytes(), bytes([1, 0, 1, 1, 0, 1]), predictions.tobytes(), ["broken"]
+        1,
+        2.0,
+        bytes(range(6)),
+        action_distributions.tobytes(),
+        bytes([1, 0, 1, 1, 0, 1]),
+        predictions.tobytes(),
+        ["broken"],
     )
     parts = list(parted(answer, group))
     assert [part.id for part in parts] == [1, 2, 3]
     assert [part.acted for part in parts] == [bytes([0, 1]), bytes([2]), bytes([3, 4, 5])]
-    assert b"".join(part.laws for part in parts) == laws.tobytes()
+    assert b"".join(part.action_distributions for part in parts) == action_distributions.tobytes()
     assert np.frombuffer(parts[1].predictions, np.float32).tolist() == predictions[2].ravel().tolist()
     assert [part.faults for part in parts] == [["broken"], [], []]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from models.agents.catalogue import SCRIPTED, UnknownAgent, agent_names, agent_sha256, load_agent
-from models.agents.observation_parser import sight
+from models.agents.observation_parser import parse_observation
 from models.agents.predictors import load_predictor
 from models.networks.checkpoint import CheckpointError
 from models.networks.columns import varying_columns
@@ -29,7 +29,7 @@ def test_sight_tells_what_the_state_holds(name: str) -> None:
     for game in range(kitchens.games):
         record = kitchens.record(game)
         for me in range(2):
-            what = sight(seen[game, me])
+            what = parse_observation(seen[game, me])
             for cell, held, player in ((what.me, what.held, me), (what.other, what.other_held, 1 - me)):
                 x, y, _, item = record["p"][player]
                 assert (cell, ITEM_NAMES[held]) == ((x, y), item)
@@ -91,9 +91,9 @@ def test_the_catalogue_loads_every_name_that_it_lists() -> None:
         layout = load_layout(name)
         for agent in agent_names(name):
             policy, _ = load_agent(agent, layout)
-            law = policy.probabilities(Kitchens.start(layout, 3).encode()[:, 0].copy())
-            assert law.shape == (3, 6)
-            np.testing.assert_allclose(law.sum(axis=1), 1, atol=1e-3)
+            action_distribution = policy.probabilities(Kitchens.start(layout, 3).encode()[:, 0].copy())
+            assert action_distribution.shape == (3, 6)
+            np.testing.assert_allclose(action_distribution.sum(axis=1), 1, atol=1e-3)
             assert len(agent_sha256(agent, layout)) == 64
     assert set(SCRIPTED) < set(agent_names("coordination_ring"))
 

@@ -30,7 +30,7 @@ class House:
     def __init__(self, live: LiveServer) -> None:
         self.live, self.app = live, live.app
         self.database = live.app.state.web.database
-        self.guard = live.app.state.web.guard
+        self.csrf = live.app.state.web.csrf
         for role in ("watch", "act", "own"):
             self.database.write_now(admins.create, role, QUICK_HASH, role)
         self.cookies: dict[str, str] = {"anonymous": ""}
@@ -63,10 +63,10 @@ class House:
         """One that our own page would have given to this role: what refuses is the role, never the form."""
         token = self.cookies[role].partition("=")[2]
         if not admin:
-            return str(self.guard.form_token(token if role in ("participant", "other") else "nobody"))
+            return str(self.csrf.form_token(token if role in ("participant", "other") else "nobody"))
         if role in ("watch", "act", "own") and token:
-            return str(self.guard.form_token(hashlib.sha256(token.encode()).hexdigest()))
-        return str(self.guard.form_token("a researcher who is not signed in"))
+            return str(self.csrf.form_token(hashlib.sha256(token.encode()).hexdigest()))
+        return str(self.csrf.form_token("a researcher who is not signed in"))
 
     def _person_with_game(self) -> tuple[str, str]:
         token = self.cookies["participant"].partition("=")[2]

@@ -263,11 +263,11 @@ def test_a_name_that_was_made_to_lead_here_is_not_our_own() -> None:
         def __init__(self, host: str) -> None:
             self.headers = {"host": host, "origin": f"http://{host}"}
 
-    guard = CsrfProtection(b"secret")
-    assert guard.is_own_origin(Asked("127.0.0.1:8000"))  # type: ignore[arg-type]
-    assert guard.is_own_origin(Asked("localhost:8000"))  # type: ignore[arg-type]
-    assert guard.is_own_origin(Asked("[::1]:8000"))  # type: ignore[arg-type]
-    assert not guard.is_own_origin(Asked("evil.example:8000"))  # type: ignore[arg-type]
+    csrf = CsrfProtection(b"secret")
+    assert csrf.is_own_origin(Asked("127.0.0.1:8000"))  # type: ignore[arg-type]
+    assert csrf.is_own_origin(Asked("localhost:8000"))  # type: ignore[arg-type]
+    assert csrf.is_own_origin(Asked("[::1]:8000"))  # type: ignore[arg-type]
+    assert not csrf.is_own_origin(Asked("evil.example:8000"))  # type: ignore[arg-type]
     assert CsrfProtection(b"s", PUBLIC).is_own_origin(Asked("lab.example.org")) is False, "the public address is https"  # type: ignore[arg-type]
 
 

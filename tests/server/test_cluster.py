@@ -77,7 +77,7 @@ async def bot(pair: Pair) -> AsyncIterator[Bot]:
     await made.close()
 
 
-def elsewhere(live: LiveServer) -> list[Any]:
+def peers(live: LiveServer) -> list[Any]:
     """What the dashboard of this server sees of the others."""
     state = live.app.state
     return live.do(lambda: state.live.views(state.web.studies.versions("short")))
@@ -91,13 +91,13 @@ async def test_the_dashboard_of_one_process_shows_the_games_of_the_other(pair: P
     here, there = pair
     game = running(here)
     assert game is not None
-    views = await until(lambda: elsewhere(there))
+    views = await until(lambda: peers(there))
     assert [view.id for view in views] == [game.episode]
     assert views[0].card["who"] == "B-001"
-    assert views[0].still["grid"] == list(game.session.trace.layout.grid)
-    later = await until(lambda: [view for view in elsewhere(there) if view.board["state"]["t"] > views[0].card["t"]])
+    assert views[0].still["grid"] == list(game.session.simulation.layout.grid)
+    later = await until(lambda: [view for view in peers(there) if view.board["state"]["t"] > views[0].card["t"]])
     assert later[0].phase == "running"
-    assert elsewhere(here) == []
+    assert peers(here) == []
 
 
 async def test_a_researcher_reaches_a_game_wherever_it_runs(pair: Pair, bot: Bot) -> None:
@@ -130,7 +130,7 @@ async def test_another_tab_at_another_process_takes_the_game_over_where_it_stand
     taken = await until(lambda: running(there))
     await until(lambda: len(here.app.state.games) == 0)
     assert taken.episode == game.episode
-    assert taken.session.trace.timestep >= game.session.trace.timestep - 1
+    assert taken.session.simulation.timestep >= game.session.simulation.timestep - 1
     await asyncio.sleep(0.3)
     database = there.app.state.web.database
     stored = there.do(lambda: database.read(ticks.of_episode, game.episode))
@@ -148,14 +148,14 @@ async def test_games_go_on_without_redis_and_the_dashboard_comes_back_with_it(
     here, there = pair
     game = running(here)
     assert game is not None
-    await until(lambda: elsewhere(there))
+    await until(lambda: peers(there))
     redis.stop()
-    stood = game.session.trace.timestep
-    await until(lambda: game.session.trace.timestep > stood + 10)
+    stood = game.session.simulation.timestep
+    await until(lambda: game.session.simulation.timestep > stood + 10)
     assert game.session.phase == "running"
     assert not does(there, "pause", game.episode)
     redis.start()
-    await until(lambda: elsewhere(there))
+    await until(lambda: peers(there))
 
 
 async def test_figures_of_all_processes_are_told_by_each(pair: Pair, bot: Bot) -> None:
@@ -182,7 +182,7 @@ async def test_the_dashboard_of_each_process_says_which_of_them_is_late(pair: Pa
         return live.do(live.app.state.figures._machine)["late_ms"]
 
     assert (await until(lambda: shown(here)))[0].startswith("Timesteps come late: 80 ms")
-    name = here.app.state.live.elsewhere.name
+    name = here.app.state.live.peers.name
     assert (await until(lambda: shown(there)))[0].startswith(f"Timesteps come late in process {name}: 80 ms")
     assert worst(there) == [80.0, 80.0]
     assert not there.app.state.alerts.open, "one process tells of it, not every one"

@@ -16,9 +16,9 @@ class Presser:
     """Uses whatever it faces, for ever."""
 
     def probabilities(self, observations: Observations) -> Probabilities:
-        law = np.full((len(observations), 6), 0.02, np.float32)
-        law[:, INTERACT] = 0.9
-        return law
+        action_distribution = np.full((len(observations), 6), 0.02, np.float32)
+        action_distribution[:, INTERACT] = 0.9
+        return action_distribution
 
 
 def test_the_same_seed_gives_the_same_games_and_another_seed_others() -> None:

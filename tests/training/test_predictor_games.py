@@ -190,9 +190,9 @@ def test_a_split_without_partners_says_so(tmp_path):
 def test_a_noisy_agent_does_anything_in_a_share_of_its_timesteps():
     observations = Kitchens.start(RING, 2).encode()[:, 0]
     decided = load_agent("planner", RING).policy
-    law = NoisyPolicy(decided, 0.3).probabilities(observations)
-    assert np.allclose(np.sort(law, axis=1), [[0.05] * 5 + [0.75]] * 2)
-    assert (law.argmax(1) == decided.probabilities(observations).argmax(1)).all()
+    action_distribution = NoisyPolicy(decided, 0.3).probabilities(observations)
+    assert np.allclose(np.sort(action_distribution, axis=1), [[0.05] * 5 + [0.75]] * 2)
+    assert (action_distribution.argmax(1) == decided.probabilities(observations).argmax(1)).all()
 
 
 def test_a_population_on_disk_is_found_by_the_names_of_its_agents(tmp_path):

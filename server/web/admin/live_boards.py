@@ -41,16 +41,16 @@ class Watching:
     def asked(self, text: str) -> None:
         """What the page shows now: {"show": [episodes], "tab": name}. Raises ValueError for anything else."""
         try:
-            wish = json.loads(text)
+            choice = json.loads(text)
         except RecursionError:  # brackets in brackets
             raise ValueError("a wish is an object") from None
-        if not isinstance(wish, dict):
+        if not isinstance(choice, dict):
             raise ValueError("a wish is an object")
-        shown = wish.get("show", self.shown)
+        shown = choice.get("show", self.shown)
         if not isinstance(shown, list) or not all(isinstance(one, str) for one in shown):
             raise ValueError("show is a list of episodes")
         self.shown = shown[:MOST_BOARDS]
-        tab = wish.get("tab")
+        tab = choice.get("tab")
         if isinstance(tab, str) and tab in overview.TABS:
             self.tab = tab
 
@@ -83,7 +83,7 @@ class Watching:
 async def let_in(socket: WebSocket) -> AdminSession | None:
     """Accepts the socket of a researcher who is signed in, from one of our own pages; refuses all others."""
     try:
-        admin = await session_of(socket) if socket.app.state.web.guard.is_own_origin(socket) else None
+        admin = await session_of(socket) if socket.app.state.web.csrf.is_own_origin(socket) else None
     except DatabaseDown:
         await socket.close(1013)
         return None

@@ -60,7 +60,7 @@ class AdminPage:
 
     def form_token(self) -> str:
         """What every form of this session must bring back."""
-        return self.web.guard.form_token(form_session(self.request))
+        return self.web.csrf.form_token(form_session(self.request))
 
 
 def back_to(path: str, said: str = "") -> RedirectResponse:

@@ -46,7 +46,7 @@ async def page(request: Request, name: str, admin: WatchDep, web: WebDep, game: 
         shown="" if admin.blind else game.shown,
         layout=titles.get(game.layout, game.layout),
         others=[one for one in mine if one.started_at is not None],
-        is_live=live.games.get(game.id) is not None or await live.elsewhere_plays(game),
+        is_live=live.games.get(game.id) is not None or await live.peer_plays(game),
         exclusions=[one for one in held if one.episode_id in (None, game.id)],
         reasons=REASONS,
     )
@@ -105,9 +105,9 @@ async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...]
             await asyncio.sleep(STORED_EVERY_S)
             continue
         session = card.game.session
-        if session.stored and not card.game.busy and session.record is not None and session.trace.timestep > told:
-            told = session.trace.timestep
-            row = row_of(session.record, session.trace, admin.blind)
+        if session.stored and not card.game.busy and session.record is not None and session.simulation.timestep > told:
+            told = session.simulation.timestep
+            row = row_of(session.record, session.simulation, admin.blind)
             new = [input_of(one, session.spec.tick_ms) for one in session.record.inputs]
             await socket.send_text(json.dumps({"type": "tick", "row": row, "inputs": new}, separators=(",", ":")))
         await asyncio.sleep(LOOK_EVERY_S)

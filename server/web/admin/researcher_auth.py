@@ -31,7 +31,7 @@ def token_hash(token: str) -> str:
 
 
 def _token(connection: HTTPConnection) -> str:
-    secure: bool = connection.app.state.web.guard.secure
+    secure: bool = connection.app.state.web.csrf.secure
     return connection.cookies.get(cookie_name(COOKIE, secure), "")[:100]
 
 
@@ -71,7 +71,7 @@ OwnDep = Annotated[AdminSession, Depends(_needs("own"))]
 
 async def own_form(request: Request, web: WebDep) -> Form:
     """A form from one of our own pages, made for this session."""
-    return await read_form(request, web.guard, form_session(request))
+    return await read_form(request, web.csrf, form_session(request))
 
 
 AdminFormDep = Annotated[Form, Depends(own_form)]

@@ -50,7 +50,7 @@ async def login(request: Request, web: WebDep, form: AdminFormDep) -> Response:
         return _login_refused(request, form, 401, words)
     token = await researcher_auth.begin_session(web, name, await researcher_auth.session_of(request))
     signed_in = back_to(own_path(first(form, "next")))
-    researcher_auth.set_cookie(signed_in, token, secure=web.guard.secure)
+    researcher_auth.set_cookie(signed_in, token, secure=web.csrf.secure)
     guess_limits.remember_browser(web, signed_in, name, stored)
     return signed_in
 
@@ -68,7 +68,7 @@ async def logout(admin: WatchDep, web: WebDep, form: AdminFormDep) -> Response: 
     await web.database.write(admins.close_session, admin.token_hash)
     await web.database.write(audit.add, admin.name, "sign out")
     response = back_to("/admin/login")
-    researcher_auth.forget_cookie(response, secure=web.guard.secure)
+    researcher_auth.forget_cookie(response, secure=web.csrf.secure)
     return response
 
 
@@ -175,7 +175,7 @@ async def person_page(request: Request, name: str, person: str, admin: WatchDep,
 
 
 @router.get("/s/{name}/course.json")
-async def course_of(request: Request, name: str, admin: WatchDep, web: WebDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
+async def latency_history_of(request: Request, name: str, admin: WatchDep, web: WebDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
     """People of the study and lateness of the server over time."""
     study_ids, _ = study_at(web, name)
     return {
@@ -202,7 +202,7 @@ async def consort_of(web: Web, name: str, blind: bool) -> dict[str, Any]:
 
 
 @router.get("/s/{name}/verdicts.json")
-async def verdicts_of(request: Request, name: str, admin: WatchDep, web: WebDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
+async def quality_of(request: Request, name: str, admin: WatchDep, web: WebDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
     """What the quality rules say of the latest episodes; `waiting`: how many are still to be judged."""
     study_ids, _ = study_at(web, name)
     verdicts = request.app.state.figures.verdicts

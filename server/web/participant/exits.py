@@ -68,7 +68,7 @@ async def withdraw(
     gone = PageResponse(request, web, made.language, opened.study)
     response = gone.render("participant/ended.html", kind="withdrawn", outcome=Exit(), back=None)
     if participant is not None:
-        forget_cookie(response, opened.study.name, secure=web.guard.secure)
+        forget_cookie(response, opened.study.name, secure=web.csrf.secure)
     return response
 
 

@@ -25,10 +25,10 @@ log = logging.getLogger(__name__)
 BEAT_EVERY_S: Final = 0.25
 MOST_OF_ONE: Final = 8  # sockets of one participant
 MOST_REFUSED: Final = 20  # bad messages on one socket
-TROUBLES_PER_S: Final = 1 / 60  # of one participant that are passed on
-TROUBLES_BURST: Final = 10.0
+CLIENT_ERRORS_PER_S: Final = 1 / 60  # of one participant that are passed on
+CLIENT_ERRORS_BURST: Final = 10.0
 UNBOUNDED_PER_S: Final = 1e9
-_BUDGETS_KEPT: Final = 10_000
+_BUCKETS_KEPT: Final = 10_000
 
 SILENT = 1001
 NOT_TEXT = 1003
@@ -53,20 +53,20 @@ class PlayerSocket:
         self.tab = ""
         self.is_new_page = True
         self.next_url = player.next_url
-        self.outlet = SendQueue()
+        self.send_queue = SendQueue()
         self.reader: asyncio.Task[Any] | None = asyncio.current_task()
         self._socket = socket
 
     def send(self, message: messages.Outgoing) -> None:
-        self.outlet.send(message)
+        self.send_queue.send(message)
 
     def close(self, code: int, reason: str) -> None:
-        self.outlet.close(code, reason)
+        self.send_queue.close(code, reason)
 
     async def write(self) -> None:
         """Sends what waits until the socket closes. Returns when it is closed from either side."""
         while True:
-            frame = await self.outlet.next()
+            frame = await self.send_queue.next()
             if isinstance(frame, Close):
                 await self._socket.send({"type": "websocket.close", "code": frame.code, "reason": frame.reason})
                 return
@@ -76,8 +76,8 @@ class PlayerSocket:
 class Gate:
     """What of one socket's frames comes in: text, small, well formed, not too many."""
 
-    def __init__(self, budget: TokenBucket) -> None:
-        self._budget = budget
+    def __init__(self, bucket: TokenBucket) -> None:
+        self._bucket = bucket
         self._refused = 0
 
     def let_in(self, text: str | None, mine: PlayerSocket, now: float) -> messages.Incoming | None:
@@ -93,22 +93,22 @@ class Gate:
         except messages.BadMessage as error:
             self._refuse(str(error), mine, now)
             return None
-        if isinstance(message, messages.Pong) and mine.outlet.pong(message.id, time.monotonic()):
+        if isinstance(message, messages.Pong) and mine.send_queue.pong(message.id, time.monotonic()):
             return None
-        if not self._budget.spend(now):
+        if not self._bucket.spend(now):
             mine.close(ABUSE, "too many messages")
             return None
         return message
 
     def _refuse(self, reason: str, mine: PlayerSocket, now: float) -> None:
         self._refused += 1
-        if self._refused > MOST_REFUSED or not self._budget.spend(now):
+        if self._refused > MOST_REFUSED or not self._bucket.spend(now):
             mine.close(ABUSE, "too many bad messages")
         else:
             mine.send(messages.Refused("bad_message", reason))
 
 
-def budget_of(clock: Clock) -> TokenBucket:
+def bucket_of(clock: Clock) -> TokenBucket:
     """What one participant may send. Where games wait for simulated participants, these are as quick as the machine,
     and no flood: how quick that is, nobody can say beforehand."""
     return TokenBucket(clock.now(), clock.speed, per_s=UNBOUNDED_PER_S if clock.patience_s else PER_S)
@@ -128,8 +128,8 @@ class Sockets:
         """`is_ours`: whether the page that opens the socket is one of ours (Origin check)."""
         self._games, self._find, self.is_ours, self._report, self._room = games, find, is_ours, report, room
         self._open: dict[PlayerSocket, None] = {}  # oldest first
-        self._budgets: dict[str, TokenBucket] = {}
-        self._troubles: dict[str, TokenBucket] = {}
+        self._buckets: dict[str, TokenBucket] = {}
+        self._client_errors: dict[str, TokenBucket] = {}
         self._heart: asyncio.Task[None] | None = None
 
     def __len__(self) -> int:
@@ -138,7 +138,9 @@ class Sockets:
     def rtts_ms(self) -> dict[str, float]:
         """The last measured round trip of every connected participant."""
         return {
-            socket.player.participant: socket.outlet.rtt_ms for socket in self._open if socket.outlet.rtt_ms is not None
+            socket.player.participant: socket.send_queue.rtt_ms
+            for socket in self._open
+            if socket.send_queue.rtt_ms is not None
         }
 
     async def serve(self, socket: WebSocket, study: str) -> None:
@@ -168,7 +170,7 @@ class Sockets:
                 await self._settle(writer, reader, mine)
         finally:
             self._open.pop(mine, None)
-            mine.outlet.drop()
+            mine.send_queue.drop()
             await ended(writer, reader)
 
     def _bound(self, participant: str) -> None:
@@ -196,24 +198,24 @@ class Sockets:
             await asyncio.sleep(BEAT_EVERY_S)
             now = time.monotonic()
             for mine in list(self._open):
-                if mine.outlet.beat(now) and mine.reader is not None:
+                if mine.send_queue.beat(now) and mine.reader is not None:
                     mine.close(SILENT, "no answer to a ping")
                     mine.reader.cancel()
-            if len(self._troubles) > _BUDGETS_KEPT:
-                self._troubles = {who: one for who, one in self._troubles.items() if not one.is_full(now)}
-            if len(self._budgets) > _BUDGETS_KEPT:
-                self._budgets = {mine.player.participant: self._budgets[mine.player.participant] for mine in self._open}
+            if len(self._client_errors) > _BUCKETS_KEPT:
+                self._client_errors = {who: one for who, one in self._client_errors.items() if not one.is_full(now)}
+            if len(self._buckets) > _BUCKETS_KEPT:
+                self._buckets = {mine.player.participant: self._buckets[mine.player.participant] for mine in self._open}
 
     async def _read(self, socket: WebSocket, mine: PlayerSocket) -> None:
         game: Game | None = None
         clock = self._games.clock
-        gate = Gate(self._budgets.setdefault(mine.player.participant, budget_of(clock)))
+        gate = Gate(self._buckets.setdefault(mine.player.participant, bucket_of(clock)))
         try:
             while (event := await socket.receive())["type"] != "websocket.disconnect":
                 message = gate.let_in(event.get("text"), mine, clock.now())
                 if message is not None:
                     game = await self._handle(message, game, mine)
-                if mine.outlet.closing:
+                if mine.send_queue.closing:
                     return
         finally:
             if game is not None:
@@ -227,7 +229,7 @@ class Sockets:
             case messages.Hello():
                 return await self._hello(message, game, mine)
             case messages.ClientError():
-                await self._trouble(mine.player.participant, message.text)
+                await self._client_error(mine.player.participant, message.text)
             case messages.Pong():
                 pass  # late, or an answer to nothing: of no use, of no harm
             case _ if game is None:
@@ -236,11 +238,13 @@ class Sockets:
                 game.receive(mine.player.seat, mine, message)
         return game
 
-    async def _trouble(self, participant: str, text: str) -> None:
+    async def _client_error(self, participant: str, text: str) -> None:
         """Pass on a problem in a browser. A page that breaks on every frame says it over and over: a few are enough."""
         now = time.monotonic()
-        budget = self._troubles.setdefault(participant, TokenBucket(now, 1.0, TROUBLES_PER_S, TROUBLES_BURST))
-        if not budget.spend(now):
+        bucket = self._client_errors.setdefault(
+            participant, TokenBucket(now, 1.0, CLIENT_ERRORS_PER_S, CLIENT_ERRORS_BURST)
+        )
+        if not bucket.spend(now):
             return
         log.info("trouble in a browser: %r", text)
         if self._report is not None:
@@ -252,8 +256,8 @@ class Sockets:
         if hello.protocol != messages.PROTOCOL:
             mine.send(messages.Refused("protocol", f"this server speaks protocol {messages.PROTOCOL}: reload the page"))
             mine.close(ABUSE, "another protocol")
-        elif player.wish is not None and self._room is not None:
-            self._room.enter(player.participant, player.wish, mine)
+        elif player.choice is not None and self._room is not None:
+            self._room.enter(player.participant, player.choice, mine)
         elif player.episode is None:
             mine.send(messages.Refused("no_game", "no game is to be played now: reload the page"))
             mine.close(NO_GAME, "no game")

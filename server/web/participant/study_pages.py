@@ -106,7 +106,7 @@ async def consent(
     visit = first(form, "visit")
     if not 16 <= len(visit) <= 64:
         raise HTTPException(400, "the form lacks its number")
-    token = token_for(web.guard.secret, study.name, visit)
+    token = token_for(web.csrf.secret, study.name, visit)
     holder = participant.id if participant is not None else None
     simulated = _is_simulated(web, form)
     arrival = progress.ConsentArrival(study.name, token, made.language, person, extra, simulated, holder)
@@ -119,7 +119,7 @@ async def consent(
     if refused := await _enrol(made, arrival, is_new=known is None):
         return refused
     response = _to(f"/s/{study.name}/now")
-    set_cookie(response, study.name, token, secure=web.guard.secure)
+    set_cookie(response, study.name, token, secure=web.csrf.secure)
     return response
 
 
@@ -127,7 +127,7 @@ def _is_simulated(web: Web, form: Form) -> bool:
     """Whether a bot consents. On a public server it proves that with the server's secret: no person is made a bot."""
     if first(form, "simulated") != "yes":
         return False
-    wanted = bot_mark(web.guard.secret, first(form, "visit"))
+    wanted = bot_mark(web.csrf.secret, first(form, "visit"))
     return not web.production or hmac.compare_digest(first(form, BOT_MARK).encode(), wanted.encode())
 
 
@@ -153,8 +153,8 @@ async def _enrol(made: PageResponse, arrival: progress.ConsentArrival, is_new: b
     return None
 
 
-def _in_language(made: PageResponse, wish: str) -> PageResponse:
-    return replace(made, language=wish) if wish in made.languages else made
+def _in_language(made: PageResponse, choice: str) -> PageResponse:
+    return replace(made, language=choice) if choice in made.languages else made
 
 
 @router.get("/s/{name}/new")
@@ -171,7 +171,7 @@ async def start_new(opened: OpenStudyDep, web: WebDep, form: FormDep) -> Respons
     """Forgets who took part in this browser, and what its pages kept, so that the next person can begin."""
     response = _to(f"/s/{opened.study.name}")
     if may_start_new(opened.study):
-        forget_cookie(response, opened.study.name, secure=web.guard.secure)
+        forget_cookie(response, opened.study.name, secure=web.csrf.secure)
         response.headers["Clear-Site-Data"] = '"storage"'
     return response
 
@@ -180,7 +180,7 @@ async def start_new(opened: OpenStudyDep, web: WebDep, form: FormDep) -> Respons
 async def check_connection(socket: WebSocket, name: str) -> None:
     """Sends back what comes, a few times: the entry check measures the connection with it."""
     web: Web = socket.app.state.web
-    if web.studies.open(name) is None or not web.guard.is_own_origin(socket):
+    if web.studies.open(name) is None or not web.csrf.is_own_origin(socket):
         await socket.close(1008)
         return
     await socket.accept()
@@ -249,7 +249,7 @@ async def _show(
 @router.post("/s/{name}/language")
 async def language(name: str, web: WebDep, participant: ParticipantDep, form: FormDep) -> Response:
     """The language of the pages from now on."""
-    wish = first(form, "language")
-    if participant is not None and wish in web.studies.of(participant).languages:
-        await web.database.write(participants.set_language, participant.id, wish)
+    choice = first(form, "language")
+    if participant is not None and choice in web.studies.of(participant).languages:
+        await web.database.write(participants.set_language, participant.id, choice)
     return _to(f"/s/{name}/now")

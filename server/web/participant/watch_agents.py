@@ -52,14 +52,14 @@ class WatchRequest:
     marks: int = 1  # the seat whose next steps are drawn
 
 
-def wish_of(
+def choice_of(
     kitchen: str = "", first: str = "", second: str = "", marks: Annotated[int, Query(ge=0, le=1)] = 1
 ) -> WatchRequest:
     """From the address; whatever is missing or unknown becomes the first that there is."""
     return WatchRequest(kitchen[:100], first[:100], second[:100], marks)
 
 
-WishDep = Annotated[WatchRequest, Depends(wish_of)]
+ChoiceDep = Annotated[WatchRequest, Depends(choice_of)]
 
 
 class Unstored:
@@ -101,17 +101,17 @@ class Demonstrations:
         most = {kitchen: max(len(names) for one, names in offers if one == kitchen) for kitchen, _ in offers}
         return [offer for (kitchen, names), offer in offers.items() if len(names) == most[kitchen]]
 
-    def spec(self, wish: WatchRequest, language: str) -> EpisodeSpec | None:
+    def spec(self, choice: WatchRequest, language: str) -> EpisodeSpec | None:
         """The game that was asked for; None where nothing can be watched."""
         offers = self.offers()
         if not offers:
             return None
-        offer = next((one for one in offers if one.key == wish.kitchen), offers[0])
+        offer = next((one for one in offers if one.key == choice.kitchen), offers[0])
         pair = [
-            next((a for a in offer.agents if a.name == name), offer.agents[0]) for name in (wish.first, wish.second)
+            next((a for a in offer.agents if a.name == name), offer.agents[0]) for name in (choice.first, choice.second)
         ]
         layout = layout_of(offer.kitchen)
-        predictor = predictor_of(offer.study, pair[wish.marks], _SHOWN)
+        predictor = predictor_of(offer.study, pair[choice.marks], _SHOWN)
         is_there = (offer.kitchen.name, predictor) in models_of(offer.study)[1]
         return EpisodeSpec(
             kind="watch",
@@ -122,7 +122,7 @@ class Demonstrations:
             title=offer.kitchen.title.of(language),
             agents=(pair[0].catalogue_name, pair[1].catalogue_name),
             predictor=predictor if is_there else None,
-            watched_seat=wish.marks,
+            watched_seat=choice.marks,
             shown="predictor" if is_there else "nothing",
             seed=secrets.randbits(63),
             horizon=HORIZON,
@@ -133,8 +133,8 @@ class Demonstrations:
     async def _find(self, connection: HTTPConnection, language: str) -> ConnectedPlayer | None:
         given = connection.query_params
         marks = int(given.get("marks") == "1")
-        wish = wish_of(given.get("kitchen", ""), given.get("first", ""), given.get("second", ""), marks)
-        spec, address = self.spec(wish, language), address_of(connection)
+        choice = choice_of(given.get("kitchen", ""), given.get("first", ""), given.get("second", ""), marks)
+        spec, address = self.spec(choice, language), address_of(connection)
         if spec is None or not self._make_room(address):
             return None
         episode = f"watch-{secrets.token_hex(8)}"
@@ -193,10 +193,10 @@ async def choose(request: Request, web: WebDep) -> Response:
 
 
 @router.get("/watch/game")
-async def game(request: Request, web: WebDep, wish: WishDep) -> Response:
+async def game(request: Request, web: WebDep, choice: ChoiceDep) -> Response:
     """The game that was chosen; what was chosen stands in the address."""
     made = page(request, web)
-    socket = "/watch/socket?" + urlencode(asdict(wish) | {"lang": made.language})
+    socket = "/watch/socket?" + urlencode(asdict(choice) | {"lang": made.language})
     leave = {"leave": "/watch", "leave_word": made.words("watch.others")}
     about = {"socket": socket, "lessons": (), "away_s": 30, "watched": True, **leave}
     return made.render("participant/game.html", game=about)

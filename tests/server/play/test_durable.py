@@ -32,18 +32,18 @@ RECORD = PauseRecord("e1", 1, "researcher", datetime(2026, 1, 1, tzinfo=UTC), No
 @pytest.mark.timeout(20)
 async def test_what_was_stored_a_moment_ago_is_not_waited_for_without_end() -> None:
     recorder = Recorder()
-    durable = RetryingWriter(recorder, Clock())
-    durable.pause(RECORD)
+    retrying_writer = RetryingWriter(recorder, Clock())
+    retrying_writer.pause(RECORD)
     await asyncio.sleep(0)  # stored, but the loop has not come to tell anybody
     assert recorder.taken == 1
-    await durable.flush()
+    await retrying_writer.flush()
 
 
 @pytest.mark.timeout(20)
 async def test_flush_waits_until_the_database_takes_it() -> None:
     recorder = Recorder(refusals=2)
-    durable = RetryingWriter(recorder, Clock())
-    durable.pause(RECORD)
-    durable.pause(RECORD)
-    await durable.flush()
+    retrying_writer = RetryingWriter(recorder, Clock())
+    retrying_writer.pause(RECORD)
+    retrying_writer.pause(RECORD)
+    await retrying_writer.flush()
     assert recorder.taken == 2

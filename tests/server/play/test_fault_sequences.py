@@ -236,7 +236,7 @@ class Faults(RuleBasedStateMachine):
     @invariant()
     def nothing_moves_while_something_holds_it(self) -> None:
         for game in self.games:
-            assert not (game.session.moving and game.session.holds)
+            assert not (game.session.moving and game.session.pause_reasons)
 
     @invariant()
     def old_tabs_decided_nothing(self) -> None:
@@ -271,7 +271,7 @@ class Faults(RuleBasedStateMachine):
         else:
             assert result.reason == "away"
         again = Session(self.recorder.load(self.spec), 0.0)
-        assert again.trace.hash() == result.final_hash
+        assert again.simulation.hash() == result.final_hash
 
 
 Faults.TestCase.settings = settings(

@@ -242,9 +242,9 @@ async def test_blur_stops_at_once_and_coming_back_counts_down_to_the_same_timest
     game.receive(0, connection, m.Input(0, EAST, EAST, 1.0))
     game.receive(0, connection, m.Away("blur"))
     await until(lambda: not game.busy)
-    stood = game.session.trace.timestep
+    stood = game.session.simulation.timestep
     await asyncio.sleep(0.1)
-    assert game.session.trace.timestep == stood
+    assert game.session.simulation.timestep == stood
     game.receive(0, connection, m.Ready())
     await until(lambda: connection.closed)
     actions = house.recorder.ticks_of["e1"][stood + 1].actions
@@ -281,7 +281,7 @@ async def test_lost_connection_comes_back_to_the_same_timestep(house: House) -> 
     await until(lambda: house.ticks() > 3)
     game.leave(0, connection)
     await until(lambda: not game.busy)
-    stood = game.session.trace.timestep
+    stood = game.session.simulation.timestep
     back = QuietConnection()
     await house.games.join("e1", 0, back)
     welcome = back.sent[0]

@@ -14,12 +14,12 @@ def state(timestep: int) -> Tick:
     return Tick(KitchenState(timestep, (), (), (), 0, 0), (), (4, 4), -1, late=False)
 
 
-async def waiting(outlet: SendQueue) -> list[object]:
+async def waiting(send_queue: SendQueue) -> list[object]:
     """Everything that can be sent now, as type or timestep."""
     out: list[object] = []
     while True:
         try:
-            frame = await asyncio.wait_for(outlet.next(), 0.01)
+            frame = await asyncio.wait_for(send_queue.next(), 0.01)
         except TimeoutError:
             return out
         if isinstance(frame, Close):
@@ -29,98 +29,98 @@ async def waiting(outlet: SendQueue) -> list[object]:
 
 
 async def test_newer_state_replaces_the_one_that_waits() -> None:
-    outlet = SendQueue()
+    send_queue = SendQueue()
     for timestep in range(100):
-        outlet.send(state(timestep))
-    assert await waiting(outlet) == [99]
-    assert outlet.dropped == 99
+        send_queue.send(state(timestep))
+    assert await waiting(send_queue) == [99]
+    assert send_queue.dropped == 99
 
 
 async def test_other_messages_keep_their_place() -> None:
-    outlet = SendQueue()
-    outlet.send(state(1))
-    outlet.send(Countdown(3))
-    outlet.send(state(2))
-    outlet.send(Notice("hello"))
-    assert await waiting(outlet) == ["countdown", 2, "notice"]
+    send_queue = SendQueue()
+    send_queue.send(state(1))
+    send_queue.send(Countdown(3))
+    send_queue.send(state(2))
+    send_queue.send(Notice("hello"))
+    assert await waiting(send_queue) == ["countdown", 2, "notice"]
 
 
 async def test_line_that_grows_without_states_is_closed() -> None:
-    outlet = SendQueue()
+    send_queue = SendQueue()
     for _ in range(100):
-        outlet.send(Notice("again"))
-    told = await waiting(outlet)
+        send_queue.send(Notice("again"))
+    told = await waiting(send_queue)
     assert told[-1] == 1008
     assert len(told) < 20
 
 
 async def test_slow_reader_gets_only_the_newest_state_once_it_answers() -> None:
-    outlet = SendQueue()
-    outlet.beat(0.0)
-    assert await waiting(outlet) == ["ping"]
-    assert not outlet.beat(SLOW_AFTER_S + 0.1)
+    send_queue = SendQueue()
+    send_queue.beat(0.0)
+    assert await waiting(send_queue) == ["ping"]
+    assert not send_queue.beat(SLOW_AFTER_S + 0.1)
     for timestep in range(5):
-        outlet.send(state(timestep))
-    assert await waiting(outlet) == []
-    assert outlet.pong(1, 1.0)
-    assert await waiting(outlet) == [4]
-    assert outlet.rtt_ms == 1000.0
+        send_queue.send(state(timestep))
+    assert await waiting(send_queue) == []
+    assert send_queue.pong(1, 1.0)
+    assert await waiting(send_queue) == [4]
+    assert send_queue.rtt_ms == 1000.0
 
 
 async def test_silent_peer_is_given_up() -> None:
-    outlet = SendQueue()
-    assert not outlet.beat(0.0)
-    assert not outlet.beat(DEAD_AFTER_S - 0.1)
-    assert outlet.beat(DEAD_AFTER_S + 0.1)
+    send_queue = SendQueue()
+    assert not send_queue.beat(0.0)
+    assert not send_queue.beat(DEAD_AFTER_S - 0.1)
+    assert send_queue.beat(DEAD_AFTER_S + 0.1)
 
 
 async def test_pings_come_regularly_while_they_are_answered() -> None:
-    outlet = SendQueue()
+    send_queue = SendQueue()
     now = 0.0
     for number in range(1, 4):
-        outlet.beat(now)
-        assert await waiting(outlet) == ["ping"]
-        assert outlet.pong(number, now + 0.05)
+        send_queue.beat(now)
+        assert await waiting(send_queue) == ["ping"]
+        assert send_queue.pong(number, now + 0.05)
         now += PING_EVERY_S
 
 
 async def test_answer_to_nothing_is_no_life_sign() -> None:
-    outlet = SendQueue()
-    outlet.beat(0.0)
-    assert not outlet.pong(77, 0.1)
-    assert outlet.beat(DEAD_AFTER_S + 0.1)
+    send_queue = SendQueue()
+    send_queue.beat(0.0)
+    assert not send_queue.pong(77, 0.1)
+    assert send_queue.beat(DEAD_AFTER_S + 0.1)
 
 
 async def test_last_words_are_sent_before_the_close_even_to_a_slow_reader() -> None:
-    outlet = SendQueue()
-    outlet.beat(0.0)
-    outlet.beat(SLOW_AFTER_S + 0.1)
-    outlet.send(state(7))
-    outlet.close(1000, "done")
-    outlet.send(Notice("too late"))
-    assert await waiting(outlet) == ["ping", 7, 1000]
+    send_queue = SendQueue()
+    send_queue.beat(0.0)
+    send_queue.beat(SLOW_AFTER_S + 0.1)
+    send_queue.send(state(7))
+    send_queue.close(1000, "done")
+    send_queue.send(Notice("too late"))
+    assert await waiting(send_queue) == ["ping", 7, 1000]
 
 
 @given(st.lists(st.sampled_from(["state", "notice", "take"]), max_size=200))
 def test_line_never_holds_more_than_one_state_and_states_never_go_back(events: list[str]) -> None:
     async def run() -> None:
-        outlet = SendQueue()
+        send_queue = SendQueue()
         timestep = 0
         seen: list[int] = []
         for event in events:
             if event == "state":
                 timestep += 1
-                outlet.send(state(timestep))
+                send_queue.send(state(timestep))
             elif event == "notice":
-                outlet.send(Notice("x"))
-            elif outlet._line:
-                frame = await outlet.next()
+                send_queue.send(Notice("x"))
+            elif send_queue._line:
+                frame = await send_queue.next()
                 assert isinstance(frame, bytes)
                 message = msgspec.json.decode(frame)
                 if message["type"] == "tick":
                     seen.append(message["state"]["t"])
-            assert sum(is_state for is_state, _ in outlet._line) <= 1
-            assert len(outlet._line) <= 17
+            assert sum(is_state for is_state, _ in send_queue._line) <= 1
+            assert len(send_queue._line) <= 17
         assert seen == sorted(set(seen))
 
     asyncio.run(run())

@@ -45,7 +45,7 @@ def test_start_state_is_tick_0_and_carries_no_action() -> None:
     assert record.actions is None
     assert record.state_hash == Kitchens.start(load_layout("coordination_ring")).hash()
     assert len(record.prediction) == 3
-    assert session.trace.timestep == 0
+    assert session.simulation.timestep == 0
 
 
 def test_episode_of_40_timesteps_makes_ticks_0_to_40_that_replay_to_their_hashes() -> None:
@@ -193,18 +193,18 @@ def test_absences_add_up_to_the_limit_of_the_episode() -> None:
     for round_number in range(2):
         since = round_number * 100.0
         session.pause(0, "hidden", since, AT + timedelta(seconds=since))
-        left_s = session.holds.left_s(since + 25.0)
+        left_s = session.pause_reasons.left_s(since + 25.0)
         assert left_s == pytest.approx(5.0)
         session.release(0, since + 25.0)
         session.count_down(since + 25.0, since + 28.0)
     session.pause(0, "hidden", 500.0, AT)
-    assert session.holds.left_s(505.0) == pytest.approx(5.0)
+    assert session.pause_reasons.left_s(505.0) == pytest.approx(5.0)
 
 
 def test_waiting_for_the_database_costs_the_participant_nothing() -> None:
     session, _ = start(now=0.0)
     session.pause("database", "database", 1.0, AT)
-    assert session.holds.left_s(1000.0) is None
+    assert session.pause_reasons.left_s(1000.0) is None
     assert session.paused(0, 1000.0).left_s == 0.0
     assert session.release("database", 1000.0)
 
@@ -222,7 +222,7 @@ def test_absence_before_the_start_is_no_pause() -> None:
     session = Session(new_record(make_spec()), 0.0)
     assert session.pause(0, "lost", 1.0, AT) is None
     assert session.phase == "waiting"
-    assert session.holds.left_s(1000.0) is None
+    assert session.pause_reasons.left_s(1000.0) is None
 
 
 def stored_half() -> tuple[MemoryRecorder, EpisodeSpec, list[TickRecord]]:
@@ -241,11 +241,11 @@ def test_restarted_episode_stands_where_it_stood_and_its_partner_does_what_was_d
     recorder, spec, records = stored_half()
     session = Session(recorder.load(spec), 0.0)
     assert session.phase == "paused"
-    assert session.trace.timestep == 20
-    assert session.trace.hash() == records[-1].state_hash
+    assert session.simulation.timestep == 20
+    assert session.simulation.hash() == records[-1].state_hash
     assert session.displayed == records[-1].displayed
     assert session.welcome(0).resumed
-    assert session.holds.left_s(1e6) is None
+    assert session.pause_reasons.left_s(1e6) is None
     session.release(0, 1.0)
     session.count_down(1.0, 4.0)
     record = tick(session)

@@ -31,7 +31,7 @@ def cook(session: Session, most: int = 400) -> list[str]:
         assert lesson is not None
         if not lesson.done and (not seen or seen[-1] != lesson.key):
             seen.append(lesson.key)
-        laws = PlannerPolicy().probabilities(session.trace.history(0)(1).observations)
+        laws = PlannerPolicy().probabilities(session.simulation.history(0)(1).observations)
         action = INTERACT if lesson.key == "marks" else int(np.argmax(laws[0]))
         if action != STAY:
             session.key(0, Input(seq, None, action, 0.0), session.next_deadline)
@@ -54,7 +54,7 @@ def test_marks_are_taught_by_watching_them_first() -> None:
     session = tutorial()
     cook(session)
     assert session.tutor is not None
-    assert session.trace.timestep > MARKS_WATCHED_TIMESTEPS
+    assert session.simulation.timestep > MARKS_WATCHED_TIMESTEPS
 
 
 def test_marks_are_not_taught_where_none_are_shown() -> None:

@@ -196,9 +196,9 @@ def test_stored_name_that_would_lead_out_is_not_exported(database: Database, url
 def test_link_in_an_export_is_refused(
     link: str, export: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    elsewhere = tmp_path / "elsewhere"
-    shutil.move(export / link, elsewhere)
-    (export / link).symlink_to(elsewhere)
+    peers = tmp_path / "elsewhere"
+    shutil.move(export / link, peers)
+    (export / link).symlink_to(peers)
     assert f"{export / link} is a link" in refused(export, tmp_path, capsys)
 
 

@@ -183,8 +183,8 @@ def test_a_researcher_deletes_somebody_on_request(before: Before, by: str, capsy
     assert before.mate in everything(before.url)
     assert kitchenmind.main([*words, "--yes"]) == 0
     stored = everything(before.url)
-    for trace in (before.mate, "KM-7777-8888", "PROLIFICring000001"):
-        assert trace not in stored
+    for simulation in (before.mate, "KM-7777-8888", "PROLIFICring000001"):
+        assert simulation not in stored
     with Database(before.url, read_only=True) as database:
         entry = database.read_now(audit.entries)[-1]
         assert (entry.actor, entry.action) == ("command line", "delete participant")

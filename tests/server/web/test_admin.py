@@ -66,7 +66,7 @@ def site(tmp_path: Path) -> Iterator[Site]:
     games = Games(Clock(), NoModels(), StoreRecorder(made.database), lambda _: asyncio.sleep(0, None))
     state = made.app.state
     state.settings = Settings(database=f"sqlite:///{tmp_path}/site.db")
-    state.sockets = Sockets(games, lambda *_: asyncio.sleep(0, None), state.web.guard.is_own_origin)
+    state.sockets = Sockets(games, lambda *_: asyncio.sleep(0, None), state.web.csrf.is_own_origin)
     state.hashing, state.live = Hashing(), LiveGames(state.web, games, state.sockets)
     state.figures = Dashboard(state.live, tmp_path / "site.db")
     state.course = LatencyHistory(state.live)
@@ -116,15 +116,16 @@ def played(site: Site, timesteps: int = 12) -> str:
     spec = episode_spec(study, step, participant.condition, "en")
     new = episodes.NewEpisode(spec, step.key, (participant.id, None), participant.study_id, participant.condition)
     episode = site.database.write_now(episodes.create, new)
-    trace = Simulation(layout_of(study.layout(step.layout)), spec.horizon)
+    simulation = Simulation(layout_of(study.layout(step.layout)), spec.horizon)
     rows = []
     for timestep in range(timesteps + 1):
         actions_then = (STAY, STAY) if timestep else None
         if actions_then:
-            trace.step(actions_then)
+            simulation.step(actions_then)
         chances = ((0.1, 0.1, 0.1, 0.1, 0.5, 0.1), (0.5, 0.1, 0.1, 0.1, 0.1, 0.1), (0.1, 0.1, 0.1, 0.1, 0.5, 0.1))
         rows.append(
-            TickRecord(episode, timestep, actions_then, trace.hash(), (0, 0), (0, 0), (0, 0), (None, STAY), chances,
+            TickRecord(
+                episode, timestep, actions_then, simulation.hash(), (0, 0), (0, 0), (0, 0), (None, STAY), chances,
                        ((STAY, 95), (0, 80), (STAY, 60)), (), 200.0 * timestep, 1.5, 2.5, False)
         )  # fmt: skip
     site.database.write_now(ticks.insert, rows)
@@ -154,14 +155,14 @@ def needed(method: str, path: str) -> str:
 
 def test_nothing_is_shown_or_done_without_signing_in(site: Site) -> None:
     episode = played(site)
-    stranger = httpx.Client(base_url=site.url)
-    site.clients.append(stranger)
+    unknown_visitor = httpx.Client(base_url=site.url)
+    site.clients.append(unknown_visitor)
     everything = paths(site, episode)
     assert len(everything) >= 18
     for method, path in everything:
-        answer = stranger.request(method, path, headers={"accept": "application/json"})
+        answer = unknown_visitor.request(method, path, headers={"accept": "application/json"})
         assert answer.status_code in (401, 403), f"{method} {path} gives {answer.status_code}"
-        page = stranger.request(method, path, headers={"accept": "text/html"})
+        page = unknown_visitor.request(method, path, headers={"accept": "text/html"})
         assert "P-001" not in page.text
     assert site.database.read_now(audit.entries) == []
 
@@ -366,7 +367,7 @@ def test_of_several_processes_one_tells_what_all_see(site: Site, tmp_path: Path)
     Visitor(site).consent("small")
     person = site.only("small").id
     site.database.write_now(events.add, events.Event("trouble", datetime.now(UTC), person, detail={"text": "x"}))
-    site.app.state.live.elsewhere = several = Several()
+    site.app.state.live.peers = several = Several()
     for several.other, told in (("another", []), ("the last", [f"trouble {person}"])):
         alerts = Alerts(site.app.state.live, tmp_path / "site.db", lambda *_: None)
         asyncio.run(alerts.look())

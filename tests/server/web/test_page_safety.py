@@ -100,12 +100,12 @@ def test_form_without_our_mark_or_with_anothers_is_refused(site: Site) -> None:
 
 
 def test_form_token_is_for_one_session_and_half_a_day() -> None:
-    guard = CsrfProtection(b"secret")
-    token = guard.form_token("mine", 1000)
-    assert guard.is_own_form(token, "mine", 1000 + FORM_S)
-    assert not guard.is_own_form(token, "mine", 1001 + FORM_S)
-    assert guard.is_own_form(token, "mine", 1000 - 3600), "the clock was set back by an hour meanwhile"
-    assert not guard.is_own_form(token, "yours", 1000)
+    csrf = CsrfProtection(b"secret")
+    token = csrf.form_token("mine", 1000)
+    assert csrf.is_own_form(token, "mine", 1000 + FORM_S)
+    assert not csrf.is_own_form(token, "mine", 1001 + FORM_S)
+    assert csrf.is_own_form(token, "mine", 1000 - 3600), "the clock was set back by an hour meanwhile"
+    assert not csrf.is_own_form(token, "yours", 1000)
     assert not CsrfProtection(b"another").is_own_form(token, "mine", 1000)
 
 

@@ -403,11 +403,11 @@ def test_withdrawal_works_later_with_the_code(site: Site) -> None:
     visitor = Visitor(site)
     walk_to(visitor, site, "thanks")
     code = site.only("small").completion_code or ""
-    stranger = Visitor(site)
-    stranger.get("/s/small/withdraw")
-    wrong = stranger.send("/s/small/withdraw", stranger.fields("/withdraw") | {"code": "KM-2222-2222"})
+    unknown_visitor = Visitor(site)
+    unknown_visitor.get("/s/small/withdraw")
+    wrong = unknown_visitor.send("/s/small/withdraw", unknown_visitor.fields("/withdraw") | {"code": "KM-2222-2222"})
     assert (wrong.status_code, len(site.everybody("small"))) == (422, 1)
-    stranger.send("/s/small/withdraw", stranger.fields("/withdraw") | {"code": f" {code.lower()} "})
+    unknown_visitor.send("/s/small/withdraw", unknown_visitor.fields("/withdraw") | {"code": f" {code.lower()} "})
     assert site.everybody("small") == []
 
 

@@ -58,11 +58,11 @@ def links(visitor: Visitor) -> list[str]:
 
 def test_prolific_gets_the_code_of_each_outcome(site: Site) -> None:
     assert links(finished(site, "prolific", LINKS["prolific"])) == [CC.replace("{code}", "DONE1")]
-    stranger = Visitor(site)
-    stranger.get(f"/s/prolific{LINKS['prolific']}")
+    unknown_visitor = Visitor(site)
+    unknown_visitor.get(f"/s/prolific{LINKS['prolific']}")
     for page, code in (("declined", "NO11"), ("unsuitable", "OUT1")):
-        stranger.get(f"/s/prolific/{page}{LINKS['prolific']}")
-        assert (links(stranger), code in stranger.page.text) == ([CC.replace("{code}", code)], True)
+        unknown_visitor.get(f"/s/prolific/{page}{LINKS['prolific']}")
+        assert (links(unknown_visitor), code in unknown_visitor.page.text) == ([CC.replace("{code}", code)], True)
 
 
 def test_no_code_is_shown_before_everything_is_stored(site: Site) -> None:

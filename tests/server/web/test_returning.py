@@ -61,15 +61,15 @@ def put(site: Site, status: str, code: str | None = None) -> None:
 
 
 def test_with_the_id_alone_nobody_reads_the_code_of_somebody_who_finished(site: Site) -> None:
-    owner, stranger = Visitor(site), Visitor(site)
+    owner, unknown_visitor = Visitor(site), Visitor(site)
     owner.consent("prolific", prolific())
-    fields = consent_form(stranger)
+    fields = consent_form(unknown_visitor)
     code = finish(site, owner, "prolific")
-    page = stranger.get(f"/s/prolific{prolific()}")
+    page = unknown_visitor.get(f"/s/prolific{prolific()}")
     assert "You have already taken part" in page.text
-    answer = stranger.send("/s/prolific/consent", fields)
+    answer = unknown_visitor.send("/s/prolific/consent", fields)
     assert answer.status_code == 409
-    assert not stranger.client.cookies
+    assert not unknown_visitor.client.cookies
     for text in (page.text, answer.text):
         assert code not in text
         assert "C1ABC" not in text
@@ -86,11 +86,11 @@ def consent_form(visitor: Visitor) -> dict[str, str]:
 def test_no_participation_that_is_over_is_taken_over_or_deleted_by_its_id(site: Site, status: str) -> None:
     Visitor(site).consent("prolific", prolific())
     put(site, status, "KM-2222-3333")
-    stranger = Visitor(site)
-    stranger.get(f"/s/prolific{prolific()}")
-    assert "KM-2222-3333" not in stranger.page.text
-    stranger.get("/s/prolific/withdraw")
-    stranger.send("/s/prolific/withdraw", stranger.fields("/withdraw") | {"code": ONE})
+    unknown_visitor = Visitor(site)
+    unknown_visitor.get(f"/s/prolific{prolific()}")
+    assert "KM-2222-3333" not in unknown_visitor.page.text
+    unknown_visitor.get("/s/prolific/withdraw")
+    unknown_visitor.send("/s/prolific/withdraw", unknown_visitor.fields("/withdraw") | {"code": ONE})
     assert site.only("prolific").status == status
 
 
@@ -110,18 +110,18 @@ def test_the_browser_that_took_part_sees_the_code_again_by_the_link(site: Site) 
 
 
 def test_data_are_deleted_by_the_personal_code_and_a_code_of_all_is_explained(site: Site) -> None:
-    owner, elsewhere = Visitor(site), Visitor(site)
+    owner, peers = Visitor(site), Visitor(site)
     owner.consent("prolific", prolific())
     code = finish(site, owner, "prolific")
     assert f"Your personal code is {code}" in owner.page.text
-    elsewhere.get("/s/prolific/withdraw")
-    assert "Your personal code" in elsewhere.page.text
-    fields = elsewhere.fields("/withdraw")
+    peers.get("/s/prolific/withdraw")
+    assert "Your personal code" in peers.page.text
+    fields = peers.fields("/withdraw")
     for _ in range(20):  # no guess, so it locks nobody out
-        answer = elsewhere.send("/s/prolific/withdraw", fields | {"code": "c1abc"})
+        answer = peers.send("/s/prolific/withdraw", fields | {"code": "c1abc"})
         assert answer.status_code == 422
         assert "everybody gets for the sign-up site" in answer.text
-    assert elsewhere.send("/s/prolific/withdraw", fields | {"code": f" {code.lower()} "}).status_code == 200
+    assert peers.send("/s/prolific/withdraw", fields | {"code": f" {code.lower()} "}).status_code == 200
     assert site.everybody("prolific") == []
 
 
@@ -294,6 +294,6 @@ def test_on_a_public_server_only_who_knows_its_secret_is_a_bot(
     visitor.get("/s/small")
     fields = visitor.fields("/consent") | {"box_0": "yes", "simulated": "yes"}
     if mark:
-        fields[BOT_MARK] = bot_mark(web.guard.secret, fields["visit"]) if mark == "right" else mark
+        fields[BOT_MARK] = bot_mark(web.csrf.secret, fields["visit"]) if mark == "right" else mark
     visitor.send("/s/small/consent", fields)
     assert site.only("small").simulated is is_bot

@@ -46,7 +46,7 @@ class Served:
         self.recorder = MemoryRecorder()
         self.spec = make_spec(horizon=0)
         self.games = Games(clock or Clock(10.0), RuleModels(), self.recorder, self.load)
-        self.troubles: list[str] = []
+        self.client_errors: list[str] = []
         self.app = FastAPI()
         self.app.include_router(game_socket.router)
         self.sockets = Sockets(self.games, self.find, CsrfProtection(b"secret").is_own_origin, self.report)
@@ -66,7 +66,7 @@ class Served:
         return ConnectedPlayer(who, None if who == "reader" else f"episode-of-{who}", 0, "/s/demo/now")
 
     async def report(self, participant: str, text: str) -> None:
-        self.troubles.append(f"{participant}: {text}")
+        self.client_errors.append(f"{participant}: {text}")
 
     def connect(self, who: str | None = "ann", **more: Any) -> connect:
         headers = {"Cookie": f"participant={who}"} if who else {}
@@ -335,7 +335,7 @@ async def test_lost_socket_pauses_and_hello_brings_the_same_timestep_back(served
     async with asyncio.timeout(5):
         while game.session.moving or game.busy:
             await asyncio.sleep(0.01)
-    stood = game.session.trace.timestep
+    stood = game.session.simulation.timestep
     async with served.connect() as socket:
         await say(socket, **HELLO)
         assert (await hear(socket, "welcome"))["state"]["t"] == stood
@@ -346,13 +346,13 @@ async def test_trouble_in_the_browser_reaches_the_researcher(served: Served) -> 
     async with served.connect() as socket:
         await say(socket, type="trouble", text="TypeError: x is undefined")
         async with asyncio.timeout(5):
-            while not served.troubles:
+            while not served.client_errors:
                 await asyncio.sleep(0.01)
-    assert served.troubles == ["ann: TypeError: x is undefined"]
+    assert served.client_errors == ["ann: TypeError: x is undefined"]
 
 
 async def test_a_page_that_breaks_over_and_over_is_reported_a_few_times(served: Served) -> None:
-    told = int(game_socket.TROUBLES_BURST)
+    told = int(game_socket.CLIENT_ERRORS_BURST)
     for _ in range(3):  # also when it connects again
         async with served.connect() as socket:
             for number in range(12):
@@ -361,13 +361,13 @@ async def test_a_page_that_breaks_over_and_over_is_reported_a_few_times(served: 
             async with asyncio.timeout(10):
                 while json.loads(await socket.recv())["type"] != "welcome":
                     pass
-    assert len(served.troubles) == told
+    assert len(served.client_errors) == told
     async with served.connect("ben") as socket:
         await say(socket, type="trouble", text="another")
         async with asyncio.timeout(10):
-            while len(served.troubles) == told:
+            while len(served.client_errors) == told:
                 await asyncio.sleep(0.01)
-    assert served.troubles[-1] == "ben: another"
+    assert served.client_errors[-1] == "ben: another"
 
 
 async def test_round_trip_is_measured(served: Served) -> None:
