@@ -231,7 +231,7 @@ async def _researchers(app: FastAPI, settings: Settings, node: "ClusterNode | No
     await control.begin()
     app.state.control = ClusterControl(control, peers)
     if node is not None:
-        node.show(app.state.live, app.state.control, lambda: figures_of(app.state))
+        node.show(app.state.live, control, lambda: figures_of(app.state))
     return control
 
 

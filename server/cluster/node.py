@@ -1,10 +1,10 @@
 """This process as one of several: which games it takes up, what it tells the others, what it does for them."""
 
 from collections.abc import Callable
-from typing import Any
 
-from server.cluster.dispatch import ClusterControl
-from server.cluster.registry import Cluster
+from server.cluster.registry import Cluster, LetGo
+from server.monitoring.commands import Command
+from server.monitoring.control import Control
 from server.monitoring.live_games import LiveGames
 from server.monitoring.peers import View
 from server.play.games import Games
@@ -19,7 +19,7 @@ class ClusterNode:
     def __init__(self, recorder: FencedRecorder, cluster: Cluster) -> None:
         self.recorder, self.cluster = recorder, cluster
         self._live: LiveGames | None = None
-        self._control: ClusterControl | None = None
+        self._control: Control | None = None
         self.figures: Callable[[], dict[str, float]] = dict
 
     async def load(self, episode: str) -> EpisodeRecord | None:
@@ -35,7 +35,7 @@ class ClusterNode:
     def let_go(self, episode: str) -> None:
         self.recorder.let_go(episode)
 
-    def show(self, live: LiveGames, control: ClusterControl, figures: Callable[[], dict[str, float]]) -> None:
+    def show(self, live: LiveGames, control: Control, figures: Callable[[], dict[str, float]]) -> None:
         """From now on the others hear of this process."""
         self._live, self._control, self.figures = live, control, figures
         self.cluster.start(self)
@@ -48,16 +48,16 @@ class ClusterNode:
     async def views(self) -> list[View]:
         return [] if self._live is None else await self._live.own_views()
 
-    async def answer(self, deed: str, *given: Any) -> Any:
-        """Does what another process asks for."""
-        if deed == "let_go":
-            episode, fence = given
-            game = self._games.get(episode)
-            if game is not None and self.recorder.fence(episode) < fence:
+    async def run(self, command: Command | LetGo) -> int:
+        """Run a command of another process; return how many games it reached."""
+        if isinstance(command, LetGo):
+            game = self._games.get(command.episode)
+            if game is not None and self.recorder.fence(command.episode) < command.fence:
                 self._games.let_go(game)
-            return None
+                return 1
+            return 0
         assert self._control is not None  # noqa: S101 nobody asks before `show`
-        return await self._control.answer(deed, *given)
+        return await self._control.run(command)
 
     @property
     def _games(self) -> Games:

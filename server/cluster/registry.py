@@ -1,4 +1,4 @@
-"""Several server processes as one: Redis carries who plays which game, what the dashboards show, and what they do.
+"""Connect the processes of one server by Redis: who plays which game, what dashboards show, and commands.
 
 Nothing here is the truth: that is in PostgreSQL, where every tick's owner is checked (`server.store.fences`). Without
 Redis games go on; only the dashboard then sees the games of its own process alone.
@@ -12,7 +12,7 @@ import socket
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from hashlib import sha256
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 import msgspec
 from msgspec import Struct
@@ -21,6 +21,7 @@ from redis.asyncio.client import PubSub
 from redis.exceptions import RedisError
 
 from server.background_tasks import ended
+from server.monitoring.commands import AnyGameCommand, BroadcastCommand, Command
 from server.monitoring.peers import ClusterDown, Process, View
 
 log = logging.getLogger(__name__)
@@ -32,18 +33,26 @@ AWAY_S: Final = 10.0  # Redis is looked for again, and complained about, so ofte
 _DOWN: Final = (RedisError, OSError, TimeoutError)
 
 
+class LetGo(Struct, frozen=True, tag_field="command", tag="let_go"):
+    """The sender took over the episode with this fence: whoever still plays it must stop."""
+
+    episode: str
+    fence: int
+
+
 class PeerRequest(Struct, frozen=True):
-    """One process wants something done in another."""
+    """One process asks another to run a command. `id`: of the reply that it waits for; empty: none."""
 
     id: str
     sender: str
-    deed: str
-    given: list[Any]
+    command: Command | LetGo
 
 
 class Reply(Struct, frozen=True):
+    """How many games the command reached in one process."""
+
     id: str
-    value: Any
+    value: int
 
 
 class Here(Protocol):
@@ -57,11 +66,13 @@ class Here(Protocol):
 
     figures: Callable[[], dict[str, float]]
 
-    async def answer(self, deed: str, *given: Any) -> Any: ...
+    async def run(self, command: Command | LetGo) -> int:
+        """Run a command of another process; return how many games it reached."""
+        ...
 
 
 class Cluster:
-    """This process among the others (an `Elsewhere`). `start` first; `close` lets go of everything at once."""
+    """This process among the others (its `Peers`). `start` first; `close` lets go of everything at once."""
 
     def __init__(self, redis_url: str, database_url: str) -> None:
         """Servers of one database find each other; those of others may share the Redis."""
@@ -75,9 +86,9 @@ class Cluster:
             health_check_interval=5,
         )
         self._here: Here | None = None
-        self._waiting: dict[str, list[Any]] = {}
+        self._waiting: dict[str, list[int]] = {}
         self._tasks: list[asyncio.Task[None]] = []
-        self._deeds: set[asyncio.Task[None]] = set()
+        self._commands: set[asyncio.Task[None]] = set()
         self._complained = -1e9
 
     async def reach(self) -> None:
@@ -92,7 +103,7 @@ class Cluster:
         self._tasks = [asyncio.create_task(self._again(work)) for work in (self._beat, self._listen)]
 
     async def close(self) -> None:
-        await ended(*self._tasks, *self._deeds)
+        await ended(*self._tasks, *self._commands)
         if self._here is not None:
             with suppress(*_DOWN):
                 games = [self._key("game", episode) for episode in self._here.leases()]
@@ -125,10 +136,10 @@ class Cluster:
     async def taken(self, episode: str, fence: int) -> None:
         """Tells whoever played the game that it goes on here. Should nobody hear it, their next tick tells them."""
         with suppress(*_DOWN):
-            await self._send("all", "let_go", [episode, fence])
+            await self._send("all", LetGo(episode, fence))
             await self._redis.set(self._key("game", episode), self.name, ex=LEASE_S)
 
-    # What others tell (Elsewhere)
+    # What others tell (Peers)
 
     async def views(self) -> list[View]:
         try:
@@ -146,20 +157,20 @@ class Cluster:
             self._complain(error)
             return []
 
-    async def owner_does(self, deed: str, episode: str, *given: Any) -> bool:
+    async def run_at_owner(self, command: AnyGameCommand) -> bool:
         try:
-            owner = await self._redis.get(self._key("game", episode))
+            owner = await self._redis.get(self._key("game", command.episode))
             if owner is None or owner == self.name:
                 return False
-            return any(await self._asked(str(owner), 1, deed, [episode, *given]))
+            return any(await self._asked(str(owner), 1, command))
         except _DOWN as error:
             self._complain(error)
             return False
 
-    async def all_do(self, deed: str, *given: Any) -> list[Any]:
+    async def run_at_all(self, command: BroadcastCommand) -> list[int]:
         try:
             others = len(await self._of_others("process"))
-            return await self._asked("all", others, deed, list(given)) if others else []
+            return await self._asked("all", others, command) if others else []
         except _DOWN as error:
             self._complain(error)
             return []
@@ -170,24 +181,24 @@ class Cluster:
         found = await self._redis.mget([self._key(kind, name) for name in others]) if others else []
         return [str(value) for value in found if value is not None]
 
-    async def _asked(self, whom: str, expected: int, deed: str, given: list[Any]) -> list[Any]:
-        """Their answers: as many as expected, or those that came in time."""
+    async def _asked(self, whom: str, expected: int, command: Command) -> list[int]:
+        """Return their answers: as many as expected, or those that came in time."""
         number = secrets.token_hex(8)
         replies = self._waiting[number] = []
         try:
-            await self._send(whom, deed, given, number)
+            await self._send(whom, command, number)
             async with asyncio.timeout(ANSWER_S):
                 while len(replies) < expected:
                     await asyncio.sleep(0.01)
         except TimeoutError:
-            log.warning("%d of %d processes did not answer: %s", expected - len(replies), expected, deed)
+            log.warning("%d of %d processes did not answer: %s", expected - len(replies), expected, command)
         finally:
             del self._waiting[number]
         return replies
 
-    async def _send(self, whom: str, deed: str, given: list[Any], number: str = "") -> None:
-        ask = PeerRequest(number, self.name, deed, given)
-        await self._redis.publish(self._key("asks", whom), msgspec.json.encode(ask))
+    async def _send(self, whom: str, command: Command | LetGo, number: str = "") -> None:
+        request = PeerRequest(number, self.name, command)
+        await self._redis.publish(self._key("asks", whom), msgspec.json.encode(request))
 
     # What is asked here
 
@@ -206,23 +217,23 @@ class Cluster:
                 else:
                     self._begin(msgspec.json.decode(message["data"], type=PeerRequest))
 
-    def _begin(self, ask: PeerRequest) -> None:
-        if ask.sender != self.name:
-            deed = asyncio.create_task(self._do(ask))
-            self._deeds.add(deed)
-            deed.add_done_callback(self._deeds.discard)
+    def _begin(self, request: PeerRequest) -> None:
+        if request.sender != self.name:
+            task = asyncio.create_task(self._run(request))
+            self._commands.add(task)
+            task.add_done_callback(self._commands.discard)
 
-    async def _do(self, ask: PeerRequest) -> None:
+    async def _run(self, request: PeerRequest) -> None:
         assert self._here is not None  # noqa: S101 set by start
         try:
-            value = await self._here.answer(ask.deed, *ask.given)
-            if ask.id:
-                reply = msgspec.json.encode(Reply(ask.id, value))
-                await self._redis.publish(self._key("replies", ask.sender), reply)
+            value = await self._here.run(request.command)
+            if request.id:
+                reply = msgspec.json.encode(Reply(request.id, value))
+                await self._redis.publish(self._key("replies", request.sender), reply)
         except _DOWN as error:
             self._complain(error)
         except Exception:
-            log.exception("%s, asked for by %s, failed", ask.deed, ask.sender)
+            log.exception("%s, asked for by %s, failed", request.command, request.sender)
 
     async def _again(self, work: Callable[[], Awaitable[None]]) -> None:
         while True:
@@ -231,7 +242,7 @@ class Cluster:
             except _DOWN as error:
                 self._complain(error)
             except Exception:
-                log.exception("what the processes tell each other broke off; it begins anew")
+                log.exception("the exchange between the processes failed; it starts again")
             await asyncio.sleep(BEAT_S)
 
     def _complain(self, error: BaseException) -> None:

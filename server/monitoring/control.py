@@ -1,4 +1,4 @@
-"""What a researcher does to running games: pause, go on, end, tell, give more time. Its callers write the audit log."""
+"""Run researchers' commands on the games of this process. The routes write the audit log."""
 
 import asyncio
 from collections.abc import Sequence
@@ -6,6 +6,19 @@ from contextlib import suppress
 from typing import Final
 
 from server.background_tasks import ended
+from server.monitoring.commands import (
+    AnyGameCommand,
+    Command,
+    EndGame,
+    EndGames,
+    ExtendAbsence,
+    MessageStudy,
+    PauseGame,
+    PauseStudy,
+    ResumeGame,
+    ResumeStudy,
+    SendMessage,
+)
 from server.participation.served_studies import Studies
 from server.play.game import Game
 from server.play.games import Games
@@ -19,7 +32,7 @@ BUSY_S: Final = 3.0
 
 
 class Control:
-    """The researchers' hand on the games; made once in server.main."""
+    """Runs the commands; keeps the games of paused studies paused. Made once in server.main."""
 
     def __init__(self, games: Games, database: Database, studies: Studies) -> None:
         self._games, self._database, self._studies = games, database, studies
@@ -30,45 +43,43 @@ class Control:
     async def begin(self) -> None:
         """Takes up the pauses that were on when the server stopped."""
         for study in await self._database.read(decisions.paused_studies):
-            self.pause_study(study)
+            self._pause_study(study)
 
     async def stop(self) -> None:
         await ended(self._keeper)
 
-    def pause(self, episode: str) -> bool:
-        """The game stands still until `resume`. False: it does not run here."""
-        game = self._running(episode)
-        if game is not None:
-            game.pause(RESEARCHER, "researcher")
-        return game is not None
+    async def run(self, command: Command) -> int:
+        """Run a command on the games of this process; return how many games it reached."""
+        match command:
+            case EndGames(episodes):
+                return await self._end_all(episodes)
+            case PauseStudy(study):
+                return self._pause_study(study)
+            case ResumeStudy(study):
+                return await self._resume_study(study)
+            case MessageStudy(study, text):
+                return sum(_show(game, text) for game in await self._of(self._studies.versions(study)))
+            case _:
+                game = self._running(command.episode)
+                return 0 if game is None else int(await self._run_on(game, command))
 
-    def resume(self, episode: str) -> bool:
-        game = self._running(episode)
-        if game is not None:
-            game.release(RESEARCHER)
-            game.tell_paused()
-        return game is not None
+    async def _run_on(self, game: Game, command: AnyGameCommand) -> bool:
+        match command:
+            case PauseGame():
+                game.pause(RESEARCHER, "researcher")
+            case ResumeGame():
+                _release(game)
+            case SendMessage(_, text):
+                return _show(game, text)
+            case ExtendAbsence(_, seconds):
+                game.session.pause_reasons.extend(seconds)
+                game.tell_paused()
+            case EndGame():
+                return await self._end(game, "researcher")
+        return True
 
-    def tell(self, episode: str, text: str) -> bool:
-        """Shows the words to the participant. False: nobody is there to read them."""
-        game = self._running(episode)
-        if game is not None:
-            game.broadcast(Notice(text))
-        return game is not None and bool(game.connections)
-
-    def extend(self, episode: str, seconds: float) -> bool:
-        """The participant may be away so much longer in this game."""
-        game = self._running(episode)
-        if game is not None:
-            game.session.pause_reasons.extend(seconds)
-            game.tell_paused()
-        return game is not None
-
-    async def end(self, episode: str, reason: str = "researcher") -> bool:
-        """Ends the game; what was played stays stored. False: it does not run here, or the database is away."""
-        game = self._running(episode)
-        if game is None:
-            return False
+    async def _end(self, game: Game, reason: str) -> bool:
+        """End the game. False: its database is away."""
         game.pause(RESEARCHER, "researcher")
         try:
             async with asyncio.timeout(BUSY_S):
@@ -79,30 +90,29 @@ class Control:
         self._games.abort(game, reason)
         return True
 
-    async def end_all(self, episodes: Sequence[str], reason: str = "withdrawn") -> None:
-        """Ends those of the games that run here, and returns when their ends are stored (or the database is away)."""
-        ended = [episode for episode in episodes if await self.end(episode, reason)]
+    async def _end_all(self, episodes: Sequence[str]) -> int:
+        """End those of the games that run here; return when their ends are stored (or the database is away)."""
+        running = [game for game in map(self._running, episodes) if game is not None]
+        over = [game.episode for game in running if await self._end(game, "withdrawn")]
         with suppress(TimeoutError):
             async with asyncio.timeout(BUSY_S):
-                while any(self._games.get(episode) is not None for episode in ended):
+                while any(self._games.get(episode) is not None for episode in over):
                     await asyncio.sleep(0.01)
+        return len(over)
 
-    # Whole studies
-
-    def pause_study(self, study: str) -> None:
-        """Its games stand still, and those that are taken up later too."""
+    def _pause_study(self, study: str) -> int:
+        """Hold the games of a study, and those that are taken up later."""
         self._paused[study] = self._studies.versions(study)
         if self._keeper is None or self._keeper.done():
             self._keeper = asyncio.create_task(self._keep())
+        return 0
 
-    async def resume_study(self, study: str) -> None:
-        versions = self._paused.pop(study, ())
-        for game in await self._of(versions):
-            self.resume(game.episode)
-
-    async def episodes_of(self, study: str) -> list[str]:
-        """The running games of a study."""
-        return [game.episode for game in await self._of(self._studies.versions(study))]
+    async def _resume_study(self, study: str) -> int:
+        games = await self._of(self._paused.pop(study, ()))
+        for game in games:
+            if game.session.phase != "ended":
+                _release(game)
+        return len(games)
 
     async def _keep(self) -> None:
         while self._paused:
@@ -127,3 +137,16 @@ class Control:
     def _running(self, episode: str) -> Game | None:
         game = self._games.get(episode)
         return None if game is None or game.session.phase == "ended" else game
+
+
+def _release(game: Game) -> None:
+    game.release(RESEARCHER)
+    game.tell_paused()
+
+
+def _show(game: Game, text: str) -> bool:
+    """Show the text to the participant. False: nobody is there to read it."""
+    if game.session.phase == "ended":
+        return False
+    game.broadcast(Notice(text))
+    return bool(game.connections)

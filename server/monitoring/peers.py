@@ -1,11 +1,13 @@
-"""The other processes of this server, where it has several: what runs there, and how to reach it. Knows no network."""
+"""The other processes of this server, if it has several: what runs there, and how to reach it."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from server.monitoring.commands import AnyGameCommand, BroadcastCommand
+
 
 class ClusterDown(Exception):
-    """What joins the processes cannot be reached when the server starts."""
+    """Redis cannot be reached when the server starts."""
 
 
 @dataclass(frozen=True)
@@ -40,17 +42,17 @@ class Peers(Protocol):
 
     async def processes(self) -> list[Process]: ...
 
-    async def owner_does(self, deed: str, episode: str, *given: Any) -> bool:
-        """Lets the process that plays the episode do it. False: no process does, or it could not."""
+    async def run_at_owner(self, command: AnyGameCommand) -> bool:
+        """Run the command in the process that plays the episode. False: no process plays it, or it failed."""
         ...
 
-    async def all_do(self, deed: str, *given: Any) -> list[Any]:
-        """Lets every other process do it: what they answered within a second."""
+    async def run_at_all(self, command: BroadcastCommand) -> list[int]:
+        """Run the command in every other process; return what they answered within a second."""
         ...
 
 
 class SingleProcess:
-    """One process is all there is."""
+    """The only process of its server."""
 
     name = "server"
 
@@ -60,8 +62,8 @@ class SingleProcess:
     async def processes(self) -> list[Process]:
         return []
 
-    async def owner_does(self, deed: str, episode: str, *given: Any) -> bool:  # noqa: ARG002
+    async def run_at_owner(self, command: AnyGameCommand) -> bool:  # noqa: ARG002
         return False
 
-    async def all_do(self, deed: str, *given: Any) -> list[Any]:  # noqa: ARG002
+    async def run_at_all(self, command: BroadcastCommand) -> list[int]:  # noqa: ARG002
         return []

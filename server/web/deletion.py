@@ -1,6 +1,7 @@
 """Deletes a participant who may be in a game: by the participant's own wish, or on request by a researcher."""
 
 from server.cluster.dispatch import ClusterControl
+from server.monitoring.commands import EndGames
 from server.store import overview, withdrawal
 from server.web.dependencies import Web
 
@@ -13,5 +14,5 @@ async def delete(
     A running game would go on writing.
     """
     played = await web.database.read(overview.played_by, participant_id)
-    await control.end_all([one.id for one in played])
+    await control.broadcast(EndGames([one.id for one in played]))
     return await web.database.write(withdrawal.withdraw, participant_id, deletion)

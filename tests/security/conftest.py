@@ -81,9 +81,9 @@ class House:
 
     def knock(self, door: str, role: str) -> httpx.Response:
         method, _, path = door.partition(" ")
-        deed = "signed_out" if "account" in path else "extend"
+        action = "signed_out" if "account" in path else "extend"
         values = {"name": "short", "study": "short", "person": self.person, "episode": self.episode, "account": "watch"}
-        path = path.format(**values, deed=deed)
+        path = path.format(**values, action=action)
         with self.client(self.cookies[role]) as client:
             if method == "GET":
                 return client.get(path)

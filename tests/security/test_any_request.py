@@ -25,7 +25,7 @@ def schema_of(house: Any) -> dict[str, Any]:
     form = {"type": "object", "properties": dict.fromkeys(FIELDS, WORDS), "additionalProperties": True}
     known = {
         "name": ["short", "other"], "person": [house.person], "episode": [house.episode], "account": ["watch"],
-        "deed": ["pause", "resume", "end", "message", "extend", "exclude", "restore", "release", "removed"],
+        "action": ["pause", "resume", "end", "message", "extend", "exclude", "restore", "release", "removed"],
     }  # fmt: skip
     for operations in schema["paths"].values():
         for method, operation in operations.items():

@@ -17,6 +17,16 @@ from server.bots.cook import Traits
 from server.bots.game_client import BotGame, Journal
 from server.bots.participant import Bot
 from server.cluster.registry import Cluster
+from server.monitoring.commands import (
+    AnyGameCommand,
+    EndGame,
+    MessageStudy,
+    PauseGame,
+    PauseStudy,
+    ResumeGame,
+    ResumeStudy,
+    SendMessage,
+)
 from server.monitoring.peers import View
 from server.play.game import Game
 from server.store import ticks
@@ -83,8 +93,10 @@ def peers(live: LiveServer) -> list[Any]:
     return live.do(lambda: state.live.views(state.web.studies.versions("short")))
 
 
-def does(live: LiveServer, deed: str, *given: Any) -> Any:
-    return live.do(lambda: live.app.state.control.do(deed, *given))
+def runs(live: LiveServer, command: AnyGameCommand) -> bool:
+    """Whether the command reached its game from this process."""
+    reached: bool = live.do(lambda: live.app.state.control.run(command))
+    return reached
 
 
 async def test_the_dashboard_of_one_process_shows_the_games_of_the_other(pair: Pair, bot: Bot) -> None:
@@ -104,20 +116,20 @@ async def test_a_researcher_reaches_a_game_wherever_it_runs(pair: Pair, bot: Bot
     here, there = pair
     game = running(here)
     assert game is not None
-    assert does(there, "pause", game.episode)
+    assert runs(there, PauseGame(game.episode))
     await until(lambda: game.session.phase == "paused")
-    assert does(there, "tell", game.episode, "Nearly done.")
-    assert does(there, "resume", game.episode)
+    assert runs(there, SendMessage(game.episode, "Nearly done."))
+    assert runs(there, ResumeGame(game.episode))
     await until(lambda: game.session.phase == "running")
     control = there.app.state.control
-    assert there.do(lambda: control.tell_study("short", "To all.")) == 1
-    there.do(lambda: control.pause_study("short"))
+    assert there.do(lambda: control.broadcast(MessageStudy("short", "To all."))) == 1
+    there.do(lambda: control.broadcast(PauseStudy("short")))
     await until(lambda: game.session.phase == "paused")
-    there.do(lambda: control.resume_study("short"))
+    there.do(lambda: control.broadcast(ResumeStudy("short")))
     await until(lambda: game.session.phase == "running")
-    assert does(there, "end", game.episode)
+    assert runs(there, EndGame(game.episode))
     await until(lambda: len(here.app.state.games) == 0)
-    assert not does(there, "pause", game.episode)
+    assert not runs(there, PauseGame(game.episode))
 
 
 async def test_another_tab_at_another_process_takes_the_game_over_where_it_stands(pair: Pair, bot: Bot) -> None:
@@ -153,7 +165,7 @@ async def test_games_go_on_without_redis_and_the_dashboard_comes_back_with_it(
     stood = game.session.simulation.timestep
     await until(lambda: game.session.simulation.timestep > stood + 10)
     assert game.session.phase == "running"
-    assert not does(there, "pause", game.episode)
+    assert not runs(there, PauseGame(game.episode))
     redis.start()
     await until(lambda: peers(there))
 
@@ -199,8 +211,8 @@ class Nobody:
     async def views(self) -> list[View]:
         return []
 
-    async def answer(self, deed: str, *given: Any) -> Any:
-        raise AssertionError(deed, given)
+    async def run(self, command: Any) -> int:
+        raise AssertionError(command)
 
 
 async def test_a_process_leaves_the_others_in_whatever_moment_it_is_told_to(redis: RedisServer) -> None:

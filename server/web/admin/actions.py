@@ -1,4 +1,4 @@
-"""What a researcher may do to a study, a game or a participant: POST only, with reason, each deed in the audit log."""
+"""Routes for what researchers do to a study, a game or a participant: POST only; each goes into the audit log."""
 
 import asyncio
 import logging
@@ -7,6 +7,16 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
 from server.cluster.dispatch import ClusterControl
+from server.monitoring.commands import (
+    EndGame,
+    ExtendAbsence,
+    MessageStudy,
+    PauseGame,
+    PauseStudy,
+    ResumeGame,
+    ResumeStudy,
+    SendMessage,
+)
 from server.participation.study_changes import Versions
 from server.store import audit, decisions, overview, participants, withdrawal
 from server.store.admins import AdminSession
@@ -59,7 +69,7 @@ async def pause_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep,
     """Nobody is let in and every game of the study stands still, until it is resumed."""
     study_at(web, name)
     await web.database.write(decisions.pause_study, name, admin.name)
-    await control.pause_study(name)
+    await control.broadcast(PauseStudy(name))
     await _note(web, admin, "pause study", {"study": name, "reason": _text(form, "note")})
     return back_to(f"/admin/s/{name}", "study_paused")
 
@@ -69,7 +79,7 @@ async def resume_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep
     """The study goes on, and its games with it."""
     study_at(web, name)
     await web.database.write(decisions.resume_study, name, admin.name)
-    await control.resume_study(name)
+    await control.broadcast(ResumeStudy(name))
     await _note(web, admin, "resume study", {"study": name, "reason": _text(form, "note")})
     return back_to(f"/admin/s/{name}", "study_resumed")
 
@@ -95,49 +105,49 @@ async def message_all(name: str, admin: ActDep, web: WebDep, form: AdminFormDep,
     """Shows a message in every running game of the study."""
     study_at(web, name)
     text = _required(form, "text")
-    told = await control.tell_study(name, text)
+    told = await control.broadcast(MessageStudy(name, text))
     await _note(web, admin, "message to all games", {"study": name, "text": text, "games": told})
     return back_to(f"/admin/s/{name}", "sent" if told else "gone")
 
 
-@router.post("/game/{episode}/{deed}")
+@router.post("/game/{episode}/{action}")
 async def step_in(
-    deed: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep, game: GameDep
+    action: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep, game: GameDep
 ) -> Response:
     """Pauses, resumes, ends, tells, extends or excludes one game."""
     detail: dict[str, Any] = {"episode": game.id, "participant": game.participant_id, "reason": _text(form, "note")}
-    match deed:
+    match action:
         case "pause":
-            said = "paused" if await control.do("pause", game.id) else "gone"
+            said = "paused" if await control.run(PauseGame(game.id)) else "gone"
         case "resume":
-            said = "resumed" if await control.do("resume", game.id) else "gone"
+            said = "resumed" if await control.run(ResumeGame(game.id)) else "gone"
         case "end":
-            said = "ended" if await control.do("end", game.id) else "gone"
+            said = "ended" if await control.run(EndGame(game.id)) else "gone"
         case "message":
             detail["text"] = _required(form, "text")
-            said = "sent" if await control.do("tell", game.id, detail["text"]) else "gone"
+            said = "sent" if await control.run(SendMessage(game.id, detail["text"])) else "gone"
         case "extend":
             detail["minutes"] = _minutes(form)
-            said = "extended" if await control.do("extend", game.id, 60.0 * detail["minutes"]) else "gone"
+            said = "extended" if await control.run(ExtendAbsence(game.id, 60.0 * detail["minutes"])) else "gone"
         case "exclude":
             why = _why(form)
             await web.database.write(decisions.exclude, game.participant_id, game.id, why, admin.name)
             detail["reason"], said = ": ".join(filter(None, why)), "excluded"
         case _:
             raise HTTPException(404, "unknown action")
-    await _note(web, admin, f"{deed} game", detail | {"done": said != "gone"})
+    await _note(web, admin, f"{action} game", detail | {"done": said != "gone"})
     return back_to(_back(form), said)
 
 
-@router.post("/person/{person}/{deed}")
+@router.post("/person/{person}/{action}")
 async def decide(
-    deed: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep, person: PersonDep
+    action: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep, person: PersonDep
 ) -> Response:
     """Excludes a participant, takes an exclusion back, frees the place, gives more time to come back, or deletes."""
-    if deed == "delete":
+    if action == "delete":
         return await _delete(admin, web, form, control, person)
     detail: dict[str, Any] = {"participant": person.id, "reason": _text(form, "note")}
-    match deed:
+    match action:
         case "exclude":
             why = _why(form)
             await web.database.write(decisions.exclude, person.id, None, why, admin.name)
@@ -150,14 +160,14 @@ async def decide(
         case "release":
             done = await web.database.write(participants.leave, person.id, "returned")
             for played in await web.database.read(overview.played_by, person.id) if done else ():
-                await control.do("end", played.id)
+                await control.run(EndGame(played.id))
             said = "released" if done else "gone"
         case "extend":
             await web.database.write(participants.seen, person.id)
             said = "extended"
         case _:
             raise HTTPException(404, "unknown action")
-    await _note(web, admin, f"{deed} participant", detail | {"done": said != "gone"})
+    await _note(web, admin, f"{action} participant", detail | {"done": said != "gone"})
     return back_to(_back(form), said)
 
 

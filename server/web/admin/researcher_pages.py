@@ -120,14 +120,14 @@ async def accounts(request: Request, admin: OwnDep, web: WebDep) -> Response:
     return AdminPage(request, admin).render("accounts.html", tab="accounts", rows=await web.database.read(admins.every))
 
 
-@router.post("/accounts/{account}/{deed}")
-async def change_account(account: str, deed: str, admin: OwnDep, web: WebDep, form: AdminFormDep) -> Response:  # noqa: ARG001 - checks the form
+@router.post("/accounts/{account}/{action}")
+async def change_account(account: str, action: str, admin: OwnDep, web: WebDep, form: AdminFormDep) -> Response:  # noqa: ARG001 - checks the form
     """Signs an account out everywhere, or removes it; nobody removes their own."""
-    if deed not in ("signed_out", "removed") or (deed == "removed" and account == admin.name):
+    if action not in ("signed_out", "removed") or (action == "removed" and account == admin.name):
         raise HTTPException(400, "this cannot be done to this account")
-    await web.database.write(admins.close_all if deed == "signed_out" else admins.remove, account)
-    await web.database.write(audit.add, admin.name, f"account {deed}", {"name": account})
-    return back_to("/admin/accounts", deed)
+    await web.database.write(admins.close_all if action == "signed_out" else admins.remove, account)
+    await web.database.write(audit.add, admin.name, f"account {action}", {"name": account})
+    return back_to("/admin/accounts", action)
 
 
 @router.get("/s/{name}")

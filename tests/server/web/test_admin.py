@@ -133,7 +133,7 @@ def played(site: Site, timesteps: int = 12) -> str:
 
 
 def paths(site: Site, episode: str) -> list[tuple[str, str]]:
-    """Every address of a researcher, with its method; deeds filled in."""
+    """Every address of a researcher, with its method; actions filled in."""
     person = site.only("small").id
     values = {"name": "small", "episode": episode, "person": person, "account": "watch"}
     found = []
@@ -141,8 +141,8 @@ def paths(site: Site, episode: str) -> list[tuple[str, str]]:
         for route in router.router.routes:
             if not isinstance(route, APIRoute):
                 continue  # a websocket: test_sockets_are_for_researchers_only
-            deed = "extend" if "person" in route.path else "pause" if "/s/" in route.path else "signed_out"
-            found += [(method, route.path.format(**values, deed=deed)) for method in sorted(route.methods)]
+            action = "extend" if "person" in route.path else "pause" if "/s/" in route.path else "signed_out"
+            found += [(method, route.path.format(**values, action=action)) for method in sorted(route.methods)]
     return [(method, path) for method, path in found if not path.endswith("/login")]
 
 

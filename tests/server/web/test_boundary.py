@@ -70,7 +70,7 @@ def test_no_answer_but_our_own_files_is_kept_by_a_cache(live: LiveServer, readab
 @pytest.fixture
 def readable(live: LiveServer) -> list[str]:
     """Every route that answers to GET, with names that may not exist: an error is not kept either."""
-    values: dict[str, Any] = dict.fromkeys(("name", "study", "person", "episode", "account", "deed"), "short")
+    values: dict[str, Any] = dict.fromkeys(("name", "study", "person", "episode", "account", "action"), "short")
     paths = [path for path, operations in live.app.openapi()["paths"].items() if "get" in operations]
     assert any("course.json" in path for path in paths)
     return [path.format(**values) for path in paths]

@@ -1,0 +1,63 @@
+"""The commands a researcher gives to running games, as messages: the same in this process and between processes."""
+
+from msgspec import Struct
+
+
+class GameCommand(Struct, frozen=True, tag_field="command"):
+    """Something to do with one game. It has an effect only in the process that plays the game."""
+
+    episode: str
+
+
+class PauseGame(GameCommand, frozen=True, tag="pause_game"):
+    """Hold the game until it is resumed."""
+
+
+class ResumeGame(GameCommand, frozen=True, tag="resume_game"):
+    """Let a held game continue."""
+
+
+class SendMessage(GameCommand, frozen=True, tag="send_message"):
+    """Show a text to the participant."""
+
+    text: str
+
+
+class ExtendAbsence(GameCommand, frozen=True, tag="extend_absence"):
+    """Allow the participant to be away longer in this game."""
+
+    seconds: float
+
+
+class EndGame(GameCommand, frozen=True, tag="end_game"):
+    """End the game; what was played stays stored."""
+
+
+class EndGames(Struct, frozen=True, tag_field="command", tag="end_games"):
+    """End those of the games that run in the process that receives this."""
+
+    episodes: list[str]
+
+
+class PauseStudy(Struct, frozen=True, tag_field="command", tag="pause_study"):
+    """Hold all games of a study, also those that start later."""
+
+    study: str
+
+
+class ResumeStudy(Struct, frozen=True, tag_field="command", tag="resume_study"):
+    """Let a held study continue."""
+
+    study: str
+
+
+class MessageStudy(Struct, frozen=True, tag_field="command", tag="message_study"):
+    """Show a text in every running game of a study."""
+
+    study: str
+    text: str
+
+
+AnyGameCommand = PauseGame | ResumeGame | SendMessage | ExtendAbsence | EndGame
+BroadcastCommand = EndGames | PauseStudy | ResumeStudy | MessageStudy  # to every process
+Command = AnyGameCommand | BroadcastCommand
