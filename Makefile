@@ -55,7 +55,7 @@ bench: .venv/.test
 
 # A whole simulated study with pictures of it: minutes. ARGS="--participants 6" for a taste.
 gallery: .venv/.test system
-	@$(BIN)/python tests/journeys/take_gallery.py $(ARGS)
+	@$(BIN)/python tests/e2e/take_gallery.py $(ARGS)
 
 # Asks PyPI about known weaknesses of what is installed: needs the network, so it is no part of the tests.
 audit: .venv/.test

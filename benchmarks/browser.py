@@ -20,12 +20,11 @@ from playwright.sync_api import Browser, sync_playwright
 from websockets.exceptions import ConnectionClosed
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "journeys")]
-
-from conftest import CHROMIUM_ARGUMENTS  # noqa: E402
-from fake_game_server import NONE, RINGS, FakeGameServer, kitchen, tick, welcome  # noqa: E402
+sys.path.insert(0, str(ROOT))
 
 from server.play.messages import Countdown, Ready  # noqa: E402
+from tests.support.browser.chromium import CHROMIUM_ARGUMENTS  # noqa: E402
+from tests.support.browser.fake_game_server import NONE, RINGS, FakeGameServer, kitchen, tick, welcome  # noqa: E402
 
 SLOWDOWN = 4
 TARGET_FPS = 55

@@ -23,12 +23,12 @@ from playwright.async_api import Browser, Page, async_playwright
 from websockets.asyncio.client import ClientConnection
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks"), str(ROOT / "tests" / "journeys")]
+sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 
-from conftest import CHROMIUM_ARGUMENTS  # noqa: E402
 from serve import Player, Server, cpu_s, lateness_ms, to_the_game  # noqa: E402
 
 from server.bots.participant import Bot  # noqa: E402
+from tests.support.browser.chromium import CHROMIUM_ARGUMENTS  # noqa: E402
 
 _EPISODE = re.compile(r'"episode":"([^"]+)"')
 _TIMESTEP = re.compile(r'"state":\{"t":(\d+)')

@@ -22,19 +22,17 @@ from typing import TextIO
 ROOT = Path(__file__).resolve().parent.parent
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("NUMBA_NUM_THREADS", "1")
-sys.path[:0] = [
-    str(ROOT / folder) for folder in ("", "tests/faults", "tests/journeys", "tests/server/play", "tests/server/store")
-]
+sys.path.insert(0, str(ROOT))
 
-import abuse_scenarios as abuse  # noqa: E402
-import database_scenarios as database  # noqa: E402
-import line_scenarios as line  # noqa: E402
-import model_scenarios as model  # noqa: E402
-import people_scenarios as people  # noqa: E402
-import process_scenarios as process  # noqa: E402
-from row import Row  # noqa: E402
+from tests.support.faults import abuse_scenarios as abuse  # noqa: E402
+from tests.support.faults import database_scenarios as database  # noqa: E402
+from tests.support.faults import line_scenarios as line  # noqa: E402
+from tests.support.faults import model_scenarios as model  # noqa: E402
+from tests.support.faults import people_scenarios as people  # noqa: E402
+from tests.support.faults import process_scenarios as process  # noqa: E402
+from tests.support.faults.fault_scenario import FaultResult  # noqa: E402
 
-Scenario = Callable[[Path], Row | Awaitable[Row]]
+Scenario = Callable[[Path], FaultResult | Awaitable[FaultResult]]
 KILLS_AT_ONCE = 100  # with one database; then the next seed begins with an empty one
 SHIFT_MS = 2.0  # a fault in one game may move the others' 99th percentile by less
 
@@ -78,7 +76,7 @@ def scenarios(quick: bool, kills: int, kill_s: float, first: int) -> Iterator[tu
     yield 30, lambda folder: people.last_page(folder, 10 if q else 1000)
 
 
-def measure(quick: bool, rows: set[int], kills: int, kill_s: float, first: int) -> Iterator[Row]:
+def measure(quick: bool, rows: set[int], kills: int, kill_s: float, first: int) -> Iterator[FaultResult]:
     for number, scenario in scenarios(quick, kills, kill_s, first):
         if rows and number not in rows:
             continue
@@ -87,13 +85,15 @@ def measure(quick: bool, rows: set[int], kills: int, kill_s: float, first: int) 
                 row = asyncio.run(_done(scenario, Path(folder)))
             except Exception as error:  # noqa: BLE001 - a row that breaks is a row that failed; the others go on
                 traceback.print_exc()
-                row = Row(number, "the row itself broke", 0, False, {"error": f"{type(error).__name__}: {error}"})
+                row = FaultResult(
+                    number, "the row itself broke", 0, False, {"error": f"{type(error).__name__}: {error}"}
+                )
         yield row
 
 
-async def _done(scenario: Scenario, folder: Path) -> Row:
+async def _done(scenario: Scenario, folder: Path) -> FaultResult:
     made = scenario(folder)
-    return made if isinstance(made, Row) else await made
+    return made if isinstance(made, FaultResult) else await made
 
 
 def main() -> int:
@@ -114,7 +114,7 @@ def main() -> int:
     return 0 if printed(found, said, arguments.json) else 1
 
 
-def printed(found: Iterable[Row], to: TextIO, as_json: bool) -> bool:
+def printed(found: Iterable[FaultResult], to: TextIO, as_json: bool) -> bool:
     """Prints every row as soon as it is made, with `as_json` as the items of one JSON list; whether all passed."""
     passed, first = True, True
     for row in found:

@@ -18,11 +18,11 @@ from typing import Any
 from playwright.sync_api import Browser, sync_playwright
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "journeys")]
+sys.path.insert(0, str(ROOT))
 
-from conftest import CHROMIUM_ARGUMENTS  # noqa: E402
-from real_server import RealServer  # noqa: E402
-from test_game_browser_real import go_to_game, study  # noqa: E402
+from tests.e2e.test_game_browser_real import go_to_game, study  # noqa: E402
+from tests.support.browser.chromium import CHROMIUM_ARGUMENTS  # noqa: E402
+from tests.support.real_server import RealServer  # noqa: E402
 
 WALKS = ("ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight")
 FLOW = ("flow: [introduction, tutorial, episodes, thanks]", "flow: [episodes, thanks]")

@@ -11,7 +11,6 @@ import argparse
 import asyncio
 import json
 import os
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -153,8 +152,7 @@ def main() -> None:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="kitchenmind-store-")))
         urls = [arguments.database] if arguments.database else [f"sqlite:///{folder}/study.db"]
         if not arguments.database:
-            sys.path.insert(0, str(ROOT / "tests" / "server" / "store"))
-            from postgres_server import PostgresServer
+            from tests.support.postgres_server import PostgresServer
 
             server = PostgresServer(durable=True)
             stack.callback(server.remove)

@@ -19,7 +19,7 @@ import numpy as np
 from sqlalchemy import text
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks"), str(ROOT / "tests" / "server" / "store")]
+sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 
 from store import SPEC, tick  # noqa: E402
 
@@ -105,7 +105,7 @@ def main() -> None:
     with ExitStack() as stack:
         url = arguments.database
         if url is None:
-            from postgres_server import PostgresServer
+            from tests.support.postgres_server import PostgresServer
 
             server = PostgresServer(durable=True)
             stack.callback(server.remove)

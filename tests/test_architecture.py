@@ -189,9 +189,9 @@ def test_no_module_is_a_box_for_odds_and_ends() -> None:
     assert [module for module in modules() if odd & set(module.split("."))] == []
 
 
-def test_test_files_have_names_of_their_own() -> None:
-    names = [file.name for file in (ROOT / "tests").rglob("test_*.py")]
-    assert len(names) == len(set(names)), "pytest collects them side by side, without packages"
+def test_every_folder_of_tests_is_a_package() -> None:
+    folders = {file.parent for file in (ROOT / "tests").rglob("*.py")}
+    assert [folder for folder in folders if not (folder / "__init__.py").exists()] == [], "names could collide"
 
 
 def test_no_file_got_in_that_is_neither_text_nor_weights_nor_a_picture() -> None:

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from postgres_server import PostgresServer, programs
-from study_data import fill
-from test_guides import blocks
 
 from server.store import studies
 from server.store.database import Database
 from server.store.migrate import migrate
+from tests.support.postgres_server import PostgresServer, programs
+from tests.support.study_data import fill
+from tests.test_guides import blocks
 
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "guides" / "backup.md"

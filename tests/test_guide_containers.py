@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-import guide_machine
 import pytest
-from guide_machine import ROOT, block, caddy
+
+from tests.support import guide_machine
+from tests.support.guide_machine import ROOT, block, caddy
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 SERVICES = {"server", "database", "redis"}

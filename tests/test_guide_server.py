@@ -9,11 +9,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import guide_machine
 import pytest
-from guide_machine import OWN, block, caddy, nginx
-from postgres_server import PostgresServer, programs
-from redis_server import RedisServer
+
+from tests.support import guide_machine
+from tests.support.guide_machine import OWN, block, caddy, nginx
+from tests.support.postgres_server import PostgresServer, programs
+from tests.support.redis_server import RedisServer
 
 pytestmark = [pytest.mark.slow, pytest.mark.postgres, pytest.mark.timeout(280)]
 

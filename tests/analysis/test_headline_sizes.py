@@ -6,10 +6,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from scipy import stats
-from simulation import LAYOUTS, Said, World, said_about
 
 from analysis.formatting import layout_title
 from analysis.results import select
+from tests.support.simulation import LAYOUTS, Said, World, said_about
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 STUDIES = 500

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import polars as pl
 import pytest
-from test_report import QUICK, copied
 
 import kitchenmind
 from analysis import apa_text, figures
@@ -17,6 +16,7 @@ from analysis.results import select
 from analysis.study import Options
 from analysis.synthetic import Truth, write_export
 from analysis.tables import ExportError, read_export
+from tests.analysis.test_report import QUICK, copied
 
 Change = Callable[[str, pl.DataFrame], pl.DataFrame | None]
 SMALL = Truth(participants=4, layouts=("matrix", "double_rings"), timesteps=20, broken=0)

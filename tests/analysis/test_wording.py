@@ -6,7 +6,6 @@ from pathlib import Path
 
 import polars as pl
 import pytest
-from simulation import AGENTS, LAYOUTS, Said, World, episodes_of, said_about, said_of
 
 from analysis import apa_text, formatting
 from analysis.phrases import significant
@@ -14,6 +13,7 @@ from analysis.report import write_report
 from analysis.results import Result, select
 from analysis.study import Options
 from analysis.synthetic import Truth, write_export
+from tests.support.simulation import AGENTS, LAYOUTS, Said, World, episodes_of, said_about, said_of
 
 LOW = World(effect=(-30.0,) * 5, answers=-1.5, person_sd=8.0)
 

@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-import abuse_scenarios as abuse
 import pytest
 
 from server import uvicorn_protocols
+from tests.support.faults import abuse_scenarios as abuse
 
 
 def test_the_decoder_takes_anything_without_breaking() -> None:

@@ -3,8 +3,9 @@
 import shutil
 from pathlib import Path
 
-import database_scenarios as database
 import pytest
+
+from tests.support.faults import database_scenarios as database
 
 needs_mount = pytest.mark.skipif(not database.can_mount(), reason="only root may mount a small file system")
 

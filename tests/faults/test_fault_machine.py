@@ -12,8 +12,6 @@ import time
 from pathlib import Path
 
 import pytest
-from crowd import LONG_STUDY, Crowd
-from fault_proxy import FaultProxy, Weather
 from hypothesis import HealthCheck, Phase, seed, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
@@ -24,8 +22,11 @@ from hypothesis.stateful import (
     rule,
     run_state_machine_as_test,
 )
-from invariants import held_against
-from live_server import LiveServer
+
+from tests.support.faults.crowd import LONG_STUDY, Crowd
+from tests.support.faults.fault_proxy import FaultProxy, Weather
+from tests.support.faults.invariants import held_against
+from tests.support.live_server import LiveServer
 
 WEATHERS = (Weather(), Weather(latency_ms=30, jitter_ms=20), Weather(loss=0.05), Weather(bytes_per_s=20_000))
 
@@ -75,8 +76,8 @@ class FaultMachine(RuleBasedStateMachine):
         """A reload, or another tab while the first is still open."""
 
         async def again() -> None:
-            old, witness = self.crowd._games[person], self.crowd.witnesses[person]
-            new = witness.game()
+            old, client = self.crowd._games[person], self.crowd.clients[person]
+            new = client.game()
             if same_tab:
                 self.crowd._playing[person].cancel()
                 new.tab = old.tab
@@ -117,7 +118,7 @@ class FaultMachine(RuleBasedStateMachine):
 
     @invariant()
     def nobody_was_told_two_things(self) -> None:
-        assert not [one for witness in self.crowd.witnesses for one in witness.testimony.violations]
+        assert not [one for client in self.crowd.clients for one in client.log.violations]
 
     @invariant()
     def one_seat_is_taken_once(self) -> None:
@@ -144,7 +145,7 @@ class FaultMachine(RuleBasedStateMachine):
         finally:
             self.runner.close()
             self.live.stop()
-        found = held_against(self.live.database, self.crowd.witnesses, silence_s=60)
+        found = held_against(self.live.database, self.crowd.clients, silence_s=60)
         self.folder.cleanup()
         assert found.ok, found
 

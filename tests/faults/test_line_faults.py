@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-import line_scenarios as line
 import pytest
+
+from tests.support.faults import line_scenarios as line
 
 
 async def test_connections_that_are_reset_come_back_at_their_timestep(tmp_path: Path) -> None:

@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
-import model_scenarios as model
-import people_scenarios as people
 import pytest
+
+from tests.support.faults import model_scenarios as model
+from tests.support.faults import people_scenarios as people
 
 
 async def test_a_killed_server_gives_no_code_without_all_answers(tmp_path: Path) -> None:

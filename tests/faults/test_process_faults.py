@@ -3,9 +3,10 @@
 import asyncio
 from pathlib import Path
 
-import process_scenarios as process
 import pytest
-from real_server import RealServer
+
+from tests.support.faults import process_scenarios as process
+from tests.support.real_server import RealServer
 
 
 async def test_a_killed_server_goes_on_where_everybody_was(tmp_path: Path) -> None:

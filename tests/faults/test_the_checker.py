@@ -5,31 +5,31 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from crowd import LONG_STUDY, Crowd
-from invariants import Findings, held_against, untrue
-from live_server import LiveServer
 from sqlalchemy import delete, insert, select, text, update
-from witness import Testimony, Told, Witness
 
 from server.store.database import Database
 from server.store.tables import participants, ticks
+from tests.support.faults.crowd import LONG_STUDY, Crowd
+from tests.support.faults.invariants import Findings, held_against, untrue
+from tests.support.faults.recording_client import ClientLog, LogEntry, RecordingClient
+from tests.support.live_server import LiveServer
 
 
 @pytest.fixture(scope="module")
-def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Witness]]:
+def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[RecordingClient]]:
     """The database of a short game, and who played it."""
     folder = tmp_path_factory.mktemp("checker")
 
-    async def play() -> list[Witness]:
+    async def play() -> list[RecordingClient]:
         with LiveServer(folder, study=LONG_STUDY, speed=10.0) as live:
             async with Crowd(live.url, 1, idle=0.2) as crowd:
                 await asyncio.sleep(1.0)
-        return crowd.witnesses
+        return crowd.clients
 
     return folder / "study.sqlite3", asyncio.run(play())
 
 
-def tampered(played: tuple[Path, list[Witness]], tmp_path: Path, change: Callable[..., object]) -> Findings:
+def tampered(played: tuple[Path, list[RecordingClient]], tmp_path: Path, change: Callable[..., object]) -> Findings:
     """What is found in a copy of the database after a change."""
     copy = tmp_path / "copy.sqlite3"
     copy.write_bytes(played[0].read_bytes())
@@ -38,25 +38,25 @@ def tampered(played: tuple[Path, list[Witness]], tmp_path: Path, change: Callabl
     return held_against(f"sqlite:///{copy}", played[1])
 
 
-def test_an_honest_record_is_found_to_be_so(played: tuple[Path, list[Witness]], tmp_path: Path) -> None:
+def test_an_honest_record_is_found_to_be_so(played: tuple[Path, list[RecordingClient]], tmp_path: Path) -> None:
     found = tampered(played, tmp_path, lambda connection: connection.execute(text("SELECT 1")).scalar_one())
     assert found.ok
     assert found.compared > 5
 
 
-def test_a_lost_timestep_is_found(played: tuple[Path, list[Witness]], tmp_path: Path) -> None:
+def test_a_lost_timestep_is_found(played: tuple[Path, list[RecordingClient]], tmp_path: Path) -> None:
     found = tampered(played, tmp_path, lambda c: c.execute(delete(ticks).where(ticks.c.timestep == 3)).rowcount)
     assert (bool(found.lost), bool(found.holes)) == (True, True)
 
 
-def test_another_state_in_a_timestep_is_found(played: tuple[Path, list[Witness]], tmp_path: Path) -> None:
+def test_another_state_in_a_timestep_is_found(played: tuple[Path, list[RecordingClient]], tmp_path: Path) -> None:
     change = update(ticks).where(ticks.c.timestep == 3).values(state_hash=bytes(8))
     found = tampered(played, tmp_path, lambda c: c.execute(change).rowcount)
     assert len(found.mismatches) >= 2, "what was seen, and what comes of playing it again"
 
 
 def test_a_key_that_moved_twice_or_that_nobody_pressed_is_found(
-    played: tuple[Path, list[Witness]], tmp_path: Path
+    played: tuple[Path, list[RecordingClient]], tmp_path: Path
 ) -> None:
     query = select(ticks.c.key_seq_0).where(ticks.c.key_seq_0.is_not(None)).limit(1)
 
@@ -67,7 +67,7 @@ def test_a_key_that_moved_twice_or_that_nobody_pressed_is_found(
     assert tampered(played, tmp_path, twice).doubled
 
 
-def test_a_person_who_is_there_twice_is_found(played: tuple[Path, list[Witness]], tmp_path: Path) -> None:
+def test_a_person_who_is_there_twice_is_found(played: tuple[Path, list[RecordingClient]], tmp_path: Path) -> None:
     def again(connection: object) -> object:
         row = dict(connection.execute(select(participants)).one()._mapping)  # type: ignore[attr-defined]
         other = row | {"id": "another", "token_hash": "another", "number": 99}
@@ -76,8 +76,8 @@ def test_a_person_who_is_there_twice_is_found(played: tuple[Path, list[Witness]]
     assert tampered(played, tmp_path, again).people
 
 
-def said(*told: tuple[float, str, object]) -> Testimony:
-    return Testimony(told=[Told(at, kind, detail, 1) for at, kind, detail in told])
+def said(*told: tuple[float, str, object]) -> ClientLog:
+    return ClientLog(entries=[LogEntry(at, kind, detail, 1) for at, kind, detail in told])
 
 
 def test_what_is_told_truly_is_no_fault() -> None:

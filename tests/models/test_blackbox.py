@@ -10,7 +10,6 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 import onnx
-import onnx_files
 import pytest
 from onnx import TensorProto
 
@@ -21,6 +20,7 @@ from models.agents.catalogue import agent_sha256
 from models.agents.onnx_weights import external_files
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
+from tests.support import onnx_files
 
 RING = load_layout("coordination_ring")
 STATES = Kitchens.start(RING, 3).encode()[:, 0].copy()
@@ -62,8 +62,8 @@ def test_what_is_no_model_is_refused(tmp_path):
     for name, reason in [
         (str(tmp_path / "broken.onnx"), "is no ONNX model"),
         (str(tmp_path / "missing.onnx"), "there is no file"),
-        ("foreign_models:Nobody", "is not there"),
-        ("foreign_models:Remembering", "no method probabilities"),
+        ("tests.support.foreign_models:Nobody", "is not there"),
+        ("tests.support.foreign_models:Remembering", "no method probabilities"),
     ]:
         with pytest.raises(BlackBoxError, match=reason):
             load_foreign_agent(name, RING)
@@ -267,17 +267,19 @@ def test_agent_check_says_what_an_agent_is_like(capsys, tmp_path):
     assert status == 0
     assert "it can be used" in out
     assert "deterministic  yes" in out
-    status, out, _ = checked(capsys, "foreign_models:Remembering", "--predictor", "--deadline-ms", "60000")
+    status, out, _ = checked(
+        capsys, "tests.support.foreign_models:Remembering", "--predictor", "--deadline-ms", "60000"
+    )
     assert status == 0
     status, out, _ = checked(capsys, "planner", "--deadline-ms", "60000")
     assert "certain        in 100% of the states" in out
 
 
 def test_agent_check_refuses_what_does_not_fit(capsys):
-    status, _, err = checked(capsys, "foreign_models:WrongShape")
+    status, _, err = checked(capsys, "tests.support.foreign_models:WrongShape")
     assert status == 1
     assert "its answer has the shape (1, 3), wanted (1, 6)" in err
-    status, _, err = checked(capsys, "foreign_models:BrokenAfterWarming")
+    status, _, err = checked(capsys, "tests.support.foreign_models:BrokenAfterWarming")
     assert status == 1
     assert "no probabilities" in err
     status, _, err = checked(capsys, "planner", "--deadline-ms", "0.0001")

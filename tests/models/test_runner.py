@@ -18,8 +18,8 @@ from overcooked.layout import load_layout
 from overcooked.state import Kitchens
 
 LAYOUT = "coordination_ring"
-NORTHWARD, EVEN = "foreign_models:Northward", "foreign_models:EvenHanded"
-REMEMBERING = "foreign_models:Remembering"
+NORTHWARD, EVEN = "tests.support.foreign_models:Northward", "tests.support.foreign_models:EvenHanded"
+REMEMBERING = "tests.support.foreign_models:Remembering"
 PATIENT_MS = 5000
 
 
@@ -92,7 +92,7 @@ async def test_the_given_number_draws_the_action(serving):
 
 
 async def test_a_jammed_agent_is_mixed_as_its_mode_says(serving):
-    jamming = "foreign_models:Jamming"
+    jamming = "tests.support.foreign_models:Jamming"
     server = await serving([jamming])
     free, jammed = await server.ask(
         [Game("a").question(jamming, uniform=0.6, stuck=1), Game("b").question(jamming, uniform=0.6, stuck=2)],
@@ -134,7 +134,7 @@ async def test_a_killed_worker_comes_back_and_answers_as_if_nothing_had_happened
 
 
 async def test_a_worker_that_hangs_is_replaced(serving):
-    hanging = "foreign_models:Hanging"
+    hanging = "tests.support.foreign_models:Hanging"
     server = await serving([hanging], hang_s=0.3)
     good, bad = Game("a"), Game("b")
     bad.observations[-1][0, 0, 21] = 1
@@ -145,7 +145,7 @@ async def test_a_worker_that_hangs_is_replaced(serving):
 
 
 async def test_a_late_answer_is_dropped_and_the_next_is_in_time(serving):
-    slow = "foreign_models:SlowAfterWarming"
+    slow = "tests.support.foreign_models:SlowAfterWarming"
     server = await serving([slow])
     game = Game("a")
     assert await server.ask([game.question(slow)], 20) == [None]
@@ -156,7 +156,7 @@ async def test_a_late_answer_is_dropped_and_the_next_is_in_time(serving):
 
 
 async def test_a_slow_agent_delays_no_other(serving):
-    slow = "foreign_models:SlowAfterWarming"
+    slow = "tests.support.foreign_models:SlowAfterWarming"
     server = await serving([slow, NORTHWARD])
     late, quick = await server.ask([Game("a").question(slow), Game("b").question(NORTHWARD)], 150)
     assert late is None
@@ -164,7 +164,7 @@ async def test_a_slow_agent_delays_no_other(serving):
 
 
 async def test_nan_is_no_answer_and_is_counted(serving):
-    broken = "foreign_models:BrokenAfterWarming"
+    broken = "tests.support.foreign_models:BrokenAfterWarming"
     server = await serving([broken])
     game = Game("a")
     answers = [(await server.ask([game.play().question(broken)], PATIENT_MS))[0] for _ in range(8)]
@@ -176,7 +176,7 @@ async def test_nan_is_no_answer_and_is_counted(serving):
 
 async def test_a_model_that_does_not_fit_is_refused_before_anything_is_served(serving):
     with pytest.raises(ModelsDown, match=r"WrongShape cannot be used on coordination_ring: .*shape \(1, 3\)"):
-        await serving(["foreign_models:WrongShape"])
+        await serving(["tests.support.foreign_models:WrongShape"])
     with pytest.raises(ModelsDown, match="no_such_module:Agent is not there"):
         await serving(["no_such_module:Agent"])
 

@@ -8,9 +8,6 @@ from urllib.parse import urlencode
 import httpx
 import pytest
 from argon2 import PasswordHasher
-from crowd import SHORT_GAMES
-from live_server import LiveServer
-from real_server import SHORT_STUDY
 from sqlalchemy import select
 
 from server.participation.episode_specs import episode_spec
@@ -19,6 +16,9 @@ from server.store.participants import get
 from server.store.tables import participants
 from server.web.auth import COOKIE as PARTICIPANT_COOKIE
 from server.web.auth import FORM_FIELD
+from tests.support.faults.crowd import SHORT_GAMES
+from tests.support.live_server import LiveServer
+from tests.support.real_server import SHORT_STUDY
 
 PASSWORD = "long enough for a test"
 QUICK_HASH = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1).hash(PASSWORD)

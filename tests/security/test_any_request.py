@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 import schemathesis
 from hypothesis import HealthCheck, given, settings
-from invariants import Holdings
 
 from server.store import attempts
 from server.web.auth import FORM_FIELD
+from tests.support.faults.invariants import Holdings
 
 WORDS = {"type": "string"}
 FIELDS = (

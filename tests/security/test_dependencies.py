@@ -4,8 +4,9 @@ import ast
 import tomllib
 from pathlib import Path
 
-import list_dependencies
 import pytest
+
+from tests.security import list_dependencies
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -9,14 +9,14 @@ from collections.abc import Iterator
 import httpx
 import pytest
 from argon2 import PasswordHasher
-from live_server import LiveServer
-from real_server import SHORT_STUDY
 
 import kitchenmind
 from server.store import admins
 from server.store.attempts import LIMIT
 from server.web.guess_limits import CODE, MOST_WAITING, MOST_WAITING_OF_ONE, PASSWORD_OF_KNOWN, Busy, Hashing, Origin
 from server.web.guess_limits import PASSWORD as BY_PASSWORD
+from tests.support.live_server import LiveServer
+from tests.support.real_server import SHORT_STUDY
 
 PUBLIC = "https://lab.example.org"
 PASSWORD = "long enough for a test"

@@ -8,13 +8,13 @@ from contextlib import AsyncExitStack, suppress
 
 import httpx
 import pytest
-from crowd import SHORT_GAMES
-from live_server import LiveServer
 from websockets.protocol import State
-from witness import Witness
 
 from server.web import forms, rate_limits
 from server.web.participant.game_socket import MOST_OF_ONE
+from tests.support.faults.crowd import SHORT_GAMES
+from tests.support.faults.recording_client import RecordingClient
+from tests.support.live_server import LiveServer
 
 
 @pytest.fixture(scope="module")
@@ -23,11 +23,11 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
         yield running
 
 
-async def enrolled(live: LiveServer) -> Witness:
-    witness = Witness(live.url)
-    page = await witness.ask("GET", "/s/short")
-    await witness.ask("POST", "/s/short/consent", page.form)
-    return witness
+async def enrolled(live: LiveServer) -> RecordingClient:
+    client = RecordingClient(live.url)
+    page = await client.ask("GET", "/s/short")
+    await client.ask("POST", "/s/short/consent", page.form)
+    return client
 
 
 async def test_one_participant_who_asks_too_often_waits_and_another_does_not(
@@ -83,15 +83,15 @@ async def test_a_form_that_is_sent_twenty_times_at_once_moves_on_once(live: Live
 
 
 async def test_a_participant_cannot_open_sockets_without_end(live: LiveServer) -> None:
-    witness = await enrolled(live)
+    client = await enrolled(live)
     async with AsyncExitStack() as stack:
-        held = [await stack.enter_async_context(witness.game().connect()) for _ in range(MOST_OF_ONE + 3)]
+        held = [await stack.enter_async_context(client.game().connect()) for _ in range(MOST_OF_ONE + 3)]
         for one in held[:3]:
             await asyncio.wait_for(one.wait_closed(), 10)
             assert one.close_code == 1008
         await asyncio.sleep(0.1)
         assert all(one.state is State.OPEN for one in held[3:])
-    await witness.close()
+    await client.close()
 
 
 def test_a_request_with_endless_headers_is_refused(live: LiveServer) -> None:

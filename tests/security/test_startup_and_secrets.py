@@ -11,12 +11,8 @@ from secrets import token_hex, token_urlsafe
 import httpx
 import pytest
 from argon2 import extract_parameters
-from crowd import SHORT_GAMES
-from live_server import SECRET, LiveServer
 from pydantic import ValidationError
-from real_server import RealServer
 from sqlalchemy import select
-from witness import Witness
 
 import kitchenmind
 from server.settings import Settings
@@ -26,6 +22,10 @@ from server.store.participants import new_token
 from server.store.tables import admin_sessions, participants
 from server.web.auth import CsrfProtection
 from server.web.passwords import hashed, weakness
+from tests.support.faults.crowd import SHORT_GAMES
+from tests.support.faults.recording_client import RecordingClient
+from tests.support.live_server import SECRET, LiveServer
+from tests.support.real_server import RealServer
 
 PUBLIC = "https://lab.example.org"
 STRONG = "".join(chr(97 + number % 26) + str(number % 10) for number in range(20))
@@ -282,18 +282,18 @@ def test_the_database_is_not_waited_for_without_end() -> None:
 def test_the_log_holds_no_secret_and_no_line_of_somebody_else(tmp_path: Path) -> None:
     """A real server, a participant who plays, a wrong password, trouble with a line break in it; then its whole log."""
     with RealServer(tmp_path, speed=20.0, study=SHORT_GAMES) as server:
-        witness = Witness(server.url)
+        client = RecordingClient(server.url)
 
         async def visit() -> str:
-            await witness.to_the_game()
-            async with witness.game().connect() as line:
+            await client.to_the_game()
+            async with client.game().connect() as line:
                 await line.send('{"type":"trouble","text":"x\\\\nERROR forged line"}')
                 await line.send('{"type":"nonsense","text":"my-private-words"}')
                 await line.recv()
-            await witness.client.post("/admin/login", data={"name": "ada", "password": "hunter2-hunter2"})
-            await witness.client.get("/s/short/now?PROLIFIC_PID=5f0000000000000000000001")
-            token = next(iter(witness.client.cookies.values()))
-            await witness.close()
+            await client.http.post("/admin/login", data={"name": "ada", "password": "hunter2-hunter2"})
+            await client.http.get("/s/short/now?PROLIFIC_PID=5f0000000000000000000001")
+            token = next(iter(client.http.cookies.values()))
+            await client.close()
             return token
 
         token = asyncio.run(visit())

@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
-import onnx_files
 import pytest
 
 import kitchenmind
@@ -26,6 +25,7 @@ from server.store.database import Database
 from server.store.migrate import migrate
 from server.store.participants import complete
 from server.study.loader import load_study
+from tests.support import onnx_files
 
 PUBLISHED = ROOT / "studies" / "external_predictor.yaml"
 QUICK = ROOT / "studies" / "quick_look.yaml"

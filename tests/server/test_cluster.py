@@ -8,10 +8,6 @@ from typing import Any
 
 import httpx
 import pytest
-from live_server import LiveServer
-from postgres_server import PostgresServer
-from real_server import SHORT_STUDY
-from redis_server import RedisServer
 
 from server.bots.cook import Traits
 from server.bots.game_client import BotGame, Journal
@@ -31,6 +27,10 @@ from server.monitoring.peers import View
 from server.play.game import Game
 from server.store import ticks
 from server.study.loader import StudyError
+from tests.support.live_server import LiveServer
+from tests.support.postgres_server import PostgresServer
+from tests.support.real_server import SHORT_STUDY
+from tests.support.redis_server import RedisServer
 
 pytestmark = pytest.mark.postgres
 STUDY = SHORT_STUDY.replace("tutorial, ", "").replace("horizon: 60", "horizon: 2000")

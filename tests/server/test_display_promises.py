@@ -6,9 +6,9 @@ from pathlib import Path
 
 import polars as pl
 import pytest
-from test_bots import SCRIPTED
 
 from server.bots.local_server import kitchenmind
+from tests.server.test_bots import SCRIPTED
 
 SOMETIMES = """
 import numpy as np

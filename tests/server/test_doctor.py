@@ -10,7 +10,6 @@ from pathlib import Path
 
 import psycopg
 import pytest
-from postgres_server import PostgresServer
 from sqlalchemy import text as sql
 
 import kitchenmind
@@ -18,6 +17,7 @@ from server import doctor, required_models
 from server.settings import ROOT
 from server.store.database import Database
 from server.store.migrate import migrate
+from tests.support.postgres_server import PostgresServer
 
 STUDY = ROOT / "tests" / "data" / "small_study.yaml"
 

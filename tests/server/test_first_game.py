@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numba
 import pytest
-from live_server import LiveServer
-from real_server import RealServer
 
 from overcooked.layout import layout_names, load_layout, parse_layout
 from server.bots.participant import Bot
+from tests.support.live_server import LiveServer
+from tests.support.real_server import RealServer
 
 ONE_POT = "XXPXX\nO1 2O\nXDSXX"
 THREE_POTS = "XPPPX\nO1 2O\nXDSXX"

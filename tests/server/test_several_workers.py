@@ -10,15 +10,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from postgres_server import PostgresServer
-from real_server import ROOT, SHORT_STUDY, RealServer
-from redis_server import RedisServer
 from sqlalchemy import Connection, select
 
 from server.bots.participant import Bot
 from server.store import ticks
 from server.store.database import Database
 from server.store.tables import episodes
+from tests.support.postgres_server import PostgresServer
+from tests.support.real_server import ROOT, SHORT_STUDY, RealServer
+from tests.support.redis_server import RedisServer
 
 STUDY = SHORT_STUDY.replace("tutorial, ", "")
 pytestmark = pytest.mark.postgres

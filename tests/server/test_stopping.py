@@ -5,10 +5,10 @@ import signal
 from pathlib import Path
 
 import pytest
-from postgres_server import PostgresServer
-from real_server import RealServer
 
 from server.bots.participant import Bot
+from tests.support.postgres_server import PostgresServer
+from tests.support.real_server import RealServer
 
 pytestmark = pytest.mark.postgres
 

@@ -12,8 +12,9 @@ import urllib.error
 import urllib.request
 from pathlib import Path
 
-import guide_house
 import pytest
+
+from tests.support import guide_house
 
 GUIDE = guide_house.ROOT / "docs" / "guides" / "bring_your_own_agent.md"
 SMALL = {"updates": 20, "warm_up": 5, "check_every": 10, "hidden": 32, "heads": 2, "layers": 2}

@@ -4,8 +4,9 @@ serves a study. With a preset that makes everything small; the rest of the guide
 import re
 from pathlib import Path
 
-import guide_house
 import pytest
+
+from tests.support import guide_house
 
 GUIDE = (guide_house.ROOT / "docs" / "guides" / "bring_your_own_kitchen.md").read_text(encoding="utf-8")
 LAST = GUIDE.partition("## Agents and predictors")[2]

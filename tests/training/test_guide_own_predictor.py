@@ -6,8 +6,9 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
-import guide_house
 import pytest
+
+from tests.support import guide_house
 
 GUIDE = guide_house.ROOT / "docs" / "guides" / "predict_your_own_agent.md"
 SHORTER = {  # added to a command that begins so

@@ -4,11 +4,11 @@ import asyncio
 from datetime import UTC, datetime
 
 import pytest
-from live_fakes import MemoryRecorder
 
 from server.play.clock import Clock
 from server.play.recorder import PauseRecord, RecorderDown
 from server.play.retrying_writer import RetryingWriter
+from tests.support.live_fakes import MemoryRecorder
 
 
 class Recorder(MemoryRecorder):

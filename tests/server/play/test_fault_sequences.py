@@ -11,7 +11,6 @@ import itertools
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
-from live_fakes import MemoryRecorder, QuietConnection, RuleModels, make_spec
 
 from overcooked.constants import STAY
 from server.play import messages as m
@@ -21,6 +20,7 @@ from server.play.game import Game
 from server.play.games import Games, NoGame
 from server.play.recorder import EpisodeRecord
 from server.play.session import Session
+from tests.support.live_fakes import MemoryRecorder, QuietConnection, RuleModels, make_spec
 
 HORIZON = 30
 

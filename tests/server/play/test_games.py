@@ -7,7 +7,6 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from live_fakes import MemoryRecorder, QuietConnection, RuleModels, make_spec
 
 from overcooked.constants import EAST, STAY
 from server.play import messages as m
@@ -15,6 +14,7 @@ from server.play.clock import Clock
 from server.play.episode_spec import EpisodeSpec, PauseLimits
 from server.play.games import Games, NoGame
 from server.play.recorder import EpisodeRecord, TickRecord
+from tests.support.live_fakes import MemoryRecorder, QuietConnection, RuleModels, make_spec
 
 SPEED = 20.0
 

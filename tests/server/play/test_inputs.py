@@ -4,14 +4,14 @@ from collections.abc import Sequence
 
 from hypothesis import given
 from hypothesis import strategies as st
-from live_fakes import make_spec, new_record
-from test_session import AT, press, start, tick
 
 from overcooked.constants import EAST, INTERACT, NORTH, STAY
 from server.play.keys import Keys
 from server.play.messages import Input
 from server.play.recorder import INPUT_OUTCOMES, InputRecord, StoredInputs
 from server.play.session import Session
+from tests.server.play.test_session import AT, press, start, tick
+from tests.support.live_fakes import make_spec, new_record
 
 
 def outcomes(records: Sequence[InputRecord]) -> list[tuple[int, int | None, str]]:

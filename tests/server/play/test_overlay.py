@@ -4,10 +4,10 @@ from collections import Counter
 
 from hypothesis import given
 from hypothesis import strategies as st
-from live_fakes import make_spec
 
 from server.play.marks import NOTHING_SHOWN, OPACITIES, display
 from server.play.randomness import MARKS, PARTNER, uniform
+from tests.support.live_fakes import make_spec
 
 SURE = tuple(tuple(0.9 if action == step else 0.02 for action in range(6)) for step in range(3))
 FLAT = ((0.2, 0.16, 0.16, 0.16, 0.16, 0.16),) * 3

@@ -4,7 +4,6 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
-from live_fakes import MemoryRecorder, RuleModels, make_spec, new_record
 
 from overcooked.constants import EAST, INTERACT, NORTH, SOUTH, STAY, WEST
 from overcooked.layout import load_layout
@@ -13,6 +12,7 @@ from server.play.episode_spec import EpisodeSpec, PauseLimits
 from server.play.messages import Input, encode
 from server.play.recorder import TickRecord
 from server.play.session import ReplayMismatch, Session
+from tests.support.live_fakes import MemoryRecorder, RuleModels, make_spec, new_record
 
 AT = datetime(2026, 1, 1, tzinfo=UTC)
 MODELS = RuleModels()

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from live_fakes import RuleModels, make_spec, new_record
 
 from models.agents.planner import PlannerPolicy
 from overcooked.constants import INTERACT, STAY
 from server.play.messages import Input
 from server.play.session import Session
 from server.play.tutorial import LESSONS, MARKS_WATCHED_TIMESTEPS, Tutor
+from tests.support.live_fakes import RuleModels, make_spec, new_record
 
 ALL = tuple(LESSONS)
 

@@ -3,13 +3,13 @@
 from dataclasses import replace
 
 import pytest
-from study_data import SPEC, new_participant, played, result_of
 
 from server.export import codebook
 from server.export.rows import Selection, episode_rows
 from server.store import episodes, overview, studies, ticks
 from server.store.accuracy import RunningAccuracy
 from server.store.database import Database
+from tests.support.study_data import SPEC, new_participant, played, result_of
 
 
 @pytest.mark.parametrize(("stored", "shown"), [("mine", "mine"), (None, "./agents/bc.onnx")])

@@ -6,13 +6,13 @@ import threading
 from pathlib import Path
 
 import pytest
-from postgres_server import PostgresServer, programs
-from study_data import SPEC, fill, played
 
 import kitchenmind
 from server.store import episodes, studies, ticks
 from server.store.database import Database
 from server.store.migrate import migrate
+from tests.support.postgres_server import PostgresServer, programs
+from tests.support.study_data import SPEC, fill, played
 
 
 @pytest.fixture

@@ -10,7 +10,6 @@ import psycopg
 import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
-from postgres_server import PostgresServer
 from sqlalchemy import Connection, create_engine, event, func, select, text
 
 import kitchenmind
@@ -20,6 +19,7 @@ from server.store.engines import normal_url, shown
 from server.store.migrate import DatabaseTooNew, migrate, migrate_shared, newest_revision
 from server.store.tables import metadata
 from server.store.tables import studies as study_table
+from tests.support.postgres_server import PostgresServer
 
 
 def how_many(connection: Connection) -> int:

@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import pytest
-from study_data import SPEC, played, result_of
 
 from server.play.marks import NOTHING_SHOWN
 from server.store import episodes, studies, ticks
 from server.store.database import Database
 from server.store.displays import DisplayCount, violations
+from tests.support.study_data import SPEC, played, result_of
 
 NOTHING = ((NOTHING_SHOWN, 95), (NOTHING_SHOWN, 80), (NOTHING_SHOWN, 60))
 MARKS = ((2, 95), (4, 80), (0, 60))

@@ -10,9 +10,7 @@ from datetime import timedelta
 from pathlib import Path
 
 import pytest
-from postgres_server import PostgresServer
 from sqlalchemy import create_engine, delete
-from study_data import SPEC, START, new_participant, played, result_of
 
 from overcooked.score import ProgressWeights
 from server.play.episode_spec import PauseLimits
@@ -23,8 +21,10 @@ from server.store.episodes import BrokenEpisode, NewEpisode, StoreRecorder, Tick
 from server.store.migrate import migrate
 from server.store.tables import ticks as tick_table
 from server.store.withdrawal import withdraw
+from tests.support.postgres_server import PostgresServer
+from tests.support.study_data import SPEC, START, new_participant, played, result_of
 
-WRITER = Path(__file__).with_name("writes_until_killed.py")
+WRITER = Path(__file__).parents[2] / "support" / "writes_until_killed.py"
 LONGEST = 400  # as in WRITER
 
 

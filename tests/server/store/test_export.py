@@ -10,7 +10,6 @@ from typing import Any
 import polars as pl
 import pytest
 from sqlalchemy import Connection, select
-from study_data import fill, played
 
 import kitchenmind
 from overcooked.trajectory import read_trajectories
@@ -22,6 +21,7 @@ from server.store.tables import answers as answer_table
 from server.store.tables import episodes as episode_table
 from server.store.tables import metadata
 from server.store.tables import participants as participant_table
+from tests.support.study_data import fill, played
 
 ROOT = Path(__file__).resolve().parents[3]
 TABLES = [table.name for table in codebook.TABLES]

@@ -8,7 +8,6 @@ from pathlib import Path
 import polars as pl
 import pytest
 from sqlalchemy import select
-from study_data import fill
 
 import kitchenmind
 from analysis import cards, data_quality, measures
@@ -23,6 +22,7 @@ from server.store.migrate import migrate
 from server.store.tables import episodes as episode_table
 from server.store.tables import participants as participant_table
 from server.store.tables import ticks as tick_table
+from tests.support.study_data import fill
 
 PEOPLE = 9
 

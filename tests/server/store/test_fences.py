@@ -6,15 +6,15 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
-from postgres_server import PostgresServer
 from sqlalchemy import Connection
-from study_data import SPEC, played
 
 from server.play.recorder import EpisodeResult, GamesLost, PauseRecord, TickRecord
 from server.store import episodes, fences, ticks
 from server.store.database import Database
 from server.store.engines import DatabaseInUse
 from server.store.fences import FencedRecorder
+from tests.support.postgres_server import PostgresServer
+from tests.support.study_data import SPEC, played
 
 pytestmark = pytest.mark.postgres
 NEW = episodes.NewEpisode(SPEC, "episode-01")

@@ -11,13 +11,13 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 from pyarrow import parquet
-from study_data import SPEC, fill, new_participant, played
 
 import kitchenmind
 from server.export.import_checks import write_sums
 from server.store import answers, arrivals, decisions, episodes, events, participants, studies, ticks
 from server.store.database import Database
 from server.store.withdrawal import withdraw
+from tests.support.study_data import SPEC, fill, new_participant, played
 
 
 @pytest.fixture

@@ -8,14 +8,14 @@ import pytest
 from alembic import command
 from alembic.config import Config
 from alembic.script import ScriptDirectory
-from postgres_server import PostgresServer
 from sqlalchemy import Connection, inspect
-from study_data import SPEC, played
 
 from server.store import engines, episodes, fences, studies, tables, ticks
 from server.store.database import Database
 from server.store.engines import DatabaseInUse
 from server.store.migrate import MIGRATIONS, known_revisions, migrate, migrate_shared, newest_revision, revision_of
+from tests.support.postgres_server import PostgresServer
+from tests.support.study_data import SPEC, played
 
 KINDS = ["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)]
 EARLIER = [revision for revision in known_revisions() if revision != newest_revision()]

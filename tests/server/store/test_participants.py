@@ -4,7 +4,6 @@ from pathlib import Path
 import pytest
 from sqlalchemy import Connection, delete, func, select, update
 from sqlalchemy.exc import DBAPIError
-from study_data import fill, new_participant
 
 from server.store import answers, audit, events, participants, studies
 from server.store.database import Database
@@ -14,6 +13,7 @@ from server.store.tables import audit as audit_table
 from server.store.tables import metadata
 from server.store.tables import participants as participant_table
 from server.store.withdrawal import withdraw
+from tests.support.study_data import fill, new_participant
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 from sqlalchemy import func, select
-from study_data import SPEC, new_participant, played, result_of, sent
 
 from server.play.recorder import InputRecord, PauseRecord, StoredInputs
 from server.store import episodes, inputs, studies, ticks
@@ -13,6 +12,7 @@ from server.store.database import Database
 from server.store.episodes import NewEpisode, StoreRecorder
 from server.store.tables import inputs as table
 from server.store.withdrawal import withdraw
+from tests.support.study_data import SPEC, new_participant, played, result_of, sent
 
 AT = datetime(2026, 3, 1, tzinfo=UTC)
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 from sqlalchemy import select
 from sqlalchemy import text as sql
-from study_data import fill
 
 import kitchenmind
 from server.store import answers, audit, participants, studies, tombstones
 from server.store.database import Database
 from server.store.tables import episodes, metadata
 from server.store.withdrawal import Deletion, withdraw
+from tests.support.study_data import fill
 
 
 class Before:

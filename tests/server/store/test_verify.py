@@ -3,11 +3,11 @@ from pathlib import Path
 
 import pytest
 from sqlalchemy import Connection, create_engine, delete, select, update
-from study_data import fill
 
 import kitchenmind
 from server.store.database import Database
 from server.store.tables import episodes, ticks
+from tests.support.study_data import fill
 
 
 @pytest.fixture

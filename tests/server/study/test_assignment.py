@@ -4,11 +4,11 @@ import random
 from collections import Counter
 
 import pytest
-from study_text import SMALL_STUDY
 
 from server.study.assignment import Count, StudyFullError, next_condition, participant_seed
 from server.study.definition import Study
 from server.study.loader import parse_study
+from tests.support.study_text import SMALL_STUDY
 
 THREE = "  - {name: third, predictor: random}\nagents:"
 

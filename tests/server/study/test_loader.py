@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
-from study_text import SMALL_STUDY
 
 from server.study.loader import StudyError, load_study, parse_study
 from server.study.text import Text
+from tests.support.study_text import SMALL_STUDY
 
 
 def line_of(words: str, text: str = SMALL_STUDY) -> int:

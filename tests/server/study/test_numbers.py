@@ -1,10 +1,10 @@
 """Numbers as people write them."""
 
 import pytest
-from written_numbers import WRITTEN
 
 from server.study.numbers import read_number
 from server.study.questionnaire import AnswerError, NumberQuestion, check_answers
+from tests.support.written_numbers import WRITTEN
 
 
 @pytest.mark.parametrize("text", WRITTEN)

@@ -1,10 +1,10 @@
 """Answers: what is taken, what is refused and why."""
 
 import pytest
-from study_text import SMALL_STUDY
 
 from server.study.loader import parse_study
 from server.study.questionnaire import AnswerError, TextQuestion, asked, check_answers, is_attentive, is_correct
+from tests.support.study_text import SMALL_STUDY
 
 STUDY = parse_study(SMALL_STUDY).study
 QUESTIONS = STUDY.questions("everything")

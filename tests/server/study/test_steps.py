@@ -5,12 +5,12 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from study_text import SMALL_STUDY
 
 from server.study.definition import Study
 from server.study.loader import load_study, parse_study
 from server.study.order import balanced_square, episode_order
 from server.study.steps import episodes_of, position, steps
+from tests.support.study_text import SMALL_STUDY
 
 PUBLISHED = Path(__file__).parents[3] / "studies" / "external_predictor.yaml"
 SEEDS = range(40)

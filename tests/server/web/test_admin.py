@@ -17,7 +17,6 @@ import httpx
 import pytest
 from argon2 import PasswordHasher
 from fastapi.routing import APIRoute
-from page_site import SMALL_STUDY, Site, Visitor
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
@@ -42,6 +41,7 @@ from server.store.tables import participants as participants_table
 from server.web.admin import actions, downloads, live_boards, replay_page, researcher_pages
 from server.web.guess_limits import Hashing
 from server.web.participant.game_socket import Sockets
+from tests.support.page_site import SMALL_STUDY, Site, Visitor
 
 PASSWORD = "a good long password"
 HASH = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1).hash(PASSWORD)  # quick: the cost is in the hash itself

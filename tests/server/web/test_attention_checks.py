@@ -5,7 +5,6 @@ from pathlib import Path
 
 import polars as pl
 import pytest
-from page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
 
 from analysis import data_quality, measures
 from analysis.tables import read_export
@@ -13,6 +12,7 @@ from server.export.writer import export
 from server.monitoring.enrolment_flow import arms_of, flow_of, stock
 from server.store import answers, events, participants
 from server.study.loader import StudyError, parse_study
+from tests.support.page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
 
 AFTER = "      - {key: marks, type: scale, conditions: with_predictor"
 CHECKED_AFTER = (

@@ -5,7 +5,8 @@ from typing import Any
 
 import httpx
 import pytest
-from live_server import LiveServer
+
+from tests.support.live_server import LiveServer
 
 FOREIGN = "evil.example"
 

@@ -1,12 +1,12 @@
 """A researcher deletes somebody who asks for it: found by code or id, and the audit log does not name the person."""
 
 import pytest
-from page_site import Site
 from sqlalchemy import text as sql
-from test_admin import played, signed_in, site  # noqa: F401 - the fixture
 
 from server.store import audit, participants, tombstones
 from server.store.tables import RECRUITMENT_ID, metadata
+from tests.server.web.test_admin import played, signed_in, site  # noqa: F401 - the fixture
+from tests.support.page_site import Site
 
 
 def everything(site: Site) -> str:  # noqa: F811

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import httpx
 import pytest
-from page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
 
 from server.monitoring import invented_participants
 from server.participation import progress
@@ -17,6 +16,7 @@ from server.store.tables import participants as table
 from server.web import rate_limits
 from server.web.client_address import address_of
 from server.web.rate_limits import NewPlaces
+from tests.support.page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
 
 ONE_EACH = SMALL_STUDY.replace("predictor: none}", "predictor: none, quota: 1}").replace(
     "predictor: tom}", "predictor: tom, quota: 1}"

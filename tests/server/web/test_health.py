@@ -10,11 +10,11 @@ from pathlib import Path
 
 import httpx
 import pytest
-from live_server import LiveServer
-from real_server import SHORT_STUDY
 
 from server import logging_setup
 from server.web.health import FIGURES
+from tests.support.live_server import LiveServer
+from tests.support.real_server import SHORT_STUDY
 
 TOKEN = "a token for those who watch"
 

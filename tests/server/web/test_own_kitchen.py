@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from page_site import SMALL_STUDY
 
 from models.inference.runner import ModelServer
 from models.protocols import History, Question
@@ -15,6 +14,7 @@ from server.required_models import WEIGHTS, fingerprint, required_models
 from server.settings import ROOT
 from server.study.loader import StudyError, parse_study
 from server.study_check import stage_problems
+from tests.support.page_site import SMALL_STUDY
 
 OWN = SMALL_STUDY.replace(
     "{name: matrix, title: {en: Matrix, zh: 矩阵}}", '{name: own, title: Own, grid: "XXPXX\\nO1 2O\\nX   X\\nXDXSX"}'

@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -13,6 +12,7 @@ from server.store.database import Database
 from server.web.auth import FORM_S, CsrfProtection
 from server.web.participant.study_pages import MOST_ECHOES
 from server.web.security_headers import policy
+from tests.support.page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
 
 
 @pytest.fixture(scope="module")

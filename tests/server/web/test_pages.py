@@ -5,12 +5,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
 from sqlalchemy import select
 from sqlalchemy import text as sql
 
 from server.store import answers, episodes, events, participants
 from server.store.tables import metadata
+from tests.support.page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
 
 PROLIFIC = SMALL_STUDY.replace("name: small", "name: hired", 1).replace(
     "seed: 11\n",

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import httpx
 import pytest
-from page_site import SMALL_STUDY, Site, Visitor
 
 from server.store import events, participants
+from tests.support.page_site import SMALL_STUDY, Site, Visitor
 
 TWICE = SMALL_STUDY.replace("attempts: 3", "attempts: 2")
 WRONG, RIGHT = {"onions": "two"}, {"onions": "three"}

@@ -7,12 +7,12 @@ from html import unescape
 from urllib.parse import urlencode
 
 import pytest
-from page_site import SMALL_STUDY, Site, Visitor
 
 from server.participation.recruiter_links import recruitment_of, way_back
 from server.store import participants
 from server.store.attempts import LIMIT
 from server.store.database import Database
+from tests.support.page_site import SMALL_STUDY, Site, Visitor
 
 CC = "https://app.prolific.com/submissions/complete?cc={code}"
 SONA = "https://lab.sona-systems.com/webstudy_credit.aspx?experiment_id=7&credit_token=ab&survey_code={person}"

@@ -6,13 +6,13 @@ from pathlib import Path
 from urllib.parse import quote
 
 import pytest
-from page_site import SMALL_STUDY, Site, Visitor
 
 from server.participation.recruiter_links import recruitment_of
 from server.store import participants
 from server.store.tables import RECRUITMENT_ID
 from server.store.tables import participants as table
 from server.web.auth import BOT_MARK, bot_mark
+from tests.support.page_site import SMALL_STUDY, Site, Visitor
 
 CC = "https://app.prolific.com/submissions/complete?cc={code}"
 RECRUITMENTS = {

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from page_site import Site, Visitor
 from pydantic import BaseModel
 
 from server.participation.episode_specs import episode_spec, models_of
@@ -18,6 +17,7 @@ from server.study.definition import Study
 from server.study.loader import parse_study
 from server.study.steps import StudyStep, steps
 from server.study_check import stage_problems
+from tests.support.page_site import Site, Visitor
 
 TEXT = (ROOT / "tests" / "data" / "every_setting.yaml").read_text(encoding="utf-8")
 LINK = "?PID=p1&WAVE=w2&OTHER=x"

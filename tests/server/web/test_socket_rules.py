@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 import uvicorn
 from fastapi import FastAPI
-from live_fakes import MemoryRecorder, RuleModels, make_spec
 from starlette.requests import HTTPConnection
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.asyncio.client import ClientConnection, connect
@@ -33,6 +32,7 @@ from server.uvicorn_protocols import SparingProtocol
 from server.web.auth import CsrfProtection
 from server.web.participant import game_socket
 from server.web.participant.game_socket import Sockets
+from tests.support.live_fakes import MemoryRecorder, RuleModels, make_spec
 
 # Half a megabyte of small messages, masked with zeros.
 FLOOD = 30_000 * (bytes([0x81, 0x80 | 10, 0, 0, 0, 0]) + b'{"type":1}')

@@ -7,9 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from page_site import SMALL_STUDY, Site, Visitor
-from test_admin import signed_in
-from test_admin import site as admin_site
 
 from models.inference.supervised_worker import ModelsDown
 from server.monitoring.alerts import Alerts
@@ -17,6 +14,9 @@ from server.participation.study_versions import StudyVersions
 from server.settings import Settings
 from server.store import audit
 from server.study.loader import StudyError, load_study
+from tests.server.web.test_admin import signed_in
+from tests.server.web.test_admin import site as admin_site
+from tests.support.page_site import SMALL_STUDY, Site, Visitor
 
 site = admin_site
 OTHER_AGENT = ("name: stay, predictor: random", "name: random, predictor: random")

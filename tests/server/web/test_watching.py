@@ -6,12 +6,12 @@ from collections.abc import AsyncIterator, Iterator
 from contextlib import AsyncExitStack, asynccontextmanager
 
 import pytest
-from live_server import LiveServer
-from real_server import SHORT_STUDY
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from server.web.participant.watch_agents import MOST_GAMES, MOST_OF_ONE_ADDRESS, Demonstrations
+from tests.support.live_server import LiveServer
+from tests.support.real_server import SHORT_STUDY
 
 PUBLIC = "https://lab.example.org"
 HELLO = json.dumps({"type": "hello", "protocol": 1, "tab": "tab-0001"})

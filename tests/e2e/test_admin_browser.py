@@ -1,0 +1,199 @@
+"""A researcher in a real browser, on a real server: watches a bot play, steps in, looks at the game again."""
+
+import asyncio
+import base64
+import contextlib
+import json
+import re
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Page, WebSocketRoute, expect
+
+from server.bots.participant import Bot
+from tests.support.real_server import ROOT, SHORT_STUDY, RealServer
+
+STUDY = SHORT_STUDY.replace("horizon: 60", "horizon: 600").replace(", {name: matrix, title: {en: Matrix}}", "")
+PATIENCE_MS = 60_000
+
+
+def play_along(url: str) -> None:
+    """A bot plays for as long as there is a server."""
+    with contextlib.suppress(ConnectionError, OSError, httpx.HTTPError):
+        asyncio.run(Bot(url, "short", 1).walk())
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealServer]:
+    with RealServer(tmp_path_factory.mktemp("admin"), speed=2.0, study=STUDY) as running:
+        threading.Thread(target=play_along, args=(running.url,), daemon=True).start()
+        yield running
+
+
+@pytest.fixture(scope="module")
+def password(server: RealServer) -> str:
+    """The account is made while the server runs."""
+    line = [
+        sys.executable,
+        str(ROOT / "kitchenmind.py"),
+        "admin",
+        "--database",
+        server.database,
+        "create",
+        "mara",
+        "--role",
+        "own",
+    ]
+    made = subprocess.run(line, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL)
+    found = re.search(r"password: (\S+)", made.stdout)
+    assert found, made.stdout
+    return found.group(1)
+
+
+@pytest.fixture
+def page(chromium: Browser, server: RealServer, password: str) -> Iterator[Page]:
+    """Signed in, at the dashboard; errors on the console fail the test."""
+    context = chromium.new_context(viewport={"width": 1366, "height": 768})
+    opened = context.new_page()
+    opened.set_default_timeout(PATIENCE_MS)
+    expect.set_options(timeout=PATIENCE_MS)
+    troubles: list[str] = []
+    opened.on("pageerror", lambda error: troubles.append(str(error)))
+    opened.on("console", lambda message: troubles.append(message.text) if message.type == "error" else None)
+    opened.goto(f"{server.url}/admin/s/short")
+    opened.fill("[name=name]", "mara")
+    opened.fill("[name=password]", password)
+    opened.click("form button")
+    opened.wait_for_url("**/admin/s/short")
+    yield opened
+    context.close()
+    assert troubles == []
+
+
+def is_accessible(page: Page) -> None:
+    found = Axe().run(page).response["violations"]
+    assert [(one["id"], [node["html"][:200] for node in one["nodes"]]) for one in found] == []
+
+
+def played(page: Page, film: bytes) -> float:
+    """The film's length in seconds; the browser decodes it to its last picture, and it has many colours."""
+    assert page.context.browser is not None
+    watching = page.context.browser.new_page()
+    length, colours = watching.evaluate(
+        """async (data) => {
+          const video = document.createElement('video');
+          Object.assign(video, { muted: true, src: `data:video/webm;base64,${data}` });
+          video.onerror = () => { throw new Error(video.error.message); };
+          await new Promise((good) => { video.oncanplaythrough = good; });
+          video.playbackRate = 4;
+          await Promise.all([video.play(), new Promise((good) => { video.onended = good; })]);
+          const canvas = document.createElement('canvas');
+          Object.assign(canvas, { width: video.videoWidth, height: video.videoHeight });
+          const pen = canvas.getContext('2d');
+          pen.drawImage(video, 0, 0);
+          const dots = new Uint32Array(pen.getImageData(0, 0, canvas.width, canvas.height).data.buffer);
+          return [video.duration, new Set(dots).size];
+        }""",
+        base64.b64encode(film).decode(),
+    )
+    watching.close()
+    assert colours > 20
+    return float(length)
+
+
+def test_a_running_game_is_seen_paused_and_let_go_on(page: Page) -> None:
+    card = page.locator(".mini").filter(has_text="E1")
+    expect(card).to_have_count(1)
+    expect(page.locator("#people tr")).to_have_count(1)
+    expect(page.locator("#people")).to_contain_text("hidden")
+    is_accessible(page)
+    card.click()
+    page.wait_for_selector("#game[data-ready=yes]", state="attached")
+    expect(page.locator("#now")).to_have_text("Playing")
+    page.click("[data-ask=pause]")
+    page.fill("dialog[open] [name=note]", "to see whether it stands still")
+    page.click("dialog[open] .main")
+    expect(page.locator(".said")).to_have_text("The game is paused.")
+    expect(page.locator("#now")).to_contain_text("Paused")
+    is_accessible(page)
+    page.click("[data-ask=resume]")
+    page.click("dialog[open] .main")
+    expect(page.locator("#now")).to_have_text("Playing")
+    before = page.locator("#kitchen").get_attribute("data-timestep")
+    assert before is not None
+    expect(page.locator("#kitchen")).not_to_have_attribute("data-timestep", before)
+
+
+def test_a_game_is_looked_at_again_and_taken_along(page: Page, server: RealServer) -> None:
+    page.goto(f"{server.url}/admin/s/short/games")
+    page.click("table a:has-text('Tutorial')")
+    page.wait_for_selector("#game[data-ready=yes]", state="attached")
+    expect(page.locator("#checked")).to_contain_text("are equal to the stored hashes")
+    page.evaluate("location.hash = '#t=7'")
+    expect(page.locator("#at")).to_have_text("t 7")
+    page.keyboard.press("ArrowRight")
+    expect(page.locator("#at")).to_have_text("t 8")
+    assert page.url.endswith("#t=8")
+    expect(page.locator("#inputs-t")).to_have_text("8")
+    lane = page.locator("#frame tr", has=page.locator("th", has_text="Inputs"))
+    lane.locator("td:not(:empty)").first.click()  # to a timestep in which one arrived
+    expect(page.locator("#inputs li").first).to_contain_text("#")
+    with page.expect_download() as picture:
+        page.click("#picture")
+    assert Path(picture.value.path()).read_bytes().startswith(b"\x89PNG")
+    page.evaluate("location.hash = `#t=${document.querySelector('#scrub').max - 14}`")
+    with page.expect_download() as video:
+        page.click("#video")
+    assert played(page, Path(video.value.path()).read_bytes()) == 3.0, "15 timesteps of 200 ms"
+
+
+def test_the_live_page_is_not_called_calm_while_an_alert_is_open(page: Page, server: RealServer) -> None:
+    text = "Timesteps come late: 61 ms at the 99th percentile."
+
+    def with_alert(socket: WebSocketRoute) -> None:
+        upstream = socket.connect_to_server()
+
+        def forward(message: str | bytes) -> None:
+            news = json.loads(message)
+            if news["type"] == "figures":
+                news["alerts"] = [{"text": text, "since_s": 5}]
+            socket.send(json.dumps(news))
+
+        upstream.on_message(forward)
+
+    page.route_web_socket(re.compile("/admin/s/short/live$"), with_alert)
+    page.goto(f"{server.url}/admin/s/short")
+    expect(page.locator("#alerts li.bad").first).to_contain_text(text)
+    expect(page.locator("#attention")).to_contain_text("1 alert")
+    expect(page.locator("#attention")).not_to_contain_text("calm")
+
+
+def test_the_live_page_fits_a_phone_also_one_that_is_turned(page: Page, server: RealServer) -> None:
+    page.goto(f"{server.url}/admin/s/short")
+    expect(page.locator(".chart canvas").first).to_be_visible()
+    page.set_viewport_size({"width": 390, "height": 844})
+    rights = "[...document.querySelectorAll('main .card')].map((card) => card.getBoundingClientRect().right)"
+    page.wait_for_function(f"() => Math.max(...{rights}) <= 390")  # the charts follow the window a moment later
+    assert len(page.evaluate(rights)) > 5
+    page.set_viewport_size({"width": 1366, "height": 768})
+
+
+def test_every_page_of_a_researcher_is_accessible(page: Page, server: RealServer) -> None:
+    for path in ("", "/audit", "/accounts", "/s/short/games"):
+        page.goto(f"{server.url}/admin{path}")
+        is_accessible(page)
+    page.goto(f"{server.url}/admin/s/short/games")
+    page.click("#games tbody td a")
+    is_accessible(page)
+    page.emulate_media(color_scheme="dark")
+    for path in ("", "/s/short", "/s/short/games"):
+        page.goto(f"{server.url}/admin{path}")
+        is_accessible(page)
+    page.click("text=Sign out")
+    is_accessible(page)

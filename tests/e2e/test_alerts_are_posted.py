@@ -1,0 +1,51 @@
+"""A participant disappears from a game, and the researcher hears of it in the chat."""
+
+import asyncio
+import json
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import pytest
+
+from server.bots.participant import Bot
+from tests.support.real_server import RealServer
+
+
+async def disappear(url: str) -> None:
+    """Begins a game and is gone."""
+    bot = Bot(url, "short", 1)
+    page = await bot.consent()
+    while not page.is_game:
+        page = await bot.submit(page)
+    playing = asyncio.create_task(bot.game().play())
+    await asyncio.sleep(1.5)
+    playing.cancel()
+    await asyncio.gather(playing, return_exceptions=True)
+    await bot.close()
+
+
+def test_a_disconnected_participant_is_told_to_the_chat(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    heard, arrived = [], threading.Event()
+
+    class Chat(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            message = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+            if "late" not in message["text"]:  # a machine that is busy with other tests may say so too
+                heard.append(message)
+                arrived.set()
+            self.send_response(204)
+            self.end_headers()
+
+        def log_message(self, *_: object) -> None: ...
+
+    chat = ThreadingHTTPServer(("127.0.0.1", 0), Chat)
+    threading.Thread(target=chat.serve_forever, daemon=True).start()
+    monkeypatch.setenv("KITCHENMIND_ALERT_WEBHOOK", f"http://127.0.0.1:{chat.server_address[1]}/hook")
+    with RealServer(tmp_path, speed=3.0) as server:
+        asyncio.run(disappear(server.url))
+        assert arrived.wait(60), server.log.read_text()
+    chat.shutdown()
+    chat.server_close()
+    assert heard[0]["text"].startswith("kitchenmind: short: B-001 is away (disconnected) for ")
+    assert heard[0]["state"] == "open"

@@ -1,0 +1,155 @@
+"""The line between page and server: lost, closed, taken over, silent; and what the page tells the researcher."""
+
+import pytest
+from playwright.sync_api import Browser
+
+from server.play.messages import ClientError, Countdown, Hello, Notice, Paused, Ping, Pong, Ready, Superseded
+from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick, welcome
+from tests.support.browser.game_page import opened, start
+
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
+
+
+@pytest.mark.parametrize("code", [1011, 1012])
+def test_a_lost_line_comes_back_by_itself_at_the_same_timestep(
+    chromium: Browser, server: FakeGameServer, code: int
+) -> None:
+    with opened(chromium, server) as page:
+        start(page, server, kitchen(t=120))
+        server.refusing = True
+        server.drop(code)
+        page.wait_for_selector("#banner:visible")
+        assert "30" in page.inner_text("#banner-left")
+        server.welcome = welcome(state=kitchen(t=120), resumed=True)
+        server.refusing = False
+        server.wait_for(lambda server: len(server.of(Ready)) == 2)
+        first, second = server.of(Hello)
+        assert second.tab == first.tab
+        assert (first.last_timestep, second.last_timestep) == (-1, 120)
+        server.send(Paused("lost", 20.0), Countdown(3))
+        page.wait_for_selector("#count:visible")
+        server.send(tick(kitchen(t=121)))
+        page.wait_for_selector("[data-timestep='121'][data-view=none]")
+
+
+def test_a_line_that_was_cut_without_a_word_comes_back(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        start(page, server)
+        server.cut()
+        server.wait_for(lambda server: server.hellos == 2)
+
+
+def test_a_reloaded_page_waits_for_the_participant_to_go_on(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        start(page, server, kitchen(t=33))
+        server.on_hello = lambda _: [welcome(state=kitchen(t=33), resumed=True), Paused("lost", 28.0)]
+        page.reload()
+        page.wait_for_selector("#start:visible")
+        assert page.inner_text("#start-title") == "Welcome back"
+        assert page.evaluate("document.activeElement.id") == "start-button"
+        assert len({hello.tab for hello in server.of(Hello)}) == 1, "a reload is no other tab"
+        page.keyboard.press("Enter")
+        server.wait_for(lambda server: len(server.of(Ready)) == 2)
+
+
+def test_the_start_pressed_on_the_page_before_counts(chromium: Browser, server: FakeGameServer) -> None:
+    server.page["ready_page"] = True
+    with opened(chromium, server):
+        server.wait_for(lambda server: len(server.of(Ready)) == 1)
+
+
+def test_another_tab_takes_over_and_this_one_offers_the_choice(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        start(page, server)
+        server.send(Superseded())
+        server.drop(4001)
+        page.wait_for_selector("#other:visible")
+        assert page.is_hidden(".game")
+        assert server.hellos == 1, "it does not fight for the game"
+        page.click("#other-stay")
+        assert "close this tab" in page.inner_text("#other-note")
+        page.click("#other-here")
+        server.wait_for(lambda server: server.hellos == 2)
+        page.wait_for_selector(".game:visible")
+
+
+def test_a_line_closed_for_abuse_is_not_opened_again(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        start(page, server)
+        server.drop(1008)
+        page.wait_for_selector("#closed:visible")
+        page.wait_for_timeout(400)
+        assert server.hellos == 1
+
+
+def test_a_page_whose_game_is_gone_is_loaded_again_once(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        start(page, server)
+        server.drop(4004)
+        server.wait_for(lambda server: server.hellos == 2)
+        page.wait_for_selector("[data-phase=ready]")
+        server.drop(4004)
+        page.wait_for_selector("#closed:visible")
+
+
+def test_a_ping_is_answered_at_once(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        page.wait_for_selector("[data-phase=ready]")
+        server.send(Ping(77))
+        server.wait_for(lambda server: server.of(Pong) == [Pong(77)])
+
+
+def test_a_server_that_falls_silent_is_noticed(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        start(page, server)
+        page.wait_for_selector("#banner:visible", timeout=4000)
+        assert page.inner_text("#banner-title") == "Waiting for the server"
+        server.send(tick(kitchen(t=2)))
+        page.wait_for_selector("#banner", state="hidden")
+
+
+@pytest.mark.parametrize(
+    ("reason", "part"), [("database", "#banner"), ("researcher", "#pause"), ("partner", "#pause"), ("server", "#pause")]
+)
+def test_every_pause_says_why(chromium: Browser, server: FakeGameServer, reason: str, part: str) -> None:
+    with opened(chromium, server) as page:
+        start(page, server)
+        server.send(Paused(reason, 0.0))
+        page.wait_for_selector(f"{part}:visible")
+        assert page.is_visible("#pause-button") == (reason == "server"), "only who was away says when it goes on"
+        assert page.inner_text("#urgent")
+
+
+def test_a_message_of_the_researcher_is_shown_as_text(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        start(page, server)
+        server.send(Notice("<b>Lunch</b> at noon"))
+        page.wait_for_selector("#notice:visible")
+        assert page.inner_text("#notice-text") == "<b>Lunch</b> at noon"
+        page.click("#notice button")
+        assert page.is_hidden("#notice")
+        assert page.evaluate("document.activeElement.classList.contains('stage')"), "dimmed or not"
+
+
+def test_errors_of_the_page_reach_the_server_once_each_and_a_few_at_most(
+    chromium: Browser, server: FakeGameServer
+) -> None:
+    with opened(chromium, server) as page:
+        page.wait_for_selector("[data-phase=ready]")
+        for number in [1, 1, 2, 3, 4, 5, 6, 7]:
+            page.evaluate(
+                "(n) => dispatchEvent(new ErrorEvent('error', {message: 'oven ' + n, error: new Error('oven ' + n)}))",
+                number,
+            )
+        server.wait_for(lambda server: len(server.of(ClientError)) == 5)
+        assert all("oven" in trouble.text for trouble in server.of(ClientError))
+
+
+def test_a_frame_that_is_no_message_is_reported_and_the_game_goes_on(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server) as page:
+        start(page, server)
+        server.send_raw('{"type":"dance"}')
+        server.wait_for(lambda server: bool(server.of(ClientError)))
+        assert "unknown message dance" in server.of(ClientError)[0].text
+        server.send(tick(kitchen(t=2)))
+        page.wait_for_selector("[data-timestep='2']")

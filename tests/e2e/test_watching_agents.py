@@ -1,0 +1,52 @@
+"""Two agents are watched in a real browser, with the marks of either; nothing of it is stored."""
+
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser
+from sqlalchemy import func, select
+
+from server.store.database import Database
+from server.store.tables import episodes, participants
+from tests.support.browser.browser_cook import BrowserCook
+from tests.support.browser.game_page import DESKTOP, PHONE, screenshot
+from tests.support.real_server import SHORT_STUDY, RealServer
+
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(240)]
+
+
+STUDY = SHORT_STUDY.replace("predictor: sp_predictor_stream}", "predictor: random}")
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealServer]:
+    with RealServer(tmp_path_factory.mktemp("watch"), speed=4.0, study=STUDY) as running:
+        yield running
+
+
+@pytest.mark.parametrize(("viewport", "marks"), [(DESKTOP, 1), (PHONE, 0)], ids=["desktop-green", "phone-blue"])
+def test_two_agents_cook_before_an_onlooker(
+    chromium: Browser, server: RealServer, viewport: dict[str, int], marks: int
+) -> None:
+    context = chromium.new_context(viewport=viewport)  # type: ignore[arg-type]
+    page = context.new_page()
+    seen = BrowserCook(page)
+    page.goto(server.url)
+    page.click("a[href^='/watch']")
+    screenshot(page, f"watch-choose-{viewport['width']}")
+    page.locator("select[name=marks]").first.select_option(str(marks))
+    page.locator(".watch .btn").first.click()
+    page.click("#start-button")
+    page.wait_for_selector("[data-phase=playing]")
+    while not seen.timesteps or seen.timesteps[-1] < 30:
+        page.wait_for_timeout(50)
+    screenshot(page, f"watch-game-{viewport['width']}")
+    assert not page.is_visible(".touch")
+    assert page.inner_text("#round") == "Two AI chefs are cooking"
+    assert any(action != 6 for prediction in seen.predictions for action, _ in prediction)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    context.close()
+    with Database(server.database, read_only=True) as database:
+        for table in (episodes, participants):
+            count = select(func.count()).select_from(table)
+            assert database.read_now(lambda connection, count=count: connection.execute(count).scalar()) == 0

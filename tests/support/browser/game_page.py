@@ -1,0 +1,112 @@
+"""The game's page in a browser, as the tests handle it: open, start, look at pixels."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import Browser, BrowserContext, Page
+
+from server.play.messages import ClientError, Countdown, KitchenState, Ready
+from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick
+
+SCREENSHOTS = Path(__file__).resolve().parents[3] / "screenshots"
+DESKTOP = {"width": 1366, "height": 768}
+PHONE = {"width": 390, "height": 844}
+
+
+@contextmanager
+def opened(chromium: Browser, server: FakeGameServer, **context: Any) -> Iterator[Page]:
+    """The game's page, opened anew: for a visitor of its own where `context` says something of them, else for the one
+    whom the tests of a module share. Errors on the page fail the test."""
+    visitor = chromium.new_context(**{"viewport": DESKTOP, **context}) if context else shared(chromium, server)
+    page = visitor.new_page()
+    page.set_default_timeout(30_000)
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("console", lambda message: errors.append(message.text) if "Content Security" in message.text else None)
+    try:
+        page.goto(server.url)
+        yield page
+        assert not errors, errors
+    finally:
+        if context:
+            visitor.close()
+        else:
+            page.close()
+
+
+def shared(chromium: Browser, server: FakeGameServer) -> BrowserContext:
+    """The visitor who has the scripts and drawings already."""
+    if server.visitor is None:
+        server.visitor = chromium.new_context(viewport=DESKTOP)
+    visitor: BrowserContext = server.visitor
+    return visitor
+
+
+def start(page: Page, server: FakeGameServer, state: KitchenState | None = None, **more: Any) -> None:
+    """Presses start; the game runs from `state` on."""
+    page.wait_for_selector("[data-phase=ready]")
+    page.click("#start-button")
+    server.wait_for(lambda server: bool(server.of(Ready)))
+    server.send(Countdown(0), tick(state or kitchen(t=1), **more))
+    page.wait_for_selector("[data-phase=playing]")
+
+
+def settled(page: Page, server: FakeGameServer) -> None:
+    """Return when the server has received everything that the page has sent so far: what it sends last comes last."""
+    words = f"settled {len(server.of(ClientError))}"
+    page.evaluate("(message) => dispatchEvent(new ErrorEvent('error', { message }))", words)
+    server.wait_for(lambda server: any(each.text.startswith(words) for each in server.of(ClientError)))
+
+
+def drawn(page: Page, after_ms: float) -> None:
+    """Return when the page has drawn a picture that is `after_ms` younger than now, however slowly it draws."""
+    page.evaluate(
+        """(afterMs) => new Promise((done) => {
+          const from = performance.now();
+          const look = (now) => requestAnimationFrame(now - from > afterMs ? () => done() : look);
+          requestAnimationFrame(look);
+        })""",
+        after_ms,
+    )
+
+
+def at_rest(page: Page) -> None:
+    """Return when no animation with an end is running."""
+    page.wait_for_function(
+        """() => document.getAnimations().every(
+          (each) => each.playState !== 'running' || each.effect.getComputedTiming().iterations === Infinity)"""
+    )
+
+
+def screenshot(page: Page, name: str) -> None:
+    SCREENSHOTS.mkdir(exist_ok=True)
+    page.screenshot(path=SCREENSHOTS / f"{name}.png")
+
+
+def pixel(page: Page, column: float, row: float) -> tuple[int, int, int]:
+    """The board's colour at a place counted in cells: (2.5, 1.5) is the middle of the cell [2, 1]."""
+    script = """([x, y]) => {
+      const canvas = document.querySelector('canvas.board');
+      const cell = canvas.width / Number(canvas.dataset.columns);
+      return [...canvas.getContext('2d').getImageData(Math.floor(x * cell), Math.floor(y * cell), 1, 1).data];
+    }"""
+    red, green, blue, _ = page.evaluate(script, [column, row])
+    return red, green, blue
+
+
+def is_green(colour: tuple[int, int, int]) -> bool:
+    """The partner's green, paler or not (#5fd38d)."""
+    red, green, blue = colour
+    return green > 190 and green - red > 40 and green - blue > 25
+
+
+def is_blue(colour: tuple[int, int, int]) -> bool:
+    red, green, blue = colour
+    return blue > 110 and blue - red > 60 and blue - green > 40
+
+
+def picture(page: Page) -> str:
+    """The board as it is drawn now."""
+    return str(page.evaluate("document.querySelector('canvas.board').toDataURL()"))

@@ -1,0 +1,93 @@
+"""Small agents and predictors that tests load by name, as a researcher's own would be."""
+
+import time
+
+import numpy as np
+
+from models.protocols import STEPS, Mode
+from overcooked.constants import ACTIONS, NORTH
+
+
+class Northward:
+    """Always north, and says so."""
+
+    def __init__(self, layout):
+        self.layout = layout
+
+    def probabilities(self, observations):
+        return np.tile(np.eye(ACTIONS, dtype=np.float32)[NORTH], (len(observations), 1))
+
+
+class EvenHanded:
+    """Any action; the drawn number decides."""
+
+    def __init__(self, layout):
+        self.layout = layout
+
+    def probabilities(self, observations):
+        return np.full((len(observations), ACTIONS), 1 / ACTIONS, np.float32)
+
+
+class Jamming(Northward):
+    """North, with the anti-jam rule of our own agents."""
+
+    mode = Mode(temperature=0.0, stuck_after=2, stuck_mix=1.0)
+
+
+class BrokenAfterWarming(EvenHanded):
+    """NaN as soon as the games are under way (the first two calls try it)."""
+
+    calls = 0
+
+    def probabilities(self, observations):
+        self.calls += 1
+        answer = super().probabilities(observations)
+        return answer if self.calls <= 2 else answer * np.nan
+
+
+class WrongShape(EvenHanded):
+    def probabilities(self, observations):
+        return super().probabilities(observations)[:, :3]
+
+
+class SlowAfterWarming(EvenHanded):
+    """Takes as long as a chef that holds something tells it to: 0.3 s where the observation's first cell is marked."""
+
+    calls = 0
+
+    def probabilities(self, observations):
+        self.calls += 1
+        if self.calls == 3:
+            time.sleep(0.3)
+        return super().probabilities(observations)
+
+
+class Hanging(EvenHanded):
+    """Never answers about a state whose chef holds a soup somewhere (plane 21)."""
+
+    def probabilities(self, observations):
+        while (observations[..., 21] > 0).any():
+            time.sleep(0.01)
+        return super().probabilities(observations)
+
+
+class Remembering:
+    """Predicts by how many timesteps it has seen of a game, and by all actions in them: history lost is an answer
+    changed."""
+
+    memory = 8
+
+    def __init__(self, layout):
+        self.seen = {}
+
+    def begin(self, slots):
+        for slot in slots.tolist():
+            self.seen[slot] = []
+
+    def predict(self, slots, observations, last_actions):
+        answer = np.full((len(slots), STEPS, ACTIONS), 0.1, np.float32)
+        for row, slot in enumerate(slots.tolist()):
+            self.seen[slot] = [*self.seen[slot], *last_actions[row].tolist()][-2 * self.memory :]
+            for step in range(STEPS):
+                answer[row, step, (sum(self.seen[slot]) + step) % ACTIONS] = 0.5
+        return answer
