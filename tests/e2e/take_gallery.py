@@ -40,8 +40,8 @@ SCREEN = {"width": 1366, "height": 900}
 FIGURES = ("reward", "questionnaire", "accuracy", "effect_sizes")
 WIDEST = 1400
 NOTE = """**Everything here is simulated.** The participants are programs (`kitchenmind bots`); what they do and answer
-follows from rules written in `server/bots/cook.py` and `server/bots/answers.py`. Nothing about people follows from it. It
-shows what the tools make of a study, from the running dashboard to the report."""
+follows from rules written in `server/bots/cook.py` and `server/bots/answers.py`. Nothing about people follows from it.
+It shows what the tools make of a study, from the running dashboard to the report."""
 
 
 @dataclass

@@ -87,7 +87,8 @@ def test_every_code_of_a_refusal_is_named() -> None:
 
 def test_every_code_and_reason_of_a_close_is_named() -> None:
     text = "".join(
-        (SERVER / path).read_text(encoding="utf-8") for path in ("web/participant/game_socket.py", "play/game.py", "play/games.py")
+        (SERVER / path).read_text(encoding="utf-8")
+        for path in ("web/participant/game_socket.py", "play/game.py", "play/games.py")
     )
     codes = set(re.findall(r"^[A-Z_]+(?:: Final)? = (1\d{3}|4\d{3})\b", text, re.MULTILINE))
     assert {"1001", "1008", "4001", "4004"} <= codes
