@@ -1,4 +1,4 @@
-"""The rows of docs/faults.md with figures: faults made on purpose, what people saw held against the database.
+"""Measure the rows of docs/explanation/faults.md: make each fault, compare what people saw with the database.
 
     python benchmarks/faults.py [--quick] [--json] [--rows 1,5,12] [--kills N] [--seed N] [--kill-seconds S]
 

@@ -1,7 +1,7 @@
 """Measure the agents and predictors that studies use: points with partners, accuracy of the predictions.
 
     python benchmarks/results.py            measures agents and predictors, prints the tables
-    python benchmarks/results.py --write    also writes results.json, docs/results.md and README.md
+    python benchmarks/results.py --write    also writes results.json, docs/explanation/results.md and README.md
 
 The accuracy on test partners is read from the predictors' cards; `kitchenmind evaluate predictor --all` measures it
 again.
@@ -24,7 +24,7 @@ from overcooked.layout import load_layout  # noqa: E402
 
 ROOT = Path(__file__).parent.parent
 FIGURES = Path(__file__).with_suffix(".json")
-README, DOCUMENT = ROOT / "README.md", ROOT / "docs" / "results.md"
+README, DOCUMENT = ROOT / "README.md", ROOT / "docs" / "explanation" / "results.md"
 BEGIN, END = "<!-- tables of benchmarks/results.py -->", "<!-- end of the tables -->"
 LAYOUTS = ("coordination_ring", "double_rings", "double_counters", "matrix", "clear_division")
 AGENTS = ("sp", "fcp")
@@ -132,7 +132,7 @@ def _head() -> list[str]:
 
 
 def rendered(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) -> str:
-    """The tables in docs/results.md, markers included."""
+    """The tables in docs/explanation/results.md, markers included."""
     by_cell = _by_cell(entries)
     head = _head()
     rows = [row for agent in AGENTS for row in _rows(agent, by_cell)]

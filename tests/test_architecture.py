@@ -1,4 +1,4 @@
-"""The house as drawn: who may import whom (the table in docs/architecture.md), no cycles, and sizes one can read."""
+"""The architecture: imports as in the table of docs/explanation/architecture.md, no cycles, readable sizes."""
 
 import ast
 import re
@@ -79,8 +79,9 @@ def _is_late(node: ast.AST) -> bool:
 
 
 def allowed() -> dict[str, set[str]]:
-    """The table of docs/architecture.md: package -> what it may import."""
-    rows = re.findall(r"^\| `([\w.]+)` \|[^|]*\|([^|]*)\|$", (ROOT / "docs/architecture.md").read_text(), re.MULTILINE)
+    """The table of docs/explanation/architecture.md: package -> what it may import."""
+    page = (ROOT / "docs" / "explanation" / "architecture.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([\w.]+)` \|[^|]*\|([^|]*)\|$", page, re.MULTILINE)
     return {package: set(re.findall(r"`([\w.]+)`", cell)) for package, cell in rows}
 
 

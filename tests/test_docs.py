@@ -81,13 +81,13 @@ def test_tests_that_documents_name_exist() -> None:
 
 
 def test_every_one_of_the_thirty_promises_names_a_test() -> None:
-    rows = re.findall(r"^\| (\d+) \|.*$", documents()["docs/ux_checks.md"], re.MULTILINE)
-    held = re.findall(r"^\| (\d+) \|.*::test_.*$", documents()["docs/ux_checks.md"], re.MULTILINE)
+    rows = re.findall(r"^\| (\d+) \|.*$", documents()["docs/explanation/ux_checks.md"], re.MULTILINE)
+    held = re.findall(r"^\| (\d+) \|.*::test_.*$", documents()["docs/explanation/ux_checks.md"], re.MULTILINE)
     assert rows == held == [str(number) for number in range(1, 31)]
 
 
 def test_decisions_have_numbers_of_their_own_and_say_what_was_decided() -> None:
-    pages = sorted((ROOT / "docs/decisions").glob("*.md"))
+    pages = sorted((ROOT / "docs" / "decisions").glob("[0-9]*.md"))
     assert len({int(page.name[:4]) for page in pages}) == len(pages) >= 6
     for page in pages:
         text = page.read_text(encoding="utf-8")
@@ -97,7 +97,7 @@ def test_decisions_have_numbers_of_their_own_and_say_what_was_decided() -> None:
 
 
 def glossary() -> list[str]:
-    rows = re.findall(r"^\| ([^|]+?) \|", (ROOT / "docs/glossary.md").read_text(encoding="utf-8"), re.MULTILINE)
+    rows = re.findall(r"^\| ([^|]+?) \|", documents()["docs/reference/glossary.md"], re.MULTILINE)
     return rows[1:]
 
 
@@ -113,7 +113,8 @@ def test_word_of_the_glossary_is_in_use(word: str) -> None:
 
 
 def test_every_setting_is_documented_with_its_default() -> None:
-    rows = dict(re.findall(r"^\| `KITCHENMIND_(\w+)` \| ([^|]+) \|", documents()["docs/settings.md"], re.MULTILINE))
+    page = documents()["docs/reference/settings.md"]
+    rows = dict(re.findall(r"^\| `KITCHENMIND_(\w+)` \| ([^|]+) \|", page, re.MULTILINE))
     assert sorted(name.lower() for name in rows) == sorted(Settings.model_fields)
     for name, cell in rows.items():
         if cell.startswith("`"):

@@ -1,4 +1,4 @@
-"""Print docs/data_dictionary.md: `python -m server.export.data_dictionary > docs/data_dictionary.md`."""
+"""Print docs/reference/data_dictionary.md: `python -m server.export.data_dictionary`. A test compares the two."""
 
 import sys
 from collections.abc import Iterator

@@ -1,6 +1,6 @@
 """Every message between browser and server, typed, by direction. JSON text frames; `type` tells them apart.
 
-docs/protocol.md describes when each is sent; a test holds the two together. Unknown types, unknown fields and wrong
+docs/reference/protocol.md describes when each is sent, and a test compares. Unknown types, unknown fields and wrong
 types are refused with `Refused` (the game goes on); a frame over MAX_FRAME_BYTES closes the socket with 1009.
 """
 

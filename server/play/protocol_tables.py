@@ -1,4 +1,4 @@
-"""Write the tables of fields in docs/protocol.md from the message types: `python -m server.play.protocol_tables`.
+"""Write the field tables of docs/reference/protocol.md: `python -m server.play.protocol_tables`.
 
 A table stands between `<!-- fields: name -->` and `<!-- /fields -->`, where `name` is a message's type, or `state`.
 """
@@ -14,7 +14,7 @@ from msgspec import inspect
 
 from server.play import messages
 
-PAGE: Final = Path(__file__).parents[2] / "docs" / "protocol.md"
+PAGE: Final = Path(__file__).parents[2] / "docs" / "reference" / "protocol.md"
 _MARKED: Final = re.compile(r"(<!-- fields: (\w+) -->\n).*?(<!-- /fields -->)", re.DOTALL)
 _SENT_HEAD: Final = "| field | type | values | if left out |\n|---|---|---|---|\n"
 _RECEIVED_HEAD: Final = "| field | type | values |\n|---|---|---|\n"
@@ -80,7 +80,7 @@ def describe(kind: inspect.Type) -> tuple[str, str]:
             return f"[{len(items)} values]", "; ".join(describe(item)[1] or describe(item)[0] for item in items)
         case inspect.StructType(cls=cls) if cls is messages.KitchenState:
             return "a state, see [state](#a-state)", ""
-    raise TypeError(f"docs/protocol.md has no words for {kind}")
+    raise TypeError(f"docs/reference/protocol.md has no words for {kind}")
 
 
 def _range(kind: inspect.IntType | inspect.FloatType) -> str:

@@ -1,4 +1,4 @@
-"""The tables, in SQLAlchemy Core. Every column says its meaning and unit; docs/data_dictionary.md is printed from it.
+"""The tables, in SQLAlchemy Core. docs/reference/data_dictionary.md is printed from every column's meaning and unit.
 
 Nothing in here knows how the tables are filled: see participants.py, episodes.py, answers.py, events.py, audit.py.
 """

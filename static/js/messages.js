@@ -1,4 +1,4 @@
-// The messages between browser and server, as docs/protocol.md describes them: what is sent is built here, what comes is
+// The messages between browser and server, as docs/reference/protocol.md describes them: what is sent is built here, what comes is
 // checked here. Knows no socket.
 
 export const PROTOCOL = 1;

@@ -1,4 +1,4 @@
-"""The tables in README.md and docs/results.md show the figures of the bundled agents and predictors."""
+"""The tables in README.md and docs/explanation/results.md show the figures of the bundled agents and predictors."""
 
 import importlib.util
 import json

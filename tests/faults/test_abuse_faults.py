@@ -1,4 +1,4 @@
-"""Rows 18 to 20 of docs/faults.md: garbage, floods, and connections that say nothing."""
+"""Rows 18 to 20 of docs/explanation/faults.md: garbage, floods, and connections that say nothing."""
 
 from pathlib import Path
 

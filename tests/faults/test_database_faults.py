@@ -1,4 +1,4 @@
-"""Rows 4 to 8 and 26 of docs/faults.md: the database is away, locked, full, refuses to sync, or is wanted twice."""
+"""Rows 4 to 8 and 26 of docs/explanation/faults.md: the database is away, locked, full, unsynced, or used twice."""
 
 import shutil
 from pathlib import Path

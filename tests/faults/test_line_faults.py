@@ -1,4 +1,4 @@
-"""Rows 9 to 12, 16 and 17 of docs/faults.md: lost, slow, silent and stuttering lines."""
+"""Rows 9 to 12, 16 and 17 of docs/explanation/faults.md: lost, slow, silent and stuttering lines."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Rows 23 to 25, 27, 29 and 30 of docs/faults.md: troubled models, jumping clocks, busy dashboards, leaving."""
+"""Rows 23 to 25, 27, 29 and 30 of docs/explanation/faults.md: broken models, clock jumps, dashboards, leaving."""
 
 from pathlib import Path
 

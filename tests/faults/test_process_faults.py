@@ -1,4 +1,4 @@
-"""Rows 1 to 3, 24 and 28 of docs/faults.md: a server killed, stopped, killed while it starts, left running."""
+"""Rows 1 to 3, 24 and 28 of docs/explanation/faults.md: a server killed, stopped, killed at start, left running."""
 
 import asyncio
 from pathlib import Path

@@ -1,6 +1,6 @@
-"""Prints docs/dependencies.md: everything that is installed with kitchenmind, why, and under which licence.
+"""Prints docs/reference/dependencies.md: everything that is installed with kitchenmind, why, and under which licence.
 
-python tests/security/list_dependencies.py > docs/dependencies.md
+python tests/security/list_dependencies.py > docs/reference/dependencies.md
 """
 
 import re

@@ -12,8 +12,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def listed() -> dict[str, tuple[str, str]]:
-    """Name -> version and licence, as docs/dependencies.md has it."""
-    lines = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8").splitlines()
+    """Name -> version and licence, as docs/reference/dependencies.md has it."""
+    lines = (ROOT / "docs" / "reference" / "dependencies.md").read_text(encoding="utf-8").splitlines()
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("| ")]
     return {name: (version, licence) for name, version, _, licence in cells if name != "package"}
 
@@ -21,7 +21,7 @@ def listed() -> dict[str, tuple[str, str]]:
 def test_everything_that_is_installed_with_us_is_listed_with_its_pin() -> None:
     written, installed = listed(), {name: version for name, version, _, _ in list_dependencies.rows()}
     missing = sorted(name for name, version in installed.items() if name not in written or written[name][0] != version)
-    assert missing == [], "python tests/security/list_dependencies.py > docs/dependencies.md"
+    assert missing == [], "python tests/security/list_dependencies.py > docs/reference/dependencies.md"
 
 
 def test_no_licence_is_missing_or_forbids_what_we_do() -> None:

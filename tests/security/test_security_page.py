@@ -1,4 +1,4 @@
-"""docs/security.md is true: every test that it names exists, and no item is without one."""
+"""docs/explanation/security.md is true: every test that it names exists, and no item is without one."""
 
 import re
 from pathlib import Path
@@ -10,7 +10,7 @@ PAGES = ("security.md", "faults.md")
 
 
 def rows_of(page: str) -> list[list[str]]:
-    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "explanation" / page).read_text(encoding="utf-8")
     rows = [
         [cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("| ")
     ]

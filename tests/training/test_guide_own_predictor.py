@@ -10,7 +10,7 @@ import pytest
 
 from tests.support import guide_house
 
-GUIDE = guide_house.ROOT / "docs" / "guides" / "predict_your_own_agent.md"
+GUIDE = guide_house.ROOT / "docs" / "tutorials" / "predict_your_own_agent.md"
 SHORTER = {  # added to a command that begins so
     "kitchenmind train agent": "--set timesteps=12_800 games=16 snapshots=4 imitation_updates=60",
     "kitchenmind collect": "--trajectories 1 --timesteps 60",

@@ -1,4 +1,4 @@
-"""docs/protocol.md describes every message, and its examples are messages."""
+"""docs/reference/protocol.md describes every message, and its examples are messages."""
 
 import ast
 import re
@@ -16,7 +16,7 @@ from server.play.tutorial import LESSONS
 from server.web import forms, rate_limits
 from server.web.participant import game_socket, study_pages, watch_agents
 
-PAGE = (Path(__file__).parents[3] / "docs" / "protocol.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "protocol.md").read_text(encoding="utf-8")
 FROM_BROWSER, FROM_SERVER = PAGE.split("## From the server")
 EXAMPLES = re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)
 

@@ -6,7 +6,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class FaultResult:
-    """`row`: its number in docs/faults.md. `figure`: what was measured, by name with its unit."""
+    """`row`: its number in docs/explanation/faults.md. `figure`: what was measured, by name with its unit."""
 
     row: int
     fault: str
