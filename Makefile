@@ -12,7 +12,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # Alone and first, so that pip takes the build that suits the machine and not what another package would draw in.
 TORCH := $(shell sed -n 's/.*"\(torch==[^"]*\)".*/\1/p' pyproject.toml)
 
-.PHONY: help setup serve test test-slow bench audit gallery lint format system clean
+.PHONY: help setup serve test test-slow bench audit gallery docs lint format system clean
 
 help:
 	@echo "make setup      the Python environment in .venv, for everything but the tests"
@@ -22,6 +22,7 @@ help:
 	@echo "make lint       style, spelling and types; make format puts the style right"
 	@echo "make bench      the measured figures"
 	@echo "make audit      known weaknesses of the dependencies (asks PyPI)"
+	@echo "make docs       the documentation as a website, in build/site"
 	@echo "make gallery    docs/gallery: a whole simulated study, its dashboard and report"
 
 setup: .venv/.complete
@@ -57,6 +58,11 @@ bench: .venv/.test
 gallery: .venv/.test system
 	@$(BIN)/python tests/e2e/take_gallery.py $(ARGS)
 
+# A broken link is an error. NO_MKDOCS_2_WARNING: mkdocs.yml says what that warning says.
+docs: .venv/.docs
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "Open build/site/index.html"
+
 # Asks PyPI about known weaknesses of what is installed: needs the network, so it is no part of the tests.
 audit: .venv/.test
 	@$(PIP) --upgrade pip  # not ours to pin, and often all that is found
@@ -91,6 +97,11 @@ clean:
 .venv/.complete: .venv/.torch
 	@echo "Installing what training and analysis need ..."
 	@$(PIP) --editable ".[training,analysis]"
+	@touch $@
+
+.venv/.docs: .venv/.serving
+	@echo "Installing what the documentation's website needs ..."
+	@$(PIP) --editable ".[docs]"
 	@touch $@
 
 .venv/.test: .venv/.torch

@@ -2,10 +2,13 @@
 
 import re
 import subprocess
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 
 import kitchenmind
 from server.settings import Settings
@@ -119,3 +122,38 @@ def test_every_setting_is_documented_with_its_default() -> None:
     for name, cell in rows.items():
         if cell.startswith("`"):
             assert cell.strip("`") == str(Settings.model_fields[name.lower()].default)
+
+
+def site() -> dict[str, Any]:
+    """mkdocs.yml; its Python names are read as plain words."""
+
+    class Reader(yaml.SafeLoader):
+        pass
+
+    Reader.add_multi_constructor("tag:yaml.org,2002:python/name:", lambda loader, suffix, node: suffix)
+    return yaml.load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"), Reader)
+
+
+def test_every_page_is_in_the_navigation_of_the_website_once() -> None:
+    def pages(entries: list[Any]) -> Iterator[str]:
+        for entry in entries:
+            for value in entry.values() if isinstance(entry, dict) else [entry]:
+                yield from pages(value) if isinstance(value, list) else [value]
+
+    written = {name.removeprefix("docs/") for name in documents() if name.startswith("docs/")}
+    assert sorted(pages(site()["nav"])) == sorted(name for name in written if not name.startswith("vendor/"))
+
+
+def test_the_map_of_the_documents_leads_to_every_page() -> None:
+    maps = {"docs/index.md": "tutorials|guides|reference|explanation", "docs/decisions/README.md": "decisions"}
+    for name, folders in maps.items():
+        folder = (ROOT / name).parent
+        linked = {(folder / target).resolve() for target in re.findall(r"\]\(([^)#]+)", documents()[name])}
+        pages = {ROOT / page for page in documents() if re.match(rf"docs/({folders})/", page)} - {ROOT / name}
+        assert pages - linked == set()
+
+
+def test_the_website_asks_no_other_server_for_anything() -> None:
+    text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8") + (ROOT / "docs/theme/main.html").read_text("utf-8")
+    assert "://" not in text
+    assert site()["theme"]["font"] is False

@@ -13,7 +13,7 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).resolve().parents[2]
-EXTRAS = ("serve", "training", "analysis", "cluster", "test")
+EXTRAS = ("serve", "training", "analysis", "cluster", "test", "docs")
 # Licences that let a laboratory use, change and pass on what it builds; LGPL and MPL for parts that are used unchanged.
 ALLOWED = re.compile(
     r"MIT|BSD|Apache|PSF|Python Software Foundation|ISC|MPL|Mozilla|LGPL|Lesser General Public|Unlicense|Zlib|CC0|HPND|"
