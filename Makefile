@@ -43,6 +43,7 @@ lint: .venv/.test
 	$(BIN)/ruff format --check
 	$(BIN)/codespell
 	$(BIN)/mypy
+	$(BIN)/mypy --package docs.generate
 
 format: .venv/.test
 	$(BIN)/ruff check --fix

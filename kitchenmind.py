@@ -1,4 +1,4 @@
-"""The command line: one verb a sub-command, each a thin call into a package. Imports are lazy: --help stays quick."""
+"""The command line of kitchenmind. Each command imports its package only when it runs, so that --help is quick."""
 
 import argparse
 import importlib
@@ -9,23 +9,26 @@ from pathlib import Path
 # verb -> (module with `add_arguments(parser)` and `run(arguments) -> int`, what it does)
 VERBS: dict[str, tuple[str, str]] = {
     "replay": ("overcooked.replay", "re-simulate action logs to states"),
-    "train": ("training.commands.train", "train agents, predictors, or the whole cast"),
+    "train": ("training.commands.train", "train agents, predictors, or all models of a study"),
     "collect": ("training.commands.collect", "collect the trajectories that a predictor learns from"),
     "agent": ("models.agents.check", "check an agent or a predictor before a study uses it"),
     "evaluate": ("training.commands.evaluate", "measure agents and predictors"),
     "serve": ("server.commands.serve", "serve a study"),
-    "doctor": ("server.commands.doctor", "is this machine ready to serve? port, disk, TLS, secret, database, weights"),
-    "admin": ("server.commands.admin", "make researchers' accounts for the dashboard"),
+    "doctor": (
+        "server.commands.doctor",
+        "check whether this machine can serve: port, disk, TLS, secret, database, weights",
+    ),
+    "admin": ("server.commands.admin", "manage researchers' accounts for the dashboard"),
     "person": ("server.commands.person", "find or delete one participant on request"),
-    "study": ("server.commands.study", "make or check a study file"),
-    "bundle": ("server.commands.bundle", "put all that a study is into one archive, to be registered before it begins"),
+    "study": ("server.commands.study", "create or check a study file"),
+    "bundle": ("server.commands.bundle", "pack a study into one archive for preregistration"),
     "export": ("server.commands.export", "write a study's data as CSV and Parquet"),
     "verify": ("server.commands.verify", "re-simulate every stored episode and compare the hashes"),
-    "backup": ("server.commands.backup", "copy a SQLite database while the server goes on"),
+    "backup": ("server.commands.backup", "copy a SQLite database, also while the server runs"),
     "import": ("server.commands.importer", "read an export back into an empty database"),
-    "bots": ("server.commands.bots", "let simulated participants walk a study, and check every promise"),
-    "report": ("analysis.commands.report", "analyse an exported study: a page, figures and a table of results"),
-    "power": ("analysis.commands.power", "say how many participants a study needs"),
+    "bots": ("server.commands.bots", "run simulated participants through a study and check every guarantee"),
+    "report": ("analysis.commands.report", "analyse an exported study: report page, figures, table of results"),
+    "power": ("analysis.commands.power", "compute how many participants a study needs"),
 }
 
 

@@ -132,10 +132,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "source",
         type=Path,
         metavar="IN",
-        help="an episode a line (.jsonl), or overcooked_ai's trajectories (.json)",
+        help="one episode per line (.jsonl), or overcooked_ai's trajectories (.json)",
     )
-    parser.add_argument("--states", type=Path, metavar="OUT.jsonl", help="write states and rewards, an episode a line")
-    parser.add_argument("--trajectories", type=Path, metavar="OUT.json", help="write overcooked_ai's trajectory format")
+    parser.add_argument(
+        "--states", type=Path, metavar="OUT.jsonl", help="write states and rewards, one episode per line"
+    )
+    parser.add_argument(
+        "--trajectories", type=Path, metavar="OUT.json", help="write overcooked_ai's trajectory format to this file"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -1,4 +1,7 @@
-"""What can be set about a server: by KITCHENMIND_* variables, a .env file or `kitchenmind serve`. Frozen once read."""
+"""Settings of the server, from KITCHENMIND_* variables, a .env file or options of `kitchenmind serve`.
+
+The string below each setting is its description in docs/reference/settings.md.
+"""
 
 import ipaddress
 import os
@@ -34,45 +37,51 @@ class Settings(BaseSettings):
     )
 
     mode: Literal["local", "production"] = "local"
-    """production: a real study on a public address. A secret and TLS in front of the server are required."""
+    """`production` is for a study on a public address. It requires a secret and TLS in front of the server."""
     host: str = "127.0.0.1"
-    """The address to listen on. 0.0.0.0 means all of this machine."""
+    """The address to listen on. `0.0.0.0` means every address of the machine."""
     port: int = Field(default=8000, ge=0, le=65535)
-    """The port to listen on; 0 takes a free one."""
+    """The port to listen on. `0` takes a free one."""
     database: str = f"sqlite:///{quote(str(VAR / 'kitchenmind.sqlite3'))}"
-    """Where the data are: sqlite:///path/to/file or postgresql://user@host/name."""
+    """The database: `sqlite:///path/to/file` or `postgresql://user@host/name`."""
     studies: tuple[Path, ...] = (ROOT / "studies" / "quick_look.yaml", ROOT / "studies" / "external_predictor.yaml")
-    """The study files that are served."""
+    """The study files to serve, as a JSON list: `["studies/quick_look.yaml"]`."""
     models_folder: Path | None = None
-    """Where relative paths of models in study files start. Empty: in the folder of each study file."""
+    """The folder in which relative model paths start. Empty: the folder of the study file."""
     secret: SecretStr | None = None
-    """Signs forms: at least 32 random characters. Local use makes one and keeps it in `var/`."""
+    """Signs forms: at least 32 random characters. Production refuses rows of digits or keys and repeated characters.
+    In local mode the server makes a secret and keeps it in `var`."""
     public_url: str = ""
-    """How browsers reach the server, e.g. https://lab.example.org. Empty: as they ask for it."""
+    """The address that browsers use: scheme, name and port only, such as `https://lab.example.org`. Empty: the address
+    of each request."""
     trusted_proxies: str = "127.0.0.1"
-    """Addresses of the TLS proxy in front, whose X-Forwarded headers are believed."""
+    """Addresses or networks of the TLS proxy, separated by commas. The server believes `X-Forwarded-*` headers only
+    from them. Production refuses `*`."""
     new_per_address: int = Field(default=10, ge=0, le=100_000)
-    """New participants that one address may bring in an hour; 0: any number. A lab or class behind one address needs
-    more. In local mode this machine itself is not counted."""
+    """New participants from one address in an hour, so that one person cannot fill a study. An IPv6 site (/48) may
+    bring four times as many. `0`: no limit. Raise it for a lab or a class behind one address. Each server process
+    counts by itself. In local mode the machine itself is not counted."""
     workers: int = Field(default=1, ge=1, le=64)
-    """Server processes. More than one needs PostgreSQL and Redis."""
+    """The number of server processes. More than one needs PostgreSQL and Redis."""
     redis: SecretStr | None = None
-    """Redis of a server of several processes: redis://host:6379/0. Holds nothing that must not be lost."""
+    """Redis for several server processes: `redis://host:6379/0`. No data is lost with it."""
     model_workers: int = Field(default=1, ge=1, le=64)
     """Processes that run agents and predictors, for each server process."""
     speed: float = Field(default=1.0, gt=0, le=100)
-    """How fast the games' clock runs: 1 for people, more for tests and simulated participants."""
+    """The speed of the game clock: 1 for people, more for tests and simulated participants."""
     patience_s: float = Field(default=0.0, ge=0, le=60)
-    """For simulated participants: a timestep waits so long for its players, and is made once they have acted."""
+    """For simulated participants: a timestep is made as soon as its players have acted, after this many seconds at the
+    latest. `0`: at its usual time."""
 
     stop_within_s: float = Field(default=25.0, gt=0, le=600)
-    """A stop takes no longer, whatever the database does. Less than systemd or Docker wait before they kill."""
+    """The longest time that stopping may take. systemd and Docker must wait longer before they kill the process."""
     log: Literal["text", "json"] = "text"
-    """How the log is written: warnings as text, or everything as a JSON object a line."""
+    """`text` logs warnings and errors. `json` logs everything, one JSON object per line."""
     metrics_token: SecretStr | None = None
-    """Who gives it as `Authorization: Bearer ...` reads /metrics. Without one they are shown in local mode only."""
+    """Allows requests with `Authorization: Bearer TOKEN` to read `/metrics`. Without a token, only local mode shows
+    them. Production requires at least 16 random characters."""
     alert_webhook: SecretStr | None = None
-    """Where alerts are posted as JSON, e.g. a chat's incoming webhook. Whoever knows the address may post there."""
+    """The address to which alerts are posted as JSON, such as a chat's incoming webhook. Keep it secret."""
 
     @model_validator(mode="after")
     def _several_can_share(self) -> Self:

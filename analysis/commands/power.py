@@ -30,20 +30,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         required=True,
         metavar="POINTS",
-        help="true differences of mean reward; a test is two-sided, so -5 takes as many participants as 5",
+        help="true differences of mean reward; tests are two-sided, so -5 needs as many participants as 5",
     )
-    parser.add_argument("--participants", type=int, help="in each condition; default: as in the export, else 29")
-    parser.add_argument("--pilot", type=Path, help="export that tells how reward varies, beside a study file")
-    parser.add_argument("--study", help="which study of the export or pilot, where it holds several")
+    parser.add_argument(
+        "--participants", type=int, help="participants in each condition (default: as in the export, else 29)"
+    )
+    parser.add_argument("--pilot", type=Path, help="export that shows how reward varies, together with a study file")
+    parser.add_argument("--study", help="which study, if the export or pilot holds several")
     parser.add_argument("--study-version", type=int, metavar="N", help="which version of its study file (default: all)")
     parser.add_argument(
-        "--person-sd", type=float, help="standard deviation between people, points (instead of a pilot)"
+        "--person-sd", type=float, help="standard deviation between people in points, instead of a pilot"
     )
-    parser.add_argument("--residual-sd", type=float, help="standard deviation within people, points")
-    parser.add_argument("--alpha", type=float, default=0.05)
-    parser.add_argument("--studies", type=int, default=2000, help="simulated studies for every point (default: 2000)")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--out", type=Path, default=Path("power"), help="folder for the curve (default: power)")
+    parser.add_argument(
+        "--residual-sd", type=float, help="standard deviation within people in points, instead of a pilot"
+    )
+    parser.add_argument("--alpha", type=float, default=0.05, help="significance level (default: 0.05)")
+    parser.add_argument(
+        "--studies", type=int, default=2000, help="number of simulated studies for each point (default: 2000)"
+    )
+    parser.add_argument("--seed", type=int, default=1, help="random seed (default: 1)")
+    parser.add_argument("--out", type=Path, default=Path("power"), help="folder to write (default: power)")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -8,10 +8,10 @@ from pathlib import Path
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares what the verb takes."""
     parser.add_argument("export", type=Path, metavar="EXPORT_DIR", help="the folder that `kitchenmind export` wrote")
-    parser.add_argument("--out", type=Path, default=Path("report"), help="folder to write into (default: report)")
-    parser.add_argument("--study", help="which study, where the export holds several")
+    parser.add_argument("--out", type=Path, default=Path("report"), help="folder to write (default: report)")
+    parser.add_argument("--study", help="which study, if the export holds several")
     parser.add_argument(
-        "--study-version", type=int, metavar="N", help="which version of the study file (default: all, and it says so)"
+        "--study-version", type=int, metavar="N", help="which version of the study file (default: all, with a note)"
     )
     parser.add_argument(
         "--questionnaire-layouts",
@@ -25,10 +25,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=Path(__file__).parents[2] / "models" / "weights",
         metavar="DIR",
-        help="checkpoints whose cards tell the offline accuracy (default: the shipped ones)",
+        help="checkpoints whose cards have the offline accuracy (default: the bundled ones)",
     )
     parser.add_argument(
-        "--seed", type=int, default=1, help="of everything drawn at random: permutations, bootstrap, power (default: 1)"
+        "--seed", type=int, default=1, help="random seed of permutations, bootstrap and power (default: 1)"
     )
 
 

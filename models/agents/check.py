@@ -41,11 +41,15 @@ class AgentFinding:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The one thing that can be done with an agent."""
     kinds = parser.add_subparsers(dest="what", metavar="check", required=True)
-    check = kinds.add_parser("check", help="does it load, does it fit, how long does it take, is it deterministic")
-    check.add_argument("name", help="catalogue name, checkpoint folder, ONNX file, module:Class or URL")
-    check.add_argument("--layout", required=True, help="a shipped layout or a .layout file")
+    check = kinds.add_parser(
+        "check", help="check that an agent loads and fits, how long it takes, and whether it is deterministic"
+    )
+    check.add_argument("name", help="bundled agent, checkpoint folder, ONNX file, module:Class or URL")
+    check.add_argument("--layout", required=True, help="a bundled layout or a .layout file")
     check.add_argument("--predictor", action="store_true", help="NAME is a predictor, not an agent")
-    check.add_argument("--deadline-ms", type=float, default=DEADLINE_MS, help="of a tick (default: 120)")
+    check.add_argument(
+        "--deadline-ms", type=float, default=DEADLINE_MS, help="longest time for an answer (default: 120)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -19,17 +19,17 @@ _ROLES = "watch: see; act: also intervene; own: also accounts"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--database", metavar="URL", help="sqlite:///path or postgresql://user@host/name")
     verbs = parser.add_subparsers(dest="admin_verb", required=True, metavar="create|reset|remove|list")
-    create = verbs.add_parser("create", help="a new account; asks for a password, or makes one")
-    create.add_argument("name")
+    create = verbs.add_parser("create", help="create an account; asks for a password, or makes one")
+    create.add_argument("name", help="the name to sign in with")
     _add_database(create)
     create.add_argument("--role", choices=("watch", "act", "own"), default="own", help=f"{_ROLES} (own)")
-    reset = verbs.add_parser("reset", help="a new password; signs the account out everywhere")
-    reset.add_argument("name")
+    reset = verbs.add_parser("reset", help="set a new password and sign the account out everywhere")
+    reset.add_argument("name", help="the account")
     _add_database(reset)
-    remove = verbs.add_parser("remove", help="deletes an account; the audit log keeps what it did")
-    remove.add_argument("name")
+    remove = verbs.add_parser("remove", help="delete an account; the audit log keeps its actions")
+    remove.add_argument("name", help="the account")
     _add_database(remove)
-    _add_database(verbs.add_parser("list", help="all accounts"))
+    _add_database(verbs.add_parser("list", help="list all accounts"))
 
 
 def _add_database(parser: argparse.ArgumentParser) -> None:

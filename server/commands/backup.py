@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--to", required=True, type=Path, metavar="FILE", help="a new file")
+    parser.add_argument("--to", required=True, type=Path, metavar="FILE", help="the file to write; it must not exist")
     parser.add_argument("--database", metavar="URL", help="sqlite:///path")
 
 

@@ -20,22 +20,24 @@ MOST = 2000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("number", type=int, metavar="N", help="how many participants")
+    parser.add_argument("number", type=int, metavar="N", help="number of participants")
     parser.add_argument("--study", type=Path, metavar="FILE", help="the study file (studies/quick_look.yaml)")
-    parser.add_argument("--url", help="a server that runs already; without it one is started for the time being")
+    parser.add_argument("--url", help="a server that is running; without it, the command starts one")
     parser.add_argument(
-        "--database", metavar="URL", help="where the data stay, sqlite:///path; with --url: the server's own"
+        "--database", metavar="URL", help="keep the data here, sqlite:///path; with --url: the server's own database"
     )
     parser.add_argument(
-        "--dropout", type=float, default=0.0, metavar="P", help="the share that gives up on the way (0)"
+        "--dropout", type=float, default=0.0, metavar="P", help="share of participants who drop out (0.0)"
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="S", help="the same seed, the same participants (0)")
-    parser.add_argument("--fast", action="store_true", help="a quick clock: as fast as this machine can")
-    parser.add_argument("--json", action="store_true", help="the outcome as JSON")
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="S", help="seed; the same seed gives the same participants (0)"
+    )
+    parser.add_argument("--fast", action="store_true", help="play as fast as this machine can")
+    parser.add_argument("--json", action="store_true", help="print the outcome as JSON")
     parser.add_argument(
         "--faults",
         action="store_true",
-        help="kill the server, lose lines, double tabs; PASS or FAIL for each guarantee",
+        help="kill the server, break connections, open second tabs; prints PASS or FAIL for each guarantee",
     )
 
 

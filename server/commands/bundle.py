@@ -8,9 +8,11 @@ from pathlib import Path
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("study", type=Path, metavar="STUDY", help="the study file")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="the archive (NAME.zip, beside nothing that is there)")
-    parser.add_argument("--participants", type=int, metavar="N", help="length of the allocation list (the quotas)")
-    parser.add_argument("--plan", type=Path, metavar="FILE", help="your own words about hypotheses and analysis")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="the archive to write; it must not exist (NAME.zip)")
+    parser.add_argument(
+        "--participants", type=int, metavar="N", help="length of the allocation list (default: the sum of the quotas)"
+    )
+    parser.add_argument("--plan", type=Path, metavar="FILE", help="a text with your hypotheses and analysis plan")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -7,9 +7,14 @@ from pathlib import Path
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="a new folder")
+    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="the folder to write; it must not exist")
     parser.add_argument("--database", metavar="URL", help="sqlite:///path or postgresql://user@host/name")
-    parser.add_argument("--format", default="csv,parquet", metavar="LIST", help="csv, parquet, overcooked_ai")
+    parser.add_argument(
+        "--format",
+        default="csv,parquet",
+        metavar="LIST",
+        help="any of csv, parquet, overcooked_ai, separated by commas",
+    )
     parser.add_argument("--study", metavar="KEY", help="only this study (all its versions)")
 
 

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", type=Path, metavar="DIR", help="what `kitchenmind export --out DIR` wrote")
+    parser.add_argument("folder", type=Path, metavar="DIR", help="the folder that `kitchenmind export` wrote")
     parser.add_argument(
         "--database", required=True, metavar="URL", help="a new database: sqlite:///path or postgresql://..."
     )
@@ -19,8 +19,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="SOURCE",
-        help="also leave out who withdrew according to this database or newer export; may be given several times "
-        "(the server's own database is asked in any case)",
+        help="also leave out participants who withdrew according to this database or newer export; may be repeated "
+        "(the server's own database is always asked)",
     )
 
 

@@ -16,14 +16,16 @@ _HERE = timedelta(minutes=10)  # a game outlasts the last page that was loaded
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     verbs = parser.add_subparsers(dest="person_verb", required=True, metavar="find|delete")
-    find = verbs.add_parser("find", help="say who it is: number, participant id, status")
-    delete = verbs.add_parser("delete", help="delete everything about somebody who asked for it")
+    find = verbs.add_parser("find", help="show number, participant id and status")
+    delete = verbs.add_parser("delete", help="delete everything about one participant")
     for each in (find, delete):
         each.add_argument("who", metavar="WHO", help="the personal code, the recruiter's id, or the participant id")
         each.add_argument("--study", required=True, metavar="KEY", help="the study's name")
         each.add_argument("--database", metavar="URL", help="sqlite:///path or postgresql://user@host/name")
-    delete.add_argument("--reason", required=True, metavar="TEXT", help="for the audit log; do not name the person")
-    delete.add_argument("--yes", action="store_true", help="do not ask")
+    delete.add_argument(
+        "--reason", required=True, metavar="TEXT", help="reason for the audit log; do not name the person"
+    )
+    delete.add_argument("--yes", action="store_true", help="do not ask for confirmation")
 
 
 def run(arguments: argparse.Namespace) -> int:

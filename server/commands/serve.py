@@ -29,7 +29,9 @@ _SEND_BUFFER_BYTES = 64 * 1024  # what a slow reader can make the kernel keep
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--study", action="append", type=Path, metavar="FILE", help="a study file; may be repeated")
-    parser.add_argument("--bundle", type=Path, metavar="FILE", help="run exactly what `kitchenmind bundle` put in here")
+    parser.add_argument(
+        "--bundle", type=Path, metavar="FILE", help="run exactly the study in this archive of `kitchenmind bundle`"
+    )
     parser.add_argument(
         "--allow-model",
         action="append",
@@ -42,7 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--database", metavar="URL", help="sqlite:///path or postgresql://user@host/name")
     parser.add_argument("--workers", type=int, metavar="N", help="server processes (1); more need PostgreSQL and Redis")
     parser.add_argument("--redis", metavar="URL", help="redis://host:6379/0, for several server processes")
-    parser.add_argument("--model-workers", type=int, metavar="N", help="processes that run models, each server (1)")
+    parser.add_argument(
+        "--model-workers", type=int, metavar="N", help="processes that run models, for each server process (1)"
+    )
     parser.add_argument("--speed", type=float, help=argparse.SUPPRESS)
 
 

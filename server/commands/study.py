@@ -20,12 +20,12 @@ MOST_PLACES, WIDTH = 20, 20
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     verbs = parser.add_subparsers(dest="study_verb", required=True, metavar="new|check|schema")
-    new = verbs.add_parser("new", help="a file to start from, ready to be served")
-    new.add_argument("name", help="names the study in its address and its data, e.g. pilot_1")
-    new.add_argument("--out", type=Path, help="the file (studies/NAME.yaml)")
-    check = verbs.add_parser("check", help="everything wrong with a file: line, reason, remedy")
-    check.add_argument("file", type=Path)
-    verbs.add_parser("schema", help="the JSON Schema of a study file, for editors")
+    new = verbs.add_parser("new", help="create a study file that is ready to serve")
+    new.add_argument("name", help="the study's name in its address and data, such as pilot_1")
+    new.add_argument("--out", type=Path, help="the file to write (studies/NAME.yaml)")
+    check = verbs.add_parser("check", help="list every mistake in a file: line, reason, fix")
+    check.add_argument("file", type=Path, help="the study file")
+    verbs.add_parser("schema", help="print the JSON Schema of study files, for editors")
 
 
 def run(arguments: argparse.Namespace) -> int:

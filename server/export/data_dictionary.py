@@ -21,11 +21,11 @@ _TYPES = (
 )
 _HEAD = """# Data dictionary
 
-Printed from the code by `python -m server.export.data_dictionary`; change `server/store/tables.py` and
-`server/export/codebook.py`, not this page. First what `kitchenmind export` writes, then the database.
+`python -m docs.generate` writes this page from `server/store/tables.py` and `server/export/codebook.py`. First come the
+files of `kitchenmind export`, then the tables of the database.
 
 All times are UTC. Actions are 0 north, 1 south, 2 east, 3 west, 4 stay, 5 interact. Seat 0 is the chef who starts on
-the layout's cell 1. Numbers that a browser measured are in the browser's own clock.
+the layout's cell 1. Times that a browser measured are from the browser's own clock.
 
 """
 _EXPORT = """## Export
@@ -35,8 +35,8 @@ _EXPORT = """## Export
 """
 _DATABASE = """## Database
 
-SQLite or PostgreSQL, the same tables. `personal` is never exported. Deleting follows the foreign keys: see
-`server/store/withdrawal.py`.
+SQLite and PostgreSQL have the same tables. `personal` is never exported. Deleting a participant follows the foreign
+keys; see `server/store/withdrawal.py`.
 
 """
 

@@ -20,13 +20,15 @@ class Condition(StrictModel):
     """One arm of the study. Participants are never told which they are in."""
 
     name: Key
+    """The condition's name in the data. Participants never see it."""
     predictor: Literal["none", "random", "tom", "degraded"]
-    """What is drawn: nothing, uniformly random steps, the predictor's, or those of a predictor made worse."""
+    """What is drawn. none: nothing. random: random steps. tom: the predictor's steps. degraded: those with errors."""
     accuracy: Annotated[float, Field(ge=0.17, le=1)] | None = None
-    """With `degraded`: the wanted accuracy (mean of its steps), e.g. 0.6; the predictor errs the more to reach it."""
+    """Only with `degraded`: the accuracy to reach (mean over the steps). Errors are added until it is reached."""
     weight: Annotated[int, Field(ge=1, le=1000)] = 1
+    """A condition with weight 2 gets twice as many participants as one with weight 1."""
     quota: Annotated[int, Field(ge=1)] | None = None
-    """At most so many participants. Empty: no limit."""
+    """The largest number of participants. Empty: no limit."""
 
     @property
     def shows_predictions(self) -> bool:
@@ -37,15 +39,15 @@ class PartnerSettings(StrictModel):
     """An AI partner, or another participant in its place."""
 
     name: Key
-    """Names the agent in the study and, unless `model` says otherwise, its checkpoint."""
+    """The agent's name in the data. Without `model`, also the name of its checkpoint."""
     human: bool = False
-    """The partner is another participant of the same condition; see `waiting_room`."""
+    """The partner is another participant in the same condition. See `waiting_room`."""
     model: str | None = None
-    """What the catalogue calls it, or somebody's own agent: `module:Class`, an ONNX file, an address."""
+    """A bundled agent by name, or your own: a checkpoint folder, an ONNX file, `module:Class` or an http:// address."""
     mode: Literal["card", "greedy", "sampled"] = "card"
-    """How it acts: as its card says, always its likeliest action, or drawn from its probabilities."""
+    """How it acts. card: as its card says. greedy: the most likely action. sampled: drawn from its probabilities."""
     predictor: str | None = None
-    """Who foretells it. Empty: the predictor that was trained for it, in the study's form."""
+    """Its predictor, by name or path. Empty: the one that was trained for it, in the form of `predictor.form`."""
 
     @property
     def catalogue_name(self) -> str:
@@ -54,46 +56,53 @@ class PartnerSettings(StrictModel):
 
 
 class KitchenChoice(StrictModel):
-    """A layout: a shipped one by its name, or an own grid."""
+    """A layout: a bundled one by its name, or your own grid."""
 
     name: Key
+    """The layout's name in the data. Without `grid`, the name of a bundled layout."""
     title: Text
+    """The name that participants see."""
     grid: str | None = None
-    """The rows as drawn: X counter, O onions, D dishes, P pot, S exit, a space for floor, 1 and 2 for the chefs."""
+    """Your own layout, row by row: X counter, O onions, D dishes, P pot, S exit, space floor, 1 and 2 the chefs."""
 
 
 class Order(StrictModel):
     """In which order a participant meets layouts and agents."""
 
     rule: Literal["fixed", "shuffled", "latin_square", "paper"] = "fixed"
-    """fixed: as listed. shuffled: all episodes mixed. latin_square: layouts by a balanced square, agents alternating.
-    paper: layouts as listed, agents of the first layout at random, in every later one the reverse of the one before."""
+    """fixed: as listed. shuffled: all episodes in random order. latin_square: layouts by a balanced Latin square,
+    agents alternating. paper: layouts as listed; agents in random order in the first, reversed in each later one."""
     repeat: Annotated[int, Field(ge=1, le=20)] = 1
-    """How often each layout and agent is played."""
+    """How often each pair of layout and agent is played."""
 
 
 class PredictorSettings(StrictModel):
-    """What watches the partner."""
+    """The predictor that watches the partner, and how its predictions are drawn."""
 
     form: Literal["window", "stream"] = "stream"
-    """stream: keeps a running memory; bundled for the bundled agents. window: the paper's ten steps, to be trained."""
+    """stream: remembers earlier timesteps; bundled. window: looks at ten timesteps, as in the paper; train it first."""
     steps_shown: Annotated[int, Field(ge=1, le=3)] = 3
+    """How many predicted steps are drawn."""
     confidence_opacity: bool = False
-    """Draw a step the paler, the less sure the predictor is."""
+    """Draw a step fainter when the predictor is less certain."""
 
 
 class Pause(StrictModel):
-    """How long somebody may be away in an episode."""
+    """How long a participant may be away before the episode ends."""
 
     each_s: Annotated[float, Field(gt=0, le=3600)] = 30
+    """The longest single absence, in seconds."""
     episode_s: Annotated[float, Field(gt=0, le=7200)] = 60
+    """The longest total absence within one episode, in seconds."""
 
 
 class Progress(StrictModel):
-    """Points for unfinished soups when the time is up, kept apart from the score."""
+    """Points for unfinished soups at the end of an episode. They are stored apart from the score."""
 
     onion_in_pot: Annotated[float, Field(ge=0)] = 3
+    """Points for each onion in a pot."""
     soup_on_dish: Annotated[float, Field(ge=0)] = 17
+    """Points for each soup on a dish that was not delivered."""
 
 
 def _whole(value: Any) -> Any:
@@ -105,10 +114,13 @@ class GameSettings(StrictModel):
     """The settings of every episode."""
 
     tick_ms: Annotated[int, Field(ge=20, le=2000)] = 200
+    """The length of a timestep, in milliseconds."""
     horizon: Annotated[int, Field(ge=1, le=10_000)] = 400
+    """The number of timesteps in an episode."""
     human_seat: Annotated[Literal[0, 1], BeforeValidator(_whole)] = 0
+    """The participant's seat: 0 starts on the layout's cell 1, 1 on its cell 2."""
     deadline_ms: Annotated[int, Field(ge=5, le=2000)] = 120
-    """How long the models may take in a tick; later, the partner waits."""
+    """How long agent and predictor may take for a timestep. If the agent is late, it waits for one timestep."""
     pause: Pause = Pause()
     progress: Progress = Progress()
 
@@ -118,85 +130,94 @@ def _practice() -> KitchenChoice:
 
 
 class WaitingRoomSettings(StrictModel):
-    """Where somebody waits for the other person of a round of two."""
+    """Where a participant waits for the other person in a study for two."""
 
     limit_s: Annotated[float, Field(ge=1, le=3600)] = 180
-    """Counted from the first opening of the page; then `fallback`."""
+    """The longest wait in seconds, from the first time the page was opened. Then `fallback` applies."""
     fallback: Literal["agent", "leave"] = "agent"
-    """agent: the round, and every later one, is played with `agent`. leave: the study ends with a code."""
+    """agent: play this round and all later ones with `agent`. leave: end the study with the code `unpaired`."""
     agent: PartnerSettings = PartnerSettings(name="planner", predictor="random")
-    """Who stands in for a person who does not come or has left."""
+    """The agent that replaces a person who does not arrive or who left."""
 
 
 class Tutorial(StrictModel):
-    """The practice game: endless, passed with a delivery."""
+    """The practice game. It has no time limit and is passed with a delivery."""
 
     layout: KitchenChoice = Field(default_factory=_practice)
-    """Empty: a small kitchen in which nobody is in the way."""
+    """The kitchen of the practice. Empty: a small one with enough room for both chefs."""
     agent: PartnerSettings = PartnerSettings(name="guide", predictor="guide")
-    """Who walks beside the participant. The guide paces up and down, so its marks are easy to read."""
+    """The partner in the practice. The default, guide, walks up and down, so that its marks are easy to read."""
     lessons: tuple[Lesson, ...] = LESSONS
+    """The lessons and their order."""
     skippable: bool = False
-    """A button leads past the practice; that somebody pressed it is in the data."""
+    """Show a button that skips the practice. The data record its use."""
 
 
 class EntryChecks(StrictModel):
-    """What a device must be able to do before anybody is asked for consent."""
+    """What a device must have before its user is asked for consent."""
 
     width: int = 320
+    """The smallest screen width, in CSS pixels. Width and height may be swapped."""
     height: int = 480
-    """The smallest screen, in CSS pixels; the two may be swapped."""
+    """The smallest screen height, in CSS pixels."""
     input: bool = True
-    """A keyboard or a touch screen."""
+    """Require a keyboard or a touch screen."""
     websocket: bool = True
+    """Require a working websocket connection."""
     latency_ms: Annotated[int, Field(ge=20)] | None = 600
-    """The slowest median round trip. Empty: not measured."""
+    """The largest median round trip, in milliseconds. Empty: not measured."""
 
 
 class Quiz(Questionnaire):
-    """The comprehension check: every question with a `correct` answer has to be answered correctly."""
+    """The comprehension check: every question with `correct` must be answered correctly."""
 
     attempts: Annotated[int, Field(ge=1)] | None = None
-    """After so many failures the participant is screened out. Empty: as often as they like."""
+    """Screen a participant out after this many failed attempts. Empty: no limit."""
 
 
 class AttentionChecks(StrictModel):
-    """What follows from questions with `attention`, whose text asks for a certain answer."""
+    """What happens after failed attention checks (questions with `attention`)."""
 
     screen_out_after: Annotated[int, Field(ge=1)] | None = None
-    """Somebody who failed so many is screened out after the page. Empty: wrong answers are only flagged in the data."""
+    """Screen a participant out after this many failed checks. Empty: failed checks are only recorded."""
 
 
 class Fact(StrictModel):
     """One line of the consent page's summary."""
 
     label: Text
+    """What the line is about, such as Time."""
     value: Text
+    """What it says, such as 6 minutes."""
 
 
 class Section(StrictModel):
     """A heading with Markdown below it."""
 
     title: Text
+    """The heading."""
     body: Text
+    """The text below it, in Markdown."""
 
 
 class Consent(StrictModel):
-    """The first page. Nothing is stored before somebody agrees."""
+    """The consent page. Nothing is stored before a participant agrees."""
 
     title: Text
+    """The heading of the page."""
     lead: Text
+    """The first paragraph."""
     facts: Annotated[tuple[Fact, ...], Field(max_length=6)] = ()
     sections: Annotated[tuple[Section, ...], Field(min_length=1)]
     boxes: Annotated[tuple[Text, ...], Field(min_length=1)]
-    """Each has to be ticked."""
+    """The statements that a participant must tick."""
 
 
 class Breaks(StrictModel):
-    """Pages between episodes on which nothing is to be done."""
+    """Pages between episodes on which participants can rest."""
 
     after: tuple[int, ...] = ()
-    """Numbers of the episodes that a break follows."""
+    """A break follows each of these episodes, counted from 1."""
 
 
 Named = TypeVar("Named", Condition, PartnerSettings, KitchenChoice)
@@ -206,19 +227,23 @@ class Study(StrictModel):
     """One study: everything that happens between the link and the completion code."""
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_-]{0,39}$")]
-    """Names the study in its address and its data."""
+    """The study's name in its address and in the data."""
     title: Text
+    """The name that participants see."""
     summary: Text
-    """A sentence for the page on which a study is chosen."""
+    """One sentence for the page on which participants choose a study."""
     languages: Annotated[tuple[str, ...], Field(min_length=1)] = ("en",)
+    """The languages of the study's texts."""
     seed: Annotated[int, Field(ge=0, lt=2**63)]
-    """All randomness of the study follows from it."""
+    """The seed of everything random in the study."""
     duration_min: Annotated[int, Field(ge=1, le=600)]
+    """How long the study takes, in minutes. Participants see it where they choose a study."""
     timeout_min: Annotated[int, Field(ge=1)] = 120
-    """Somebody who was not seen for so long no longer holds a place in a condition."""
+    """After this many minutes of absence, a participant no longer holds a place in a condition."""
     hold_min: Annotated[int, Field(ge=1)] = 10
-    """A place is held for so long after consent; from the first page sent or game begun on, `timeout_min` counts."""
+    """How many minutes a place is held after consent, until the first page is sent or the first game begins."""
     contact: Text | None = None
+    """Where participants can ask questions. The consent page shows it."""
     recruitment: Recruitment = Recruitment()
     entry: EntryChecks = EntryChecks()
     consent: Consent
@@ -233,12 +258,12 @@ class Study(StrictModel):
     quiz: Quiz | None = None
     questionnaires: dict[Key, Questionnaire] = Field(default_factory=dict)
     after_episode: str | None = None
-    """The questionnaire that follows every episode."""
+    """The key of the questionnaire that follows every episode."""
     attention: AttentionChecks = AttentionChecks()
     breaks: Breaks = Breaks()
     pages: dict[Key, Section] = Field(default_factory=dict)
     flow: Annotated[tuple[str, ...], Field(min_length=1)]
-    """The way: introduction, quiz, tutorial, episodes, thanks, and the names of pages and questionnaires."""
+    """The steps in order: introduction, quiz, tutorial, episodes, thanks, and keys of `pages` and `questionnaires`."""
 
     def condition(self, name: str) -> Condition:
         """Raises KeyError for a name that the study does not have."""

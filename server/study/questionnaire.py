@@ -21,32 +21,38 @@ class Option(StrictModel):
     """One of several things to choose."""
 
     value: Key
-    """What the data say."""
+    """The value that is stored."""
     text: Text
+    """What participants read."""
 
 
 class SurveyQuestion(StrictModel):
     """What all questions share."""
 
     key: Key
-    """Names the answer in the data."""
+    """The name of the answer in the data."""
     text: Text
+    """What participants read."""
     hint: Text | None = None
     """A line below the question."""
     required: bool = True
+    """Whether the question must be answered."""
     conditions: Literal["all", "with_predictor"] | tuple[str, ...] = "all"
-    """Who is asked: everybody, those who are shown predictions, or the conditions named."""
+    """Who is asked: `all`, `with_predictor` (participants who see predictions), or a list of conditions."""
 
 
 class ScaleQuestion(SurveyQuestion):
-    """A number from 1 to `points`, nothing chosen beforehand; the keys 1-9 answer it."""
+    """A number from 1 to `points`. Nothing is preselected; the keys 1 to 9 answer it."""
 
     type: Literal["scale"]
     points: Annotated[int, Field(ge=2, le=9)] = 7
+    """The number of points on the scale."""
     low: Text
+    """The label at 1."""
     high: Text
+    """The label at the other end."""
     attention: int | None = None
-    """An attention check: the number that the text asks for. A wrong one is accepted, and flagged in the data."""
+    """Makes the question an attention check: the number that its text asks for. A wrong answer is only recorded."""
 
     @model_validator(mode="after")
     def _attention_is_on_the_scale(self) -> "ScaleQuestion":
@@ -56,15 +62,17 @@ class ScaleQuestion(SurveyQuestion):
 
 
 class ChoiceQuestion(SurveyQuestion):
-    """One of the options. `correct` makes it a question of the comprehension quiz."""
+    """One of the options."""
 
     type: Literal["choice"]
     options: Annotated[tuple[Option, ...], Field(min_length=2)]
+    """The options to choose from."""
     correct: str | None = None
+    """In the quiz: the value of the correct option."""
     explanation: Text | None = None
-    """Shown when the answer was not correct."""
-    attention: str | None = None
-    """An attention check: the value that the text asks for."""
+    """In the quiz: shown after a wrong answer."""
+    attention: str | None = Field(default=None, examples=["tea"])
+    """Makes the question an attention check: the value that its text asks for."""
 
     @model_validator(mode="after")
     def _right_answers_are_options(self) -> "ChoiceQuestion":
@@ -80,16 +88,21 @@ class MultipleQuestion(SurveyQuestion):
 
     type: Literal["multiple"]
     options: Annotated[tuple[Option, ...], Field(min_length=2)]
+    """The options to choose from."""
     at_least: Annotated[int, Field(ge=0)] = 1
+    """The smallest number of options to choose."""
     at_most: int | None = None
+    """The largest number of options to choose. Empty: all of them."""
 
 
 class TextQuestion(SurveyQuestion):
-    """Free words."""
+    """Free text."""
 
     type: Literal["text"]
     max_length: Annotated[int, Field(ge=1, le=5000)] = 500
+    """The largest number of characters."""
     lines: Annotated[int, Field(ge=1, le=20)] = 3
+    """The height of the input field, in lines."""
 
 
 class NumberQuestion(SurveyQuestion):
@@ -97,15 +110,19 @@ class NumberQuestion(SurveyQuestion):
 
     type: Literal["number"]
     minimum: float
+    """The smallest number that is accepted."""
     maximum: float
+    """The largest number that is accepted."""
     whole: bool = True
+    """Accept whole numbers only."""
 
 
 class RankingQuestion(SurveyQuestion):
-    """The options in order: each gets its own place."""
+    """The options in order: each gets a place of its own."""
 
     type: Literal["ranking"]
     options: Annotated[tuple[Option, ...], Field(min_length=2, max_length=9)]
+    """The options to put in order."""
 
 
 AnyQuestion = Annotated[
@@ -118,8 +135,11 @@ class Questionnaire(StrictModel):
     """A page of questions."""
 
     title: Text
+    """The heading of the page."""
     lead: Text | None = None
+    """A paragraph below the heading."""
     questions: Annotated[tuple[AnyQuestion, ...], Field(min_length=1)]
+    """The questions, in order."""
 
 
 @dataclass(frozen=True)

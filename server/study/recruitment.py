@@ -12,31 +12,35 @@ _PERSON_PATTERNS = {"prolific": "[0-9a-f]{24}", "mturk": "A[A-Z0-9]{1,63}", "son
 
 
 class Exit(StrictModel):
-    """What somebody gets who leaves the study in one of its ways."""
+    """The code and the link that the last page shows for one outcome."""
 
     code: Annotated[str, Field(pattern=r"^[A-Za-z0-9-]{4,40}$")] | None = None
-    """A fixed code, as Prolific wants it. Empty: everybody who finishes gets their own."""
+    """A fixed completion code, as Prolific needs it. Empty: each participant who finishes gets a code of their own."""
     url: Annotated[str, Field(pattern=r"^https://[A-Za-z0-9.-]+(:\d+)?(/.*)?$")] | None = None
-    """Where the last page leads. {code}, {person} and the names of `recruitment.extra` are filled in."""
+    """The link on the last page. {code}, {person} and the names in `recruitment.extra` are filled in."""
 
 
 class Recruitment(StrictModel):
-    """Where participants come from: the parameters of their link, and what they carry back."""
+    """Where participants come from, and where they go at the end."""
 
     source: Literal["none", "prolific", "mturk", "sona"] = "none"
+    """The recruitment service. It sets the defaults of the keys below."""
     person: str | None = None
-    """The link's parameter that names the person. Empty: the source's usual one."""
+    """The parameter of the study link that holds the participant's id. Empty: the service's usual one."""
     extra: tuple[str, ...] | None = None
-    """Further parameters that are kept. Empty: the source's usual ones."""
+    """Further parameters of the link to store. Empty: the service's usual ones."""
     person_pattern: str | None = None
-    """A regular expression that the person's id matches as a whole. Empty: the source's usual one."""
+    """A regular expression for the whole id. Empty: the service's usual one."""
     required: bool = False
-    """Refuse a link without the person's parameter."""
+    """Refuse a link without the participant's id."""
     completed: Exit = Exit()
+    """For participants who finish the study."""
     screened_out: Exit = Exit()
+    """For participants who fail the entry checks, the quiz or attention checks."""
     unpaired: Exit = Exit()
-    """For those who waited for another person in vain, where `waiting_room.fallback` is `leave`."""
+    """For participants whose partner does not arrive, if `waiting_room.fallback` is `leave`."""
     declined: Exit = Exit()
+    """For participants who do not consent."""
 
     @property
     def person_parameter(self) -> str | None:

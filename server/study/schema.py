@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
+from pydantic import BaseModel
+
 from server.study.definition import Study
 from server.study.strict_model import StrictModel
 
@@ -19,7 +21,7 @@ def study_schema() -> dict[str, Any]:
     schema = Study.model_json_schema() | {"title": "A study of kitchenmind"}
     for part in _parts(StrictModel):
         block = schema if part is Study else schema["$defs"].get(part.__name__, {})
-        for key, sentence in _sentences(part).items():
+        for key, sentence in descriptions(part).items():
             if key in block.get("properties", {}):
                 block["properties"][key]["description"] = sentence
     return schema
@@ -31,11 +33,11 @@ def _parts(base: type[StrictModel]) -> Iterator[type[StrictModel]]:
         yield from _parts(part)
 
 
-def _sentences(part: type[StrictModel]) -> dict[str, str]:
-    """Key -> the string below it, also those of the classes that the part is made from."""
+def descriptions(model: type[BaseModel]) -> dict[str, str]:
+    """Return the string below each key of a model and of the models that it is derived from."""
     found = {}
-    for ancestor in reversed(part.__mro__):
-        if issubclass(ancestor, StrictModel):
+    for ancestor in reversed(model.__mro__):
+        if issubclass(ancestor, BaseModel) and ancestor.__module__.startswith("server."):
             body = ast.parse(inspect.getsource(ancestor)).body[0]
             assert isinstance(body, ast.ClassDef)  # noqa: S101 its source begins with it
             for key, below in pairwise(body.body):

@@ -9,22 +9,31 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Which agent, with whom, how much."""
-    parser.add_argument("--layout", required=True, help="a shipped layout or a .layout file")
+    parser.add_argument("--layout", required=True, help="a bundled layout or a .layout file")
     parser.add_argument(
-        "--agent", required=True, help="catalogue name, checkpoint folder, ONNX file, module:Class or URL"
+        "--agent", required=True, help="bundled agent, checkpoint folder, ONNX file, module:Class or URL"
     )
-    parser.add_argument("--population", type=Path, help="folder of partner agents (default: the shipped ones)")
-    parser.add_argument("--partners", type=Path, metavar="DIR", help="any folder of at least three agents, instead")
-    parser.add_argument("--out", type=Path, help="where shards go (default: runs/games/LAYOUT_AGENT)")
+    parser.add_argument("--population", type=Path, help="folder of partner agents (default: the bundled ones)")
+    parser.add_argument("--partners", type=Path, metavar="DIR", help="instead: any folder with at least three agents")
+    parser.add_argument("--out", type=Path, help="folder for the games (default: runs/games/LAYOUT_AGENT)")
     parser.add_argument("--runs", type=Path, default=Path("runs"), help=argparse.SUPPRESS)
-    parser.add_argument("--trajectories", type=int, default=5, help="for each partner and setting (default: 5)")
-    parser.add_argument("--timesteps", type=int, default=800, help="of a trajectory (default: 800)")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--trajectories", type=int, default=5, help="number of trajectories for each partner and setting (default: 5)"
+    )
+    parser.add_argument("--timesteps", type=int, default=800, help="length of a trajectory (default: 800)")
+    parser.add_argument("--seed", type=int, default=0, help="random seed (default: 0)")
     parser.add_argument("--device", default="auto", help="auto (default), cpu, cuda or mps")
     parser.add_argument(
-        "--extra", type=Path, nargs="*", default=[], metavar="FOLDER", help="more agents that are only trained on"
+        "--extra",
+        type=Path,
+        nargs="*",
+        default=[],
+        metavar="FOLDER",
+        help="more partner agents, used for training only",
     )
-    parser.add_argument("--no-extras", action="store_true", help="the paper's partners only, no noisy or scripted ones")
+    parser.add_argument(
+        "--no-extras", action="store_true", help="only the paper's partners, without noisy and scripted ones"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

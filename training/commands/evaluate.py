@@ -13,25 +13,38 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """What is measured."""
     kinds = parser.add_subparsers(dest="what", metavar="agents|predictor", required=True)
-    agents = kinds.add_parser("agents", help="points with themselves and with partners they never met")
-    agents.add_argument("--layouts", nargs="*", metavar="LAYOUT", help="only these kitchens")
-    agents.add_argument("--episodes", type=int, default=40)
-    agents.add_argument("--timesteps", type=int, default=400, help="of an episode; points are for 400 (default: 400)")
-    predictor = kinds.add_parser("predictor", help="accuracy on partners never seen, beside ceiling and baselines")
-    predictor.add_argument("--all", action="store_true", help="every shipped predictor")
-    predictor.add_argument("--layout", help="a shipped layout")
-    predictor.add_argument("--agent", help="its agent, e.g. sp or mine.onnx (default: all of the layout)")
-    predictor.add_argument("--form", choices=("stream", "window"), help="default: both")
-    predictor.add_argument("--population", type=Path, help="folder of partner agents (default: the shipped ones)")
-    predictor.add_argument("--partners", type=Path, metavar="DIR", help="any folder of at least three agents, instead")
-    predictor.add_argument(
-        "--predictor", type=Path, metavar="FOLDER", help="one that `kitchenmind train predictor` wrote"
+    agents = kinds.add_parser("agents", help="measure points with itself and with unseen partners")
+    agents.add_argument("--layouts", nargs="*", metavar="LAYOUT", help="only these layouts")
+    agents.add_argument("--episodes", type=int, default=40, help="episodes for each pair of agents (default: 40)")
+    agents.add_argument(
+        "--timesteps",
+        type=int,
+        default=400,
+        help="length of an episode; the published points are for 400 (default: 400)",
     )
-    predictor.add_argument("--partner", metavar="AGENT", help="instead of the test partners, e.g. human_bc")
-    predictor.add_argument("--trajectories", type=int, default=5, help="for each partner and setting (default: 5)")
-    predictor.add_argument("--timesteps", type=int, default=800, help="of a trajectory (default: 800)")
+    predictor = kinds.add_parser(
+        "predictor", help="measure accuracy with unseen partners, next to ceiling and baselines"
+    )
+    predictor.add_argument("--all", action="store_true", help="every bundled predictor")
+    predictor.add_argument("--layout", help="a bundled layout")
+    predictor.add_argument("--agent", help="the predicted agent, such as sp or mine.onnx (default: all of the layout)")
+    predictor.add_argument("--form", choices=("stream", "window"), help="only this form (default: both)")
+    predictor.add_argument("--population", type=Path, help="folder of partner agents (default: the bundled ones)")
+    predictor.add_argument(
+        "--partners", type=Path, metavar="DIR", help="instead: any folder with at least three agents"
+    )
+    predictor.add_argument(
+        "--predictor", type=Path, metavar="FOLDER", help="a predictor that `kitchenmind train predictor` wrote"
+    )
+    predictor.add_argument(
+        "--partner", metavar="AGENT", help="this partner instead of the test partners, such as human_bc"
+    )
+    predictor.add_argument(
+        "--trajectories", type=int, default=5, help="number of trajectories for each partner and setting (default: 5)"
+    )
+    predictor.add_argument("--timesteps", type=int, default=800, help="length of a trajectory (default: 800)")
     for kind in (agents, predictor):
-        kind.add_argument("--json", action="store_true", help="a list of figures")
+        kind.add_argument("--json", action="store_true", help="print the figures as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:

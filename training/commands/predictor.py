@@ -19,19 +19,30 @@ OUT_OF_TIME, INTERRUPTED = "stopped as its time was over", "interrupted"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Which agent, from which games, in which form."""
-    parser.add_argument("--layout", required=True, help="a shipped layout or a .layout file")
-    parser.add_argument("--agent", required=True, help="the agent to be predicted, as it was collected")
-    parser.add_argument("--form", choices=("stream", "window"), default="stream", help="default: stream")
-    parser.add_argument("--games", type=Path, help="folder of kitchenmind collect (default: runs/games/LAYOUT_AGENT)")
-    parser.add_argument("--lender", type=Path, help="agent that lends its convolutions, with --set eyes=cnn")
-    parser.add_argument("--begin-with", type=Path, metavar="FOLDER", help="a predictor whose weights are the first")
-    parser.add_argument("--preset", choices=("full", "tiny"), default="full", help="tiny: a small one in minutes")
+    parser.add_argument("--layout", required=True, help="a bundled layout or a .layout file")
+    parser.add_argument("--agent", required=True, help="the agent to predict, as it was given to `kitchenmind collect`")
     parser.add_argument(
-        "--set", action="extend", nargs="+", default=[], metavar="KEY=VALUE", help="change settings, one or several"
+        "--form", choices=("stream", "window"), default="stream", help="form of the predictor (default: stream)"
     )
-    parser.add_argument("--runs", type=Path, default=Path("runs"), help="where runs are kept (default: runs)")
+    parser.add_argument(
+        "--games", type=Path, help="folder that `kitchenmind collect` wrote (default: runs/games/LAYOUT_AGENT)"
+    )
+    parser.add_argument("--lender", type=Path, help="agent whose convolutional encoder is used, with --set eyes=cnn")
+    parser.add_argument(
+        "--begin-with", type=Path, metavar="FOLDER", help="predictor whose weights training starts from"
+    )
+    parser.add_argument(
+        "--preset",
+        choices=("full", "tiny"),
+        default="full",
+        help="tiny: a small network, trained in minutes (default: full)",
+    )
+    parser.add_argument(
+        "--set", action="extend", nargs="+", default=[], metavar="KEY=VALUE", help="change one or more settings"
+    )
+    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder for runs (default: runs)")
     parser.add_argument("--out", type=Path, help="write the predictor here (default: in the run's folder)")
-    parser.add_argument("--ship", action="store_true", help="write it to models/weights, where studies find it")
+    parser.add_argument("--ship", action="store_true", help="write it to models/weights, where studies find it by name")
 
 
 def run(arguments: argparse.Namespace) -> int:

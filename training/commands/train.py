@@ -18,31 +18,37 @@ _PREDICTOR = "training.commands.predictor"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The three things that can be trained."""
     kinds = parser.add_subparsers(dest="what", metavar="agent|predictor|study", required=True)
-    agent = kinds.add_parser("agent", help="one agent by self-play, or with partners (FCP)")
-    agent.add_argument("--layout", required=True, help="a shipped layout or a .layout file")
-    agent.add_argument("--seed", type=int, default=1)
+    agent = kinds.add_parser("agent", help="train one agent by self-play or with partners (FCP)")
+    agent.add_argument("--layout", required=True, help="a bundled layout or a .layout file")
+    agent.add_argument("--seed", type=int, default=1, help="random seed (default: 1)")
     agent.add_argument("--config", help="a TOML file, or the name of one in training/configs")
     agent.add_argument(
-        "--set", action="extend", nargs="+", default=[], metavar="KEY=VALUE", help="change settings, one or several"
+        "--set", action="extend", nargs="+", default=[], metavar="KEY=VALUE", help="change one or more settings"
     )
-    agent.add_argument("--partners", nargs="*", type=Path, default=[], help="checkpoint folders to be best with")
+    agent.add_argument(
+        "--partners", nargs="*", type=Path, default=[], help="checkpoint folders of the partners to train with"
+    )
     agent.add_argument("--out", type=Path, help="also write the finished agent's checkpoint here")
     _add_runs(agent)
     add_compute(agent)
-    study = kinds.add_parser("study", help="everything that a study needs, from population to weights")
-    study.add_argument("--preset", default="cpu", help="cpu (two cores), published (the paper's recipe) or a .toml")
-    study.add_argument("--layouts", nargs="*", metavar="LAYOUT", help="only these kitchens")
-    study.add_argument("--only", nargs="*", metavar="TASK", help="only tasks whose name begins so, and their inputs")
-    study.add_argument("--workers", type=int, default=1, help="tasks at once, each on one core")
+    study = kinds.add_parser("study", help="train everything that a study needs, from population to weights")
+    study.add_argument(
+        "--preset", default="cpu", help="cpu (two cores), published (the paper's recipe) or a .toml file"
+    )
+    study.add_argument("--layouts", nargs="*", metavar="LAYOUT", help="only these layouts")
+    study.add_argument(
+        "--only", nargs="*", metavar="TASK", help="only tasks whose name starts with this, and their inputs"
+    )
+    study.add_argument("--workers", type=int, default=1, help="number of tasks at once, each on one core")
     study.add_argument("--ray", metavar="ADDRESS", help="run the tasks on this Ray cluster (local: start one here)")
     study.add_argument(
-        "--keep", type=Path, metavar="DIR", help="also copy what finished tasks leave here, and begin with what is here"
+        "--keep", type=Path, metavar="DIR", help="also copy the results of finished tasks here, and reuse what is here"
     )
-    study.add_argument("--plan", action="store_true", help="show the tasks and stop")
+    study.add_argument("--plan", action="store_true", help="show the tasks and exit")
     study.add_argument("--task", help=argparse.SUPPRESS)  # one task in this process: how workers are started
     _add_runs(study)
     add_compute(study)
-    predictor = kinds.add_parser("predictor", help="a Theory-of-Mind predictor from collected games")
+    predictor = kinds.add_parser("predictor", help="train a predictor from collected games")
     add_compute(predictor)
     if importlib.util.find_spec(_PREDICTOR):
         importlib.import_module(_PREDICTOR).add_arguments(predictor)
@@ -52,7 +58,9 @@ def add_compute(parser: argparse.ArgumentParser) -> None:
     """Where and how to compute; both are measured unless they are given."""
     # Not `choices`: torch, which knows the devices, is only imported when the command runs.
     parser.add_argument("--device", default="auto", help="auto (default), cpu, cuda or mps")
-    parser.add_argument("--precision", default="auto", help="auto (default: the quicker one here), float32 or bfloat16")
+    parser.add_argument(
+        "--precision", default="auto", help="auto (default: the faster one on this machine), float32 or bfloat16"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -76,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _add_runs(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--runs", type=Path, default=Path("runs"), help="where runs are kept (default: runs)")
+    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder for runs (default: runs)")
 
 
 def _train_agent(arguments: argparse.Namespace) -> int:

@@ -1,0 +1,31 @@
+"""Write the generated pages of docs/reference from the code: `python -m docs.generate`.
+
+A test compares each page with what this would write. `docs/reference/dependencies.md` has a script of its own, because
+it depends on the installed packages.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from docs.generate.command_line import command_line
+from docs.generate.settings import settings
+from docs.generate.study_keys import study_keys
+from server.export import data_dictionary
+from server.play import protocol_tables
+
+REFERENCE: Final = Path(__file__).resolve().parents[1] / "reference"
+
+
+def protocol() -> str:
+    """Return the protocol page with the tables of its fields as the message types are now."""
+    return protocol_tables.render(protocol_tables.PAGE.read_text(encoding="utf-8"))
+
+
+PAGES: Final[dict[str, Callable[[], str]]] = {
+    "settings.md": settings,
+    "study_keys.md": study_keys,
+    "command_line.md": command_line,
+    "protocol.md": protocol,
+    "data_dictionary.md": data_dictionary.text,
+}
