@@ -1,4 +1,4 @@
-"""The documents are true to the tree: links lead somewhere, commands exist, words are in use."""
+"""The documents match the repository: links, paths, commands, make targets and tests that they name exist."""
 
 import re
 import subprocess
@@ -7,7 +7,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import pytest
 import yaml
 
 import kitchenmind
@@ -19,15 +18,6 @@ ROOT = Path(__file__).parent.parent
 def documents() -> dict[str, str]:
     listed = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True)
     return {name: (ROOT / name).read_text(encoding="utf-8") for name in listed.stdout.split()}
-
-
-@cache
-def sources() -> str:
-    """All code, pages and studies as one text."""
-    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
-    kinds = {".py", ".js", ".html", ".yaml", ".j2"}
-    names = [name for name in listed.stdout.split("\n") if Path(name).suffix in kinds and (ROOT / name).is_file()]
-    return "\n".join((ROOT / name).read_text(encoding="utf-8") for name in names).lower()
 
 
 def test_links_lead_somewhere() -> None:
@@ -106,12 +96,6 @@ def glossary() -> list[str]:
 def test_glossary_is_in_alphabetical_order() -> None:
     words = [word.lower() for word in glossary()]
     assert words == sorted(words)
-
-
-@pytest.mark.parametrize("word", glossary())
-def test_word_of_the_glossary_is_in_use(word: str) -> None:
-    plain = re.sub(r" \(.*\)", "", word).lower()
-    assert any(plain.replace(" ", joint) in sources() for joint in (" ", "_", "-", ""))
 
 
 def site() -> dict[str, Any]:
