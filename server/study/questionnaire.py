@@ -113,7 +113,7 @@ class NumberQuestion(SurveyQuestion):
     """The smallest number that is accepted."""
     maximum: float
     """The largest number that is accepted."""
-    whole: bool = True
+    whole: bool = Field(default=True, examples=[False])
     """Accept whole numbers only."""
 
 

@@ -263,8 +263,10 @@ def test_schema_describes_every_key_of_a_study(capsys: pytest.CaptureFixture[str
     kept = STUDIES / "schema.json"
     assert out == kept.read_text("utf-8"), f"run `kitchenmind study schema > {kept}`"
     assert set(schema["properties"]) == set(Study.model_fields)
-    assert schema["properties"]["seed"]["description"] == "All randomness of the study follows from it."
-    assert schema["$defs"]["ChoiceQuestion"]["properties"]["key"]["description"] == "Names the answer in the data."
+    assert schema["properties"]["seed"]["description"] == "The seed of everything random in the study."
+    assert (
+        schema["$defs"]["ChoiceQuestion"]["properties"]["key"]["description"] == "The name of the answer in the data."
+    )
     assert schema["additionalProperties"] is False
     assert "null" not in schema["$defs"]["Text"]
 
