@@ -36,10 +36,10 @@ PUBLISHED = {  # the paper's accuracy (%), mean of the three steps, in the order
     ("fcp", "with humans"): (86.60, 78.34, 76.51, 76.97, 83.13),
 }
 WARNING = """\
-Not directly comparable with the paper: only Coordination Ring is the published grid, the other four are drawn after its
-pictures; all agents were trained here, on fewer timesteps, and act almost deterministically, which makes them easier to
-predict (see the ceiling). Accuracy is measured with partner agents that were used neither for training nor for choosing
-when to stop."""
+The figures are not directly comparable with the paper's. Only Coordination Ring is the published grid; the other four
+are redrawn from its pictures. All agents were trained here, on fewer timesteps, and act almost deterministically, which
+makes them easier to predict (see the ceiling). Accuracy is measured with partner agents that were used neither for
+training nor for early stopping."""
 
 
 def main() -> None:
@@ -145,8 +145,8 @@ def rendered(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) -
             "",
             *_table(head, rows),
             "",
-            "Points of the agents in 400 timesteps (± standard error; held-out: with partners that neither ever met, "
-            "the same for both):",
+            "Points of the agents in 400 timesteps (± standard error; held-out: partners that neither agent was "
+            "trained with, the same for both):",
             "",
             *_table(head, _points(figures["agents"])),
             "",
@@ -167,10 +167,10 @@ def _rows(agent: str, by_cell: Mapping[tuple[str, str, str], Mapping[str, Any]])
         ["steps 1 / 2 / 3", *(" / ".join(step) for step in steps)],
         ["ceiling of step 1", *(f"{entry['ceiling_step1']:.1f}" for entry in cells)],
         [
-            "last action again / most frequent",
+            "baselines: last action again / most frequent",
             *(f"{entry['baselines']['repeat']:.1f} / {entry['baselines']['frequent']:.1f}" for entry in cells),
         ],
-        ["where nobody is stuck", *(f"{entry['not_stuck']['mean']:.1f}" for entry in cells)],
+        ["without stuck timesteps", *(f"{entry['not_stuck']['mean']:.1f}" for entry in cells)],
         ["calibration error", *(f"{entry['ece']:.3f}" for entry in cells)],
     ]
 
@@ -196,8 +196,8 @@ def _with_human(
 ) -> list[str]:
     """How much is lost where the partner is a network cloned from people."""
     lines = [
-        f"Accuracy on Coordination Ring with a partner cloned from recorded people (`{HUMAN}`), beside that on",
-        "the test partners and what the paper found with humans (%):",
+        f"Accuracy on Coordination Ring with a behaviour-cloned human (`{HUMAN}`), next to the accuracy with the test",
+        "partners and the paper's with humans (%):",
         "",
     ]
     rows = []

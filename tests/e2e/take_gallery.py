@@ -39,9 +39,9 @@ DROPOUT = 0.06
 SCREEN = {"width": 1366, "height": 900}
 FIGURES = ("reward", "questionnaire", "accuracy", "effect_sizes")
 WIDEST = 1400
-NOTE = """**Everything here is simulated.** The participants are programs (`kitchenmind bots`); what they do and answer
-follows from rules written in `server/bots/cook.py` and `server/bots/answers.py`. Nothing about people follows from it.
-It shows what the tools make of a study, from the running dashboard to the report."""
+NOTE = """**Everything on this page is simulated.** The participants are programs (`kitchenmind bots`) that follow the
+rules in `server/bots/cook.py` and `server/bots/answers.py`. Nothing about people follows from their data. The page shows
+what the tools produce, from the running dashboard to the report."""
 
 
 @dataclass
@@ -169,18 +169,18 @@ def written(made: Made, study: str, out: Path) -> str:
 {NOTE}
 
 Made by `make gallery`: {outcome.started} simulated participants of `{study}` (seed {SEED}), of whom
-{outcome.completed} finished ({arms}) and {outcome.dropped} gave up on the way; {outcome.episodes} episodes,
-{len(outcome.violations)} broken promises, {made.minutes:.0f} minutes on a quick clock.
+{outcome.completed} finished ({arms}) and {outcome.dropped} dropped out; {outcome.episodes} episodes,
+{len(outcome.violations)} violations, {made.minutes:.0f} minutes on a fast clock.
 
-## While it runs
+## The running study
 
 ![The dashboard while simulated participants play](dashboard.webp)
 
-## When it is over
+## The finished study
 
 ![The dashboard after the simulated study](after.webp)
 
-## One episode, replayed
+## A replayed episode
 
 ![A replayed episode with the predicted steps, simulated](replay.webp)
 
@@ -190,7 +190,7 @@ Made by `make gallery`: {outcome.started} simulated participants of `{study}` (s
 
 {figures}
 
-What its sentences say about these programs, word for word:
+The sentences of the report about these programs:
 
 {findings}
 """
