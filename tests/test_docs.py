@@ -127,6 +127,12 @@ def test_the_map_of_the_documents_leads_to_every_page() -> None:
         assert pages - linked == set()
 
 
+def test_decisions_are_listed_with_their_titles() -> None:
+    titles = {page.name: page.read_text("utf-8").split("\n")[0] for page in (ROOT / "docs/decisions").glob("[0-9]*.md")}
+    listed = re.findall(r"^(\d+\. )\[(.+)\]\((.+)\)$", documents()["docs/decisions/README.md"], re.MULTILINE)
+    assert {name: f"# {number}{title}" for number, title, name in listed} == titles
+
+
 def test_the_website_asks_no_other_server_for_anything() -> None:
     text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8") + (ROOT / "docs/theme/main.html").read_text("utf-8")
     assert "://" not in text
