@@ -54,9 +54,11 @@ studies = Table(
     column("version", Integer, meaning="Counts the versions of one key, from 1."),
     column("sha256", _Sha256, meaning="Hash of the study file."),
     column("source", Text, meaning="The study file, word for word."),
-    column("started", Integer, server_default="0", meaning="Participants who ever consented, also those who withdrew."),
+    column(
+        "started", Integer, server_default="0", meaning="Participants who ever consented, including those who withdrew."
+    ),
     time("created_at", "When the server first saw this version."),
-    time("frozen_at", "First consent: from then on the version never changes.", nullable=True),
+    time("frozen_at", "First consent; the version never changes after it.", nullable=True),
     UniqueConstraint("key", "version"),
     UniqueConstraint("key", "sha256"),
 )
@@ -64,13 +66,11 @@ studies = Table(
 participants = Table(
     "participants",
     metadata,
-    column(
-        "id", _Id, primary_key=True, meaning="Random public id, made by this platform; says nothing about the person."
-    ),
+    column("id", _Id, primary_key=True, meaning="Random public id, which reveals nothing about the person."),
     column("study_id", Integer, ForeignKey("studies.id"), meaning="Study version that the participant is in."),
     column("number", Integer, meaning="1 to n, in order of consent within the study version."),
-    column("condition", _Key, meaning="Arm of the study, kept throughout."),
-    column("seed", BigInteger, meaning="63 bits that all random choices for this participant come from."),
+    column("condition", _Key, meaning="Arm of the study; it never changes."),
+    column("seed", BigInteger, meaning="63-bit seed of all random choices for this participant."),
     column("position", Integer, server_default="0", meaning="Index of the current step in the participant's plan."),
     column("status", String(16), server_default="active", meaning="One of: " + ", ".join(PARTICIPANT_STATUSES) + "."),
     column("language", String(16), server_default="en", meaning="Language of the pages (BCP 47)."),
@@ -79,7 +79,7 @@ participants = Table(
     time("last_seen_at", "Last request or message."),
     time("completed_at", "The last step was submitted.", nullable=True),
     column(
-        "completion_code", String(64), nullable=True, meaning="Code shown at the end; kept so that it never changes."
+        "completion_code", String(64), nullable=True, meaning="Code shown at the end; stored so that it never changes."
     ),
     column("token_hash", _Sha256, unique=True, meaning="SHA-256 of the token in the participant's cookie."),
     UniqueConstraint("study_id", "number"),
@@ -114,7 +114,7 @@ arrivals = Table(
         primary_key=True,
         meaning="What was unsuitable: browser, screen, input, latency or websocket.",
     ),
-    column("count", Integer, meaning="Browsers. Nothing else is kept of somebody who does not consent."),
+    column("count", Integer, meaning="Number of browsers. Nothing else is stored about people who do not consent."),
 )
 
 withdrawals = Table(
@@ -122,16 +122,18 @@ withdrawals = Table(
     metadata,
     number("Number of the withdrawal."),
     column("study_id", Integer, ForeignKey("studies.id"), index=True, meaning="Study version."),
-    column("condition", _Key, meaning="Arm that the participant had been in."),
+    column("condition", _Key, meaning="Arm of the participant."),
     column("position", Integer, meaning="Index of the step at which the participant left."),
-    time("withdrawn_at", "When. All else about the participant is deleted."),
+    time("withdrawn_at", "When. All other data of the participant are deleted."),
 )
 
 tombstones = Table(
     "tombstones",
     metadata,
     column("hash", _Sha256, primary_key=True, meaning="HMAC-SHA-256 of a deleted person's id, keyed with the salt."),
-    column("salt", String(32), meaning="Random. Only who has an older copy of the data can say whose hash it is."),
+    column(
+        "salt", String(32), meaning="Random. The hash can be matched to a person only with an older copy of the data."
+    ),
     time("deleted_at", "When. An import leaves the participant out of older exports."),
 )
 
@@ -146,8 +148,10 @@ episodes = Table(
         nullable=True,
         meaning="Study version; none: played outside a study.",
     ),
-    column("step_key", _Key, meaning="Step of the participant's plan that this episode is."),
-    column("attempt", Integer, server_default="1", meaning="1 for the first try at the step, 2 for the second, ..."),
+    column("step_key", _Key, meaning="Key of the participant's step."),
+    column(
+        "attempt", Integer, server_default="1", meaning="1 for the first attempt at the step, 2 for the second, ..."
+    ),
     column("kind", String(16), meaning="tutorial, episode or watch."),
     column("number", Integer, meaning="1-based among the plan's episodes; 0 for the tutorial."),
     column("participant_0", _Id, ForeignKey(_Participant), nullable=True, index=True, meaning="Participant on seat 0."),
@@ -155,25 +159,25 @@ episodes = Table(
     column("condition", _Key, nullable=True, meaning="Arm of the study."),
     column("layout", _Key, meaning="Name of the layout."),
     column("layout_sha256", _Sha256, meaning="Hash of the grid."),
-    column("grid", Text, meaning="The layout as drawn: the episode is re-simulated from its own record alone."),
+    column("grid", Text, meaning="The layout as drawn, so that the episode can be re-simulated from its own record."),
     column("agent_0", _Key, nullable=True, meaning="Agent on seat 0; none: a human."),
     column("agent_1", _Key, nullable=True, meaning="Agent on seat 1; none: a human."),
     column(
         "agent_name",
         _Key,
         nullable=True,
-        meaning="What the study calls the agent, e.g. mine for agents/mine.onnx; none: no agent, or an older episode.",
+        meaning="Name of the agent in the study, e.g. mine for agents/mine.onnx; none: no agent, or an older episode.",
     ),
     column("agent_0_sha256", _Sha256, nullable=True, meaning="Hash of the agent's weights."),
     column("agent_1_sha256", _Sha256, nullable=True, meaning="Hash of the agent's weights."),
-    column("predictor", _Key, nullable=True, meaning="Predictor that was asked each timestep, shown or not."),
+    column("predictor", _Key, nullable=True, meaning="Predictor that ran at every timestep, shown or not."),
     column("predictor_sha256", _Sha256, nullable=True, meaning="Hash of the predictor's weights."),
     column("watched_seat", SmallInteger, meaning="Seat whose next actions are predicted."),
     column("shown", String(16), meaning="What the participant saw: nothing, predictor or random."),
-    column("seed", BigInteger, meaning="63 bits that all randomness of the episode comes from."),
+    column("seed", BigInteger, meaning="63-bit seed of all randomness in the episode."),
     column("horizon", Integer, meaning="Timesteps to play; 0: endless.", unit="timesteps"),
     column("tick_ms", Integer, meaning="Length of a timestep.", unit="ms"),
-    column("spec", JSON, meaning="The whole specification (server/play/episode_spec.py)."),
+    column("spec", JSON, meaning="The complete specification (server/play/episode_spec.py)."),
     column("status", String(16), server_default="new", meaning="One of: " + ", ".join(EPISODE_STATUSES) + "."),
     column("end_reason", String(64), nullable=True, meaning="Why it ended."),
     column("score", Integer, nullable=True, meaning="Sum of sparse rewards.", unit="points"),
@@ -184,8 +188,13 @@ episodes = Table(
     column("passed", Boolean, nullable=True, meaning="Tutorial: passed. Episode: played to its end."),
     column("final_hash", String(16), nullable=True, meaning="Hash of the last state, 16 hexadecimal digits."),
     column("code_version", String(64), meaning="Version of this software."),
-    column("fence", Integer, server_default="0", meaning="How often a process took it up; only the newest may store."),
-    time("created_at", "When it was drawn up."),
+    column(
+        "fence",
+        Integer,
+        server_default="0",
+        meaning="How often a process took the game over; only the newest process may store.",
+    ),
+    time("created_at", "When it was created."),
     time("started_at", "When its first state was stored.", nullable=True),
     time("ended_at", "When its end was stored.", nullable=True),
     UniqueConstraint("participant_0", "step_key", "attempt"),
@@ -198,7 +207,12 @@ ticks = Table(
     metadata,
     column("episode_id", _Id, ForeignKey(_Episode), primary_key=True, meaning="Which episode."),
     column(
-        "timestep", Integer, primary_key=True, autoincrement=False, meaning="n: tick n made state n.", unit="timesteps"
+        "timestep",
+        Integer,
+        primary_key=True,
+        autoincrement=False,
+        meaning="n: tick n produced state n.",
+        unit="timesteps",
     ),
     column(
         "action_0",
@@ -230,13 +244,13 @@ ticks = Table(
     column(
         "displayed",
         LargeBinary(24),
-        meaning="What the frame carried: two bytes a step, action (6: nothing) and opacity.",
+        meaning="What the frame showed: two bytes per step, action (6: nothing) and opacity.",
         unit="%",
     ),
     column("late", Boolean, meaning="The models missed the deadline: the agent waits."),
-    column("scheduled_ms", Double, meaning="Deadline since the episode's first tick, pauses not counted.", unit="ms"),
-    column("late_ms", Double, meaning="How much later than its deadline the tick began.", unit="ms"),
-    column("models_ms", Double, meaning="Time the models took.", unit="ms"),
+    column("scheduled_ms", Double, meaning="Deadline, from the episode's first tick on, without pauses.", unit="ms"),
+    column("late_ms", Double, meaning="Delay of the tick after its deadline.", unit="ms"),
+    column("models_ms", Double, meaning="Time that the models needed.", unit="ms"),
     column(
         "key_seq_0", BigInteger, nullable=True, meaning="Number of the browser message that decided seat 0's action."
     ),
@@ -266,24 +280,24 @@ inputs = Table(
     column("tab", _Key, meaning="Random name of the browser tab."),
     column("seq", BigInteger, meaning="The browser's number of the message; a new page counts from the start."),
     column("held", SmallInteger, nullable=True, meaning="Move whose key was held down; none: no key."),
-    column("tap", SmallInteger, nullable=True, meaning="Action whose key had just gone down; none: no key."),
+    column("tap", SmallInteger, nullable=True, meaning="Action whose key was just pressed; none: no key."),
     column("client_ms", Double, meaning="performance.now() of the browser then.", unit="ms"),
     column("received_unix_ms", Double, meaning="Its arrival by the wall clock, since 1970 (UTC).", unit="ms"),
     column(
         "received_ms",
         Double,
         nullable=True,
-        meaning="Its arrival, since the first tick's deadline; none: the game stood still.",
+        meaning="Its arrival, since the first tick's deadline; none: the game was paused.",
         unit="ms",
     ),
     column(
         "timestep",
         Integer,
         nullable=True,
-        meaning="n: the first tick in which it counted; none: it counted in none.",
+        meaning="n: the first tick in which it had an effect; none: no effect.",
         unit="timesteps",
     ),
-    column("outcome", String(16), meaning="What became of it: " + ", ".join(INPUT_OUTCOMES) + "."),
+    column("outcome", String(16), meaning="Outcome: " + ", ".join(INPUT_OUTCOMES) + "."),
     sqlite_with_rowid=False,
 )
 
@@ -292,10 +306,10 @@ pauses = Table(
     metadata,
     number("Number of the pause."),
     column("episode_id", _Id, ForeignKey(_Episode), meaning="Which episode."),
-    column("timestep", Integer, meaning="State that stood still.", unit="timesteps"),
+    column("timestep", Integer, meaning="State at which the game was paused.", unit="timesteps"),
     column("reason", String(64), meaning="hidden, blur, lost, other_tab, database, researcher or server."),
-    time("started_at", "When it began; after a crash of the server, the last moment that was stored."),
-    column("duration_ms", Double, nullable=True, meaning="How long it lasted; none: not over.", unit="ms"),
+    time("started_at", "When it began; after a crash of the server, the last stored moment."),
+    column("duration_ms", Double, nullable=True, meaning="Its length; none: not over.", unit="ms"),
     UniqueConstraint("episode_id", "started_at"),
 )
 
@@ -317,7 +331,12 @@ answers = Table(
     column("value", JSON, meaning="The answer: number, text, list or true/false."),
     time("submitted_at", "When the page was submitted."),
     column("took_ms", Double, nullable=True, meaning="Time spent on the page.", unit="ms"),
-    column("attention", Boolean, nullable=True, meaning="Whether an attention check was passed; none: it is no check."),
+    column(
+        "attention",
+        Boolean,
+        nullable=True,
+        meaning="Whether an attention check was passed; none: not an attention check.",
+    ),
     UniqueConstraint("participant_id", "step_key", "question_key"),
 )
 
@@ -327,7 +346,7 @@ visits = Table(
     number("Number of the visit."),
     column("participant_id", _Id, ForeignKey(_Participant), index=True, meaning="Who."),
     column("step_key", _Key, meaning="Page or game of the participant's plan."),
-    time("entered_at", "When the page was asked for."),
+    time("entered_at", "When the page was requested."),
     time("left_at", "When it was submitted; none: reloaded, left or still open.", nullable=True),
 )
 
@@ -341,7 +360,7 @@ events = Table(
     column("episode_id", _Id, ForeignKey(_Episode), nullable=True, index=True, meaning="During which episode."),
     time("at", "When."),
     column("kind", String(64), meaning="reload, takeover, trouble, rtt, ..."),
-    column("detail", JSON, meaning="What else is known."),
+    column("detail", JSON, meaning="Further details."),
 )
 
 audit = Table(
@@ -355,13 +374,17 @@ audit = Table(
         "detail",
         Text,
         nullable=True,
-        meaning="On what and why, as JSON; blanked where it named a participant who withdrew.",
+        meaning="Object and reason, as JSON; blanked if it named a participant who withdrew.",
     ),
     column(
-        "salt", String(32), nullable=True, meaning="Random; with it nobody can guess a blanked detail from its hash."
+        "salt", String(32), nullable=True, meaning="Random, so that a blanked detail cannot be guessed from its hash."
     ),
     column("detail_hash", _Sha256, meaning="SHA-256 of salt and detail."),
-    column("hash", _Sha256, meaning="SHA-256 of the entry and of the hash before: a changed or missing entry shows."),
+    column(
+        "hash",
+        _Sha256,
+        meaning="SHA-256 of the entry and of the previous hash, which reveals changed and missing entries.",
+    ),
     CheckConstraint("id > 0", name="counts_from_one"),
 )
 
@@ -369,7 +392,9 @@ audit_head = Table(
     "audit_head",
     metadata,
     column("id", Integer, primary_key=True, autoincrement=False, meaning="Always 1."),
-    column("entries", Integer, meaning="Number of the last entry of the audit log: removed last entries show."),
+    column(
+        "entries", Integer, meaning="Number of the last entry of the audit log, which reveals removed last entries."
+    ),
     column("hash", _Sha256, meaning="Its hash."),
 )
 
@@ -386,7 +411,7 @@ admins = Table(
     column("name", _Key, primary_key=True, meaning="A researcher's account; the audit log's actor."),
     column("password_hash", Text, meaning="Argon2id."),
     column("role", String(16), meaning="One of: " + ", ".join(ROLES) + "."),
-    time("created_at", "When it was made."),
+    time("created_at", "When it was created."),
 )
 
 admin_sessions = Table(
@@ -402,11 +427,11 @@ admin_sessions = Table(
 attempts = Table(
     "attempts",
     metadata,
-    number("Number of the try."),
-    column("kind", String(32), meaning="What was tried: password, password from a known browser, completion code."),
+    number("Number of the attempt."),
+    column("kind", String(32), meaning="Kind of attempt: password, password from a known browser, completion code."),
     column("name", _Key, meaning="The researcher's account; a hash where there is none; empty for a completion code."),
-    column("origin", _Sha256, meaning="Who tried: a keyed hash of the address, or of the known browser."),
-    time("at", "When. Cleared with the first try more than 15 minutes later."),
+    column("origin", _Sha256, meaning="Origin of the attempt: a keyed hash of the address, or of the known browser."),
+    time("at", "When. Deleted with the first attempt more than 15 minutes later."),
     Index(None, "kind", "name", "at"),
 )
 
@@ -418,21 +443,21 @@ exclusions = Table(
     column(
         "episode_id", _Id, ForeignKey(_Episode), nullable=True, index=True, meaning="This episode only; none: all data."
     ),
-    column("reason", _Key, meaning="Why the data are not to be analysed."),
-    column("note", Text, meaning="What else is to be said."),
+    column("reason", _Key, meaning="Why the data are excluded from the analysis."),
+    column("note", Text, meaning="A note of the researcher."),
     column("excluded_by", _Key, meaning="The researcher who decided."),
     time("excluded_at", "When."),
-    column("restored_by", _Key, nullable=True, meaning="Who took it back; none: it holds."),
-    time("restored_at", "When it was taken back.", nullable=True),
+    column("restored_by", _Key, nullable=True, meaning="Who undid it; none: it is in force."),
+    time("restored_at", "When it was undone.", nullable=True),
 )
 
 study_pauses = Table(
     "study_pauses",
     metadata,
     number("Number of the pause."),
-    column("study", _Key, index=True, meaning="The study's name: all its versions stand still."),
+    column("study", _Key, index=True, meaning="The study's name; all its versions are paused."),
     column("paused_by", _Key, meaning="The researcher who paused it."),
-    time("paused_at", "Since when nobody is let in and no game runs."),
-    column("resumed_by", _Key, nullable=True, meaning="Who let it go on; none: it still stands."),
-    time("resumed_at", "When it went on.", nullable=True),
+    time("paused_at", "When it was paused: nobody can join and no game runs."),
+    column("resumed_by", _Key, nullable=True, meaning="Who resumed it; none: it is still paused."),
+    time("resumed_at", "When it was resumed.", nullable=True),
 )
