@@ -19,13 +19,13 @@ UNCHANGED: Final = "unchanged"
 REPEATED: Final = "repeated"
 ENDED: Final = "ended"
 INPUT_OUTCOMES: Final[Mapping[InputOutcome, str]] = {
-    APPLIED: "decided the action of `timestep`, the first one if a key was held on",
-    RELEASED: "let the keys go: no key was held in `timestep` any more",
+    APPLIED: "it decided the action of `timestep`, the first such timestep if a key was held",
+    RELEASED: "the keys were released: no key was held from `timestep` on",
     REPLACED: "a later input came before the next timestep",
     FORGOTTEN: "the game was paused, or another page took over, before the next timestep",
-    STOOD_STILL: "a tap while the game stood still",
+    STOOD_STILL: "a tap while the game was paused",
     UNCHANGED: "neither a tap nor a change of the held key",
-    REPEATED: "its number was not greater than those before",
+    REPEATED: "its number was not greater than earlier ones",
     ENDED: "the episode ended before the next timestep",
 }
 
