@@ -1,4 +1,4 @@
-# Everything starts here. Python 3.11+ and make are all that must be there before; `make test` says what else it needs.
+# Requires Python 3.11+ and make. `make test` says what else it needs.
 PYTHON ?= python3
 BIN := .venv/bin
 # --no-compile: Python compiles what it imports; compiling every file of every dependency would delay the first page.
@@ -15,15 +15,15 @@ TORCH := $(shell sed -n 's/.*"\(torch==[^"]*\)".*/\1/p' pyproject.toml)
 .PHONY: help setup serve test test-slow bench audit gallery docs lint format system clean
 
 help:
-	@echo "make setup      the Python environment in .venv, for everything but the tests"
-	@echo "make serve      kitchenmind at http://127.0.0.1:8000 (ARGS=... are passed on)"
-	@echo "make test       everything that must hold before a change goes in"
-	@echo "make test-slow  the long proofs"
-	@echo "make lint       style, spelling and types; make format puts the style right"
-	@echo "make bench      the measured figures"
-	@echo "make audit      known weaknesses of the dependencies (asks PyPI)"
-	@echo "make docs       the documentation as a website, in build/site"
-	@echo "make gallery    docs/gallery: a whole simulated study, its dashboard and report"
+	@echo "make setup      create the Python environment in .venv, for everything except the tests"
+	@echo "make serve      start kitchenmind at http://127.0.0.1:8000 (ARGS=... are passed on)"
+	@echo "make test       run the tests that every change must pass"
+	@echo "make test-slow  run the long tests"
+	@echo "make lint       check style, spelling and types; make format fixes the style"
+	@echo "make bench      run the measurements"
+	@echo "make audit      list known vulnerabilities of the dependencies (asks PyPI)"
+	@echo "make docs       build the documentation as a website in build/site"
+	@echo "make gallery    make the pictures of docs/gallery: a simulated study, its dashboard and report"
 
 setup: .venv/.complete
 	@echo "Ready: make serve, or $(BIN)/kitchenmind --help"

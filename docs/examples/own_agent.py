@@ -1,5 +1,5 @@
-"""Somebody else's agent, made without this project's code but for its PettingZoo environment: a small PyTorch network
-that learns to do what a partner does, written as an ONNX file.
+"""Train an agent from outside the project: it uses only the PettingZoo environment. A small PyTorch network learns to
+imitate a partner and is exported as an ONNX file.
 
     python docs/examples/own_agent.py mine.onnx --layout coordination_ring --timesteps 20000
 """
@@ -16,7 +16,7 @@ from overcooked.pettingzoo_env import AGENTS, KitchenEnv
 
 
 def lessons(layout: str, teacher: str, timesteps: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """What the teacher saw and did while it cooked with itself, now and then pushed aside so that much is seen."""
+    """Return observations and actions of the teacher playing with itself, with some random actions for variety."""
     env = KitchenEnv(layout)
     policy, draws = load_agent(teacher, env.layout).policy, np.random.default_rng(seed)
     seen, done = [], []
@@ -47,7 +47,7 @@ def learn(seen: np.ndarray, done: np.ndarray, epochs: int, seed: int) -> torch.n
 
 
 def write_onnx(network: torch.nn.Sequential, shape: tuple[int, ...], path: str) -> None:
-    """Planes (games, width, height, 26) as small integers to logits (games, 6)."""
+    """Write a network from int8 planes (games, width, height, 26) to logits (games, 6)."""
     nodes = [
         helper.make_node("Cast", ["planes"], ["numbers"], to=TensorProto.FLOAT),
         helper.make_node("Flatten", ["numbers"], ["flat"]),
@@ -66,7 +66,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("out", help="the ONNX file to write")
     parser.add_argument("--layout", default="coordination_ring")
-    parser.add_argument("--teacher", default="planner", help="whose cooking is learned")
+    parser.add_argument("--teacher", default="planner", help="the agent to imitate")
     parser.add_argument("--timesteps", type=int, default=20_000)
     parser.add_argument("--epochs", type=int, default=10)
     parser.add_argument("--seed", type=int, default=0)
