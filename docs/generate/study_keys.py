@@ -54,11 +54,12 @@ class _Page:
     def lines(self) -> Iterator[str]:
         yield HEAD
         yield from self._table(self.schema, "")
-        plain = [name for name, used in self.places.items() if not used[0].startswith(IN_QUESTIONS)]
-        for name in plain:
-            yield from self._block(name)
+        in_questions = [name for name, used in self.places.items() if used[0].startswith(IN_QUESTIONS)]
+        for name in self.places:
+            if name not in in_questions:
+                yield from self._block(name)
         yield from self._questions()
-        for name in self.places.keys() - set(plain):
+        for name in in_questions:
             yield from self._block(name)
 
     def _block(self, name: str) -> Iterator[str]:
