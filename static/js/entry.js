@@ -22,9 +22,16 @@ function counted(now) {
   }
 }
 
+/** Reports a count. The check goes on without it: some privacy settings take `sendBeacon` away, and the game needs neither. */
 function count(kind, reason = '') {
   const token = document.querySelector('#consent [name=form_token]').value;
-  navigator.sendBeacon(box.dataset.count, new URLSearchParams({ form_token: token, kind, reason }));
+  try {
+    const body = new URLSearchParams({ form_token: token, kind, reason });
+    if (navigator.sendBeacon?.(box.dataset.count, body)) return;
+    fetch(box.dataset.count, { method: 'POST', body, keepalive: true }).catch(() => {});
+  } catch (error) {
+    console.info(String(error));
+  }
 }
 
 /** Each tab counts once as opened, and as unsuitable for one reason as long as it is. */
@@ -49,6 +56,16 @@ function inputFault() {
   const touch = navigator.maxTouchPoints > 0 || matchMedia('(any-pointer: coarse)').matches;
   const keyboard = matchMedia('(any-hover: hover)').matches || matchMedia('(any-pointer: fine)').matches;
   return touch || keyboard ? null : words.input;
+}
+
+/** What a check finds; a check that this browser cannot even run shows that the browser is too old. */
+function foundBy(fault) {
+  try {
+    return fault();
+  } catch (error) {
+    console.info(String(error));
+    return words.browser;
+  }
 }
 
 /** Tries the game's own code. Loaded late: in a browser that cannot even read it, this page goes on and says so. */
@@ -101,7 +118,7 @@ async function check() {
   box.dataset.state = 'waiting';
   text.textContent = words.wait;
   faults.hidden = true;
-  const found = [['browser', await browserFault()], ['screen', screenFault()], ['input', inputFault()], await connectionFault()].filter(([, fault]) => fault);
+  const found = [['browser', await browserFault()], ['screen', foundBy(screenFault)], ['input', foundBy(inputFault)], await connectionFault()].filter(([, fault]) => fault);
   const good = found.length === 0;
   countCheck(good ? '' : found[0][0]);
   box.dataset.state = good ? 'good' : 'bad';

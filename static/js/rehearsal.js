@@ -11,7 +11,7 @@ import { drawLegend } from './markshapes.js';
 import { parse } from './messages.js';
 import { Overlay } from './overlay.js';
 import { Renderer } from './render.js';
-import { Connection } from './socket.js';
+import { Connection, retryDelay, tabName } from './socket.js';
 import { Sound } from './sound.js';
 import { Sprites, blank } from './sprites.js';
 import { apply, applyLink, applyTurn, defaults, secondsLeft } from './state.js';
@@ -28,6 +28,7 @@ const ONION = 1, SOUP = 3;
 
 /** What the game and the other pages use and the rehearsal does not: name -> whether the browser has it. */
 const NEEDS = {
+  WebSocket: () => typeof WebSocket === 'function' && WebSocket.OPEN === 1, // whatever the study file leaves unchecked
   dialog: () => typeof HTMLDialogElement.prototype.showModal === 'function',
   ResizeObserver: () => typeof new ResizeObserver(() => {}).observe === 'function',
   requestAnimationFrame: () => typeof requestAnimationFrame === 'function',
@@ -35,6 +36,10 @@ const NEEDS = {
   'Image.decode': () => typeof new Image().decode === 'function',
   'crypto.getRandomValues': () => crypto.getRandomValues(new Uint8Array(1)).length === 1,
   'Element.replaceChildren': () => typeof Element.prototype.replaceChildren === 'function',
+  'Element.closest': () => document.createElement('i').closest('i') !== null,
+  'classList.toggle': () => document.createElement('i').classList.toggle('a', true),
+  'document.hasFocus': () => typeof document.hasFocus() === 'boolean',
+  elementFromPoint: () => typeof document.elementFromPoint === 'function',
   PointerEvent: () => typeof PointerEvent === 'function',
   FormData: () => [...new FormData()].length === 0,
   URL: () => new URL('/a', location.href).pathname === '/a' && [...new URLSearchParams('a=1').keys()].length === 1,
@@ -62,6 +67,8 @@ function words() {
   keyName('KeyW', text);
   new Announcer(document.createElement('p'), document.createElement('p'), text).time(9);
   session.getItem('kitchenmind.tab');
+  tabName({ getItem: () => null, removeItem() {} }, { addEventListener() {} });
+  retryDelay(1);
   const place = document.createElement('i');
   place.dataset.mark = 'hand';
   drawLegend(place);

@@ -16,6 +16,10 @@ from tests.support.page_site import SMALL_STUDY, Site
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(180)]
 STATIC = ROOT / "static" / "js"
 STUDY = SMALL_STUDY.replace("seed: 11\n", "seed: 11\nrecruitment: {screened_out: {code: KM-DEVICE}}\n")
+# What a study file leaves unchecked the game needs all the same.
+UNCHECKED = STUDY.replace("name: small", "name: unchecked").replace(
+    "seed: 11\n", "seed: 11\nentry: {websocket: false, latency_ms: }\n"
+)
 
 # What the game cannot do without.
 NEEDED = (
@@ -29,6 +33,13 @@ NEEDED = (
     "Object.fromEntries",
     "CanvasRenderingContext2D.prototype.arcTo",
     "Crypto.prototype.getRandomValues",
+    "window.matchMedia",
+    "window.URLSearchParams",
+    "window.WebSocket",
+    "Element.prototype.closest",
+    "Array.from",
+    "DOMTokenList.prototype.toggle",
+    "Document.prototype.hasFocus",
 )
 # What browsers got after 2021.
 YOUNG = (
@@ -46,7 +57,7 @@ def without(*names: str) -> str:
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    with Site(tmp_path_factory.mktemp("old"), STUDY) as running:
+    with Site(tmp_path_factory.mktemp("old"), STUDY, UNCHECKED) as running:
         yield running
 
 
@@ -58,9 +69,13 @@ def page(chromium: Browser) -> Iterator[Page]:
 
 
 def turned_away(site: Site) -> int:
+    return counted(site, ("unsuitable", "browser"))
+
+
+def counted(site: Site, kind: tuple[str, str]) -> int:
     found = site.studies.open("small")
     assert found is not None
-    return site.database.read_now(arrivals.of_study, [found[0]]).get(("unsuitable", "browser"), 0)
+    return site.database.read_now(arrivals.of_study, [found[0]]).get(kind, 0)
 
 
 def is_refused(page: Page, words: str) -> None:
@@ -75,13 +90,21 @@ def test_a_browser_without_what_the_game_needs_is_told_before_consent(site: Site
         context = chromium.new_context(viewport=DESKTOP, locale="en-GB")  # type: ignore[arg-type]
         page = context.new_page()
         page.add_init_script(without(missing))
-        with page.expect_response("**/arrivals"):
-            page.goto(f"{site.url}/s/small")
+        page.goto(f"{site.url}/s/unchecked")
         is_refused(page, "This browser is too old for the game")
         if count == 1:
             screenshot(page, "entry-old-browser")
         context.close()
-    assert site.everybody("small") == []
+    assert site.everybody("unchecked") == []
+
+
+def test_a_browser_that_refuses_beacons_is_checked_and_counted_all_the_same(site: Site, page: Page) -> None:
+    before = counted(site, ("opened", ""))
+    page.add_init_script(without("Navigator.prototype.sendBeacon"))  # Firefox with `beacon.enabled` off
+    with page.expect_response("**/arrivals"):
+        page.goto(f"{site.url}/s/small")
+    expect(page.locator("#agree")).to_be_enabled()
+    assert counted(site, ("opened", "")) == before + 1
 
 
 def test_a_browser_that_keeps_no_cookies_is_told_before_consent(site: Site, page: Page) -> None:
