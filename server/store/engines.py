@@ -20,6 +20,9 @@ from server.store.database_url import normal_url as normal_url
 from server.store.database_url import shown as shown
 
 BUSY_TIMEOUT_S = 30
+# A server gives up a lock that somebody else holds sooner than a command does: a page waits for two such tries at most
+# (one that is under way, and its own) before it tells the participant to try again.
+SERVER_LOCK_TIMEOUT_S = 4
 CONNECT_TIMEOUT_S = 5
 STUCK_S = 5
 # A PostgreSQL machine that vanished is noticed in seconds, not in the quarter of an hour that TCP would take.
@@ -88,17 +91,17 @@ def translated(error: Exception) -> Exception:
     return error
 
 
-def writer_engine(url: URL) -> Engine:
+def writer_engine(url: URL, lock_timeout_s: int = BUSY_TIMEOUT_S) -> Engine:
     """One connection that may write. SQLite: the only one that ever writes or checkpoints."""
     if url.get_backend_name() == "postgresql":
-        options = {"options": "-c synchronous_commit=on", **_CONNECTING}
+        options = {"options": f"-c synchronous_commit=on -c lock_timeout={lock_timeout_s}s", **_CONNECTING}
         return create_engine(url, pool_size=1, max_overflow=0, connect_args=options, hide_parameters=True)
     engine = create_engine(
         url,
         poolclass=QueuePool,
         pool_size=1,
         max_overflow=0,
-        connect_args={"timeout": BUSY_TIMEOUT_S, "check_same_thread": False},
+        connect_args={"timeout": lock_timeout_s, "check_same_thread": False},
         hide_parameters=True,  # what people wrote never gets into a log with an error
     )
     _sqlite_settings(
@@ -117,7 +120,8 @@ def writer_engine(url: URL) -> Engine:
 def reader(url: URL) -> Engine:
     """Connections that cannot write: on SQLite opened read-only, on PostgreSQL in read-only transactions."""
     if url.get_backend_name() == "postgresql":
-        options = {"options": "-c default_transaction_read_only=on", **_CONNECTING}
+        settings = f"-c default_transaction_read_only=on -c lock_timeout={SERVER_LOCK_TIMEOUT_S}s"
+        options = {"options": settings, **_CONNECTING}
         return create_engine(
             url,
             pool_size=4,
@@ -163,7 +167,9 @@ class WriteConnection:
     DatabaseDown; ValueError for a PostgreSQL database that cannot hold every letter.
     """
 
-    def __init__(self, url: URL, shared: bool = False, in_turn: bool = False) -> None:
+    def __init__(
+        self, url: URL, shared: bool = False, in_turn: bool = False, lock_timeout_s: int = SERVER_LOCK_TIMEOUT_S
+    ) -> None:
         self._postgres = url.get_backend_name() == "postgresql"
         if shared and not self._postgres:
             raise ValueError(ONE_WRITER)
@@ -173,7 +179,7 @@ class WriteConnection:
         self._in_turn = in_turn
         self._made_lock = not self._postgres and not Path(f"{url.database}.lock").exists()
         self._file: IO[str] | None = None if self._postgres else _lock_file(url)
-        self._engine = writer_engine(url)
+        self._engine = writer_engine(url, lock_timeout_s)
         self._connection: Connection | None = None
         try:
             self._connect()
@@ -253,9 +259,10 @@ def encoding_problem(connection: Connection) -> str:
 def empty_log(connection: Connection) -> None:
     """Folds the log into the file and cuts it to nothing. While somebody reads an older state it cannot: next time."""
     driver: Any = connection.connection.driver_connection
+    (timeout_ms,) = driver.execute("PRAGMA busy_timeout").fetchone()
     driver.execute("PRAGMA busy_timeout=0").close()
     busy, _, _ = driver.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
-    driver.execute(f"PRAGMA busy_timeout={BUSY_TIMEOUT_S * 1000}").close()
+    driver.execute(f"PRAGMA busy_timeout={timeout_ms}").close()
     connection.info[OVERWRITE] = bool(busy)
 
 

@@ -252,6 +252,24 @@ async def test_sqlite_locked_by_another_program_only_delays(tmp_path: Path) -> N
         assert (await waiting).key == "ring"
 
 
+async def test_a_lock_that_stays_is_reported_while_pages_can_still_wait_and_nothing_is_stored(url: str) -> None:
+    hold = "BEGIN IMMEDIATE" if url.startswith("sqlite") else "BEGIN; LOCK TABLE studies"
+    with Database(url) as database:
+        intruder = create_engine(url, isolation_level="AUTOCOMMIT")
+        with intruder.connect() as connection:
+            connection.exec_driver_sql(hold)
+            waiting = [asyncio.create_task(database.write(studies.register, "ring", "text"))]
+            await asyncio.sleep(0.3)
+            waiting.append(asyncio.create_task(database.write(studies.register, "matrix", "text")))
+            async with asyncio.timeout(25):  # the lock stays: without a limit of its own the server would wait for ever
+                refusals = await asyncio.gather(*waiting, return_exceptions=True)
+            assert [type(refusal) for refusal in refusals] == [DatabaseDown, DatabaseDown]
+            connection.exec_driver_sql("ROLLBACK")
+        intruder.dispose()
+        assert await database.read(studies.every) == []
+        await database.write(studies.register, "ring", "text")
+
+
 @pytest.mark.postgres
 async def test_postgresql_that_went_away_is_down_and_then_goes_on_by_itself() -> None:
     server = PostgresServer()
