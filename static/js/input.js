@@ -127,7 +127,7 @@ export class Pace {
 
 /** Listens to the keyboard. `hasFocus()`: whether keys belong to the game now (only then the page is kept from scrolling);
  * `changed({held, tap})` is told every change. No key stays down only because its key-up never came: keys are let go when
- * a modifier or a menu may swallow it, when their repeats stop, and when another press of the same key shows that it did. */
+ * a modifier, a menu, a drag or a dialog may swallow it, when their repeats stop, and when another press of the same key shows that it did. */
 export function listen(keys, hasFocus, changed) {
   const beats = new Heartbeat();
   const nameless = new Set(); // pressed keys of a keyboard that sends no codes
@@ -158,8 +158,9 @@ export function listen(keys, hasFocus, changed) {
       if (keys.knows(code)) tell(keys.release(code));
     }
   });
-  for (const kind of ['contextmenu', 'beforeprint']) window.addEventListener(kind, () => doubt());
+  for (const kind of ['contextmenu', 'beforeprint', 'dragstart']) window.addEventListener(kind, () => doubt());
   setInterval(() => {
+    if (!hasFocus() || !document.hasFocus()) doubt(); // a dialog, however it was opened
     if (!beats.isSilent) return;
     doubt([beats.code]);
     beats.pressed(beats.code);

@@ -66,6 +66,7 @@ export class Layout {
   /** Learns from a key press what the key writes. */
   learn(event) {
     if (!event.code || event.ctrlKey || event.metaKey || event.altKey || event.shiftKey || event.isComposing) return;
+    if (event.getModifierState?.('AltGraph')) return; // the third sign of the key: on Linux no other flag tells
     this.#take([[event.code, event.key]]);
   }
 

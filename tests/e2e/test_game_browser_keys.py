@@ -273,6 +273,19 @@ def test_a_menu_over_the_game_lets_the_keys_go(page: Page, server: FakeGameServe
     server.wait_for(lambda server: moves(server) == [(0, 0), (None, None)])
 
 
+def test_what_is_dragged_over_the_game_lets_the_keys_go(page: Page, server: FakeGameServer) -> None:
+    page.keyboard.down("ArrowUp")
+    page.evaluate("document.querySelector('.stage').dispatchEvent(new DragEvent('dragstart', {bubbles: true}))")
+    server.wait_for(lambda server: moves(server) == [(0, 0), (None, None)])
+
+
+def test_a_dialog_lets_the_keys_go_however_it_was_opened(page: Page, server: FakeGameServer) -> None:
+    page.evaluate("document.activeElement.blur()")  # in Safari a click on a button takes the focus nowhere
+    page.keyboard.down("ArrowLeft")
+    page.evaluate("document.querySelector('#keys-dialog').showModal()")
+    server.wait_for(lambda server: moves(server) == [(3, 3), (None, None)])
+
+
 def test_a_mouse_button_whose_release_was_swallowed_holds_nothing(page: Page, server: FakeGameServer) -> None:
     page.set_viewport_size(PHONE)
     page.evaluate("document.querySelector('.touch').style.display = 'flex'")
@@ -365,6 +378,14 @@ def test_labels_are_the_letters_of_the_keyboard_where_the_browser_tells(
         expect(page.locator("[data-rebind='0']")).to_have_text("↑ / Z")
         expect(page.locator("[data-rebind='3']")).to_have_text("← / Q")
         screenshot(page, "keys-dialog-azerty")
+
+
+def test_the_third_sign_of_a_key_is_not_taken_for_its_label(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server, viewport=DESKTOP) as page:
+        page.click("#change-keys")
+        page.click("[data-rebind='5']")
+        press_raw(page, "keydown", code="KeyQ", key="@", modifierAltGraph=True)  # AltGr + Q in Germany, on Linux
+        expect(page.locator("[data-rebind='5']")).to_have_text("Q")
 
 
 def test_labels_are_learned_from_the_keys_where_the_browser_does_not_tell(
