@@ -21,6 +21,7 @@ from analysis import apa_text, figures, formatting, questionnaires
 from analysis.compare import repeats
 from analysis.exclusions import versions_notice
 from analysis.results import Result, select, write_results
+from analysis.spreadsheet import safe_table
 from analysis.study import Analysis, Options, analyse, smallest_condition
 from analysis.tables import COLUMNS, LAYOUTS, Export, read_export, table_file
 
@@ -48,7 +49,7 @@ def write_report(
     drawn = _draw(analysis, out / "figures")
     report = Report(out / "report.html", out / "results.csv", out / "quality.csv", analysis)
     write_results(analysis.rows, report.results)
-    analysis.quality.write_csv(report.quality)
+    safe_table(analysis.quality).write_csv(report.quality)
     report.page.write_text(render(analysis, drawn, options), encoding="utf-8")
     return report
 

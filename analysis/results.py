@@ -9,6 +9,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
+from analysis.spreadsheet import safe_text
+
 
 @dataclass(frozen=True)
 class Interval:
@@ -72,4 +74,4 @@ def select(rows: Sequence[Result], **wanted: object) -> list[Result]:
 def _cell(value: object) -> str:
     if isinstance(value, float):
         return "" if math.isnan(value) else f"{value:.10g}"
-    return str(value)
+    return safe_text(str(value))

@@ -14,8 +14,9 @@ _NUMBER = r"^-?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]+)?$"  # a number alone is no for
 # What a spreadsheet takes for the start of a formula, or skips before it: signs, also in full-width and small forms
 # (which it reads too if it is set to Chinese or Japanese), and blanks.
 _SIGN = "[=+\\-@\\t\\r\\n\\x00＝＋－＠−﹢﹣﹦﹫]"
-# Where a cell can begin: the text itself, and what follows a separator of other countries' CSV or of a row.
-_CELL = '(^|[;\\t\\r\\n][ "]*)'
+# Where a cell can begin: the text itself, and what follows a separator of other countries' CSV or of a row; then
+# blanks, which many spreadsheets drop.
+_CELL = '((?:^|[;\\t\\r\\n])[ "\u00a0\u200b\u3000\ufeff]*)'
 _FORMULA = f"{_CELL}'*{_SIGN}"
 _ESCAPE = re.compile(f"{_CELL}(?='*{_SIGN})")
 _UNESCAPE = re.compile(f"{_CELL}'(?='*{_SIGN})")

@@ -174,7 +174,9 @@ def check_answers(questions: tuple[AnyQuestion, ...], form: Mapping[str, list[st
     answers: Answers = {}
     faults: dict[str, AnswerError] = {}
     for question in questions:
-        values = [value.strip(" \t\n") for value in form.get(question.key, []) if not _is_blank(value)]
+        values = [value for value in form.get(question.key, []) if not _is_blank(value)]
+        if not isinstance(question, TextQuestion):  # the blanks around people's words are theirs
+            values = [value.strip(" \t\n") for value in values]
         result = _check_ranking(question, form) if isinstance(question, RankingQuestion) else _check(question, values)
         if isinstance(result, AnswerError):
             faults[question.key] = result

@@ -185,6 +185,22 @@ def test_no_name_gets_into_the_page_as_markup(small: Path, tmp_path: Path) -> No
     assert text.lower().count("&lt;img") > 50
 
 
+FORMULA = "=1+1"
+
+
+def test_no_name_is_run_as_a_formula_where_a_csv_file_is_opened(small: Path, tmp_path: Path) -> None:
+    def change(name: str, table: pl.DataFrame) -> pl.DataFrame:
+        return table.with_columns(
+            (pl.lit(FORMULA) + pl.col(column)).alias(column) for column in COLUMNS if column in table.columns
+        )
+
+    made = reported(small, tmp_path, change)
+    for path in (made.results, made.quality):
+        cells = [cell for row in csv.reader(path.read_text(encoding="utf-8").splitlines()) for cell in row]
+        assert [cell for cell in cells if cell.startswith("=")] == []
+        assert any(cell.startswith(f"'{FORMULA}") for cell in cells), "the names are there"
+
+
 def two_versions(name: str, table: pl.DataFrame) -> pl.DataFrame:
     """The first three participants came before the study file changed."""
     return (

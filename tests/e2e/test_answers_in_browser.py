@@ -157,6 +157,18 @@ def test_words_reach_the_database_as_they_were_written(site: Site, page: Page) -
     assert (stored(site)["word"], stored(site)["words"]) == (word, words)
 
 
+def test_blanks_around_words_are_kept_also_when_the_page_comes_back(site: Site, page: Page) -> None:
+    word, words = "  two blanks ", "\n\n  after two lines\t\n"
+    fill_in(page, word=word, words=words)
+    page.evaluate("document.querySelector('[name=years]').value = ''; document.querySelector('#questions').submit()")
+    expect(page.locator("#q-years .msg")).to_be_visible()  # the server sent the page back with what was written
+    assert (page.input_value("[name=word]"), page.input_value("[name=words]")) == (word, words)
+    page.fill("[name=years]", "30")
+    page.click("#go")
+    page.wait_for_selector("#slides")
+    assert (stored(site)["word"], stored(site)["words"]) == (word, words)
+
+
 def test_a_control_character_is_shown_and_not_removed(site: Site, page: Page) -> None:
     fill_in(page, words="one\x0btwo")
     page.click("#go")

@@ -12,6 +12,7 @@ import pytest
 from sqlalchemy import Connection, select
 
 import kitchenmind
+from analysis.spreadsheet import safe_text
 from overcooked.trajectory import read_trajectories
 from server.export import codebook, data_dictionary
 from server.export import files as export_files
@@ -228,6 +229,11 @@ def test_texts_are_safe_for_spreadsheets_and_numbers_stay_exact(filled: Database
         "1e5",
         "'",
         "\x00x",
+        "  =1",
+        "\u3000＝1",
+        "\ufeff\u200b@x",
+        "  '=1",
+        "x; \u00a0+1",
     ],
 )
 def test_escaped_text_comes_back_as_it_was(text: str) -> None:
@@ -235,7 +241,9 @@ def test_escaped_text_comes_back_as_it_was(text: str) -> None:
 
     escaped: str = export_files.escaped(pa.table({"value": [text]}))["value"][0].as_py()
     assert export_files.unescaped(escaped) == text
-    assert escaped in ("-1",) or not escaped.startswith(tuple("=+-@\t\r\x00＝＋－＠"))
+    assert safe_text(text) == escaped, "the analysis writes its files by the same rule"
+    seen = escaped.lstrip(" \u00a0\u200b\u3000\ufeff")
+    assert escaped in ("-1",) or not seen.startswith(tuple("=+-@\t\r\x00＝＋－＠"))
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
@@ -244,7 +252,9 @@ def test_no_spreadsheet_of_any_country_finds_a_formula_in_a_text(separator: str,
     import pyarrow as pa
 
     signs = "=+-@\t\r＝＋－＠"
-    texts = [f"{before}{sign}1+1" for sign in signs for before in ("", "x;", "x; ", 'x;"', "x\t", "x\n", "x;;", "x;\t")]
+    texts = [
+        f"{before}{sign}1+1" for sign in signs for before in ("", " ", "x;", "x; ", 'x;"', "x\t", "x\n", "x;;", "x;\t")
+    ]
     table = pa.table({"number": range(len(texts)), "text": texts})
     (tmp_path / "data").mkdir()
     with export_files.TableWriter(tmp_path, "csv", "answers", table.schema) as writer:

@@ -18,7 +18,7 @@ def test_good_answers_are_taken_as_what_they_mean() -> None:
     checked = check_answers(QUESTIONS, GOOD | {"words": [" hello "]})
     assert checked.faults == {}
     assert checked.answers == {
-        "mood": 4, "check": 2, "pick": "tea", "many": ["a", "c"], "words": "hello", "years": 30,
+        "mood": 4, "check": 2, "pick": "tea", "many": ["a", "c"], "words": " hello ", "years": 30,
         "rank": ["y", "z", "x"],
     }  # fmt: skip
 
@@ -30,6 +30,7 @@ WORDS = (
     "line one\nline two\tend",
     "\u200fעברית\u200e",
     "\ue000 \u0378 \U000e0041",
+    "  indented\n\tand more  \n\n",
 )
 
 
