@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import signal
 from pathlib import Path
 
 import pytest
@@ -79,14 +80,15 @@ def test_a_predictor_is_there_when_time_is_over_and_the_same_command_goes_on(
     assert "| updates | 20 |" in (tmp_path / "p" / "card.md").read_text("utf-8")
 
 
-def test_ctrl_c_leaves_a_predictor_that_can_be_used(
-    lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_or_kill_leaves_a_predictor_that_can_be_used(
+    lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, how: signal.Signals
 ) -> None:
     step = training.PredictorTrainer.step
 
     def interrupted(trainer: training.PredictorTrainer) -> float:
         if trainer.update == 7:
-            raise KeyboardInterrupt
+            signal.raise_signal(how)
         return step(trainer)
 
     monkeypatch.setattr(training.PredictorTrainer, "step", interrupted)

@@ -2,7 +2,10 @@
 training.train_predictor."""
 
 import argparse
-from collections.abc import Mapping
+import signal
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -117,7 +120,8 @@ def _trained(name: str, trainer: "PredictorTrainer", folder: "RunFolder") -> "tu
                 bar.console.print(_estimate(trainer, line["pace_s"]))
 
         try:
-            return train_predictor(trainer, folder, progress), ""
+            with _terminated_like_ctrl_c():
+                return train_predictor(trainer, folder, progress), ""
         except TimeoutError as over:
             bar.console.print(str(over))
             return usable(trainer), OUT_OF_TIME
@@ -128,8 +132,23 @@ def _trained(name: str, trainer: "PredictorTrainer", folder: "RunFolder") -> "tu
             return usable(trainer), INTERRUPTED
 
 
+@contextmanager
+def _terminated_like_ctrl_c() -> Iterator[None]:
+    """Inside, `kill`, a time limit of a cluster or `docker stop` does what Ctrl+C does."""
+    if threading.current_thread() is not threading.main_thread():  # only there may handlers be set
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def _estimate(trainer: "PredictorTrainer", pace_s: float) -> str:
     config = trainer.config
     minutes = pace_s * (config.updates - trainer.update) / 60
     limit = f"; it stops after {config.minutes:g} (--set minutes=...)" if minutes > config.minutes else ""
-    return f"about {max(1, round(minutes))} minutes for {config.updates} updates, fewer if it stops improving{limit}"
+    whole = max(1, round(minutes))
+    time = f"{whole} minute{'s' if whole > 1 else ''}"
+    return f"about {time} for {config.updates} updates, fewer if it stops improving{limit}"
