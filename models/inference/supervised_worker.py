@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from msgspec.structs import replace
+
 from models.inference.circuit_breaker import Breaker
 from models.inference.launch import Launched, launch
 from models.inference.wire import LENGTH, Answer, Failed, Forget, Load, Loaded, ModelRequest, Row, frame, from_worker
@@ -29,6 +31,7 @@ class WorkerProcess:
         self._writer: asyncio.StreamWriter | None = None
         self._reader: asyncio.StreamReader | None = None
         self.memory = 1
+        self.hashes: dict[str, str] = {}
 
     async def start(self) -> "WorkerProcess":
         """Returns when everything is loaded and warm. Raises ModelsDown."""
@@ -36,21 +39,22 @@ class WorkerProcess:
         try:
             self._reader, self._writer = await asyncio.open_unix_connection(sock=self._launched.connection)
             self.send(self._load)
-            self.memory = await self._loaded()
+            loaded = await self._loaded()
+            self.memory, self.hashes = loaded.memory, loaded.hashes
         except BaseException:
             await self.end()
             raise
         return self
 
-    async def _loaded(self) -> int:
-        """How many states the worker needs to know a game."""
+    async def _loaded(self) -> Loaded:
+        """What the worker says once everything answers."""
         try:
             first = from_worker(await self._receive())
         except (asyncio.IncompleteReadError, ConnectionError):
             raise ModelsDown("a model worker ended while it was loading; its last words are above") from None
         if isinstance(first, Failed):
             raise ModelsDown(first.reason)
-        return first.memory if isinstance(first, Loaded) else 1
+        return first if isinstance(first, Loaded) else Loaded(1)
 
     @property
     def pid(self) -> int:
@@ -116,6 +120,7 @@ class SupervisedWorker:
     async def start(self) -> None:
         """Raises ModelsDown when a model does not load."""
         self._worker = await WorkerProcess(self._load, self._ahead).start()
+        self._load = replace(self._load, hashes=self._worker.hashes)  # those that come after it load the same files
         self._care = asyncio.create_task(self._keep_alive())
         self._later = asyncio.get_running_loop().call_later(SPARE_AFTER_S, self._fill_spares)
 

@@ -21,12 +21,15 @@ class Load(Struct, tag=True, frozen=True):
     grids: dict[str, str] = {}  # layouts that are not shipped: name -> grid
     files: dict[str, str] = {}  # names with a relative path -> the same with an absolute one
     folders: tuple[str, ...] = ()  # where Python modules are looked for
+    hashes: dict[str, str] = {}  # "layout/model" -> what its files must hash to, as an earlier worker loaded them
 
 
 class Loaded(Struct, tag=True, frozen=True):
-    """Worker to server: everything answers. `memory`: how many states bring a game's predictor to where it would be."""
+    """Worker to server: everything answers. `memory`: how many states bring a game's predictor to where it would be;
+    `hashes`: of the files that were loaded."""
 
     memory: int
+    hashes: dict[str, str] = {}
 
 
 class Failed(Struct, tag=True, frozen=True):

@@ -8,6 +8,7 @@ import socket
 import sys
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -15,8 +16,9 @@ from numpy.typing import NDArray
 
 from models.acting import distribution, draw
 from models.agents.catalogue import load_agent
-from models.agents.model_paths import make_importable
-from models.agents.predictors import load_predictor
+from models.agents.model_paths import make_importable, without_variant
+from models.agents.predictors import load_predictor, predictor_folder
+from models.fingerprints import files_sha256
 from models.inference import attention
 from models.inference.batches import joined, parted, together
 from models.inference.circuit_breaker import Breaker
@@ -79,7 +81,8 @@ class Worker:
         self._agents: dict[Name, tuple[Policy, Mode]] = {}
         self._predictors: dict[Name, tuple[Predictor, Slots]] = {}
         self._breakers: dict[Name, Breaker] = {}
-        self._grids, self._files = load.grids, load.files
+        self._grids, self._files, self._wanted = load.grids, load.files, load.hashes
+        self.hashes: dict[str, str] = {}
         make_importable(load.folders)
         for name in load.agents:
             self._agents[name] = _refusing(self._load_agent, name)
@@ -92,15 +95,26 @@ class Worker:
 
     def _load_agent(self, name: Name) -> tuple[Policy, Mode]:
         layout = self._layout(name[0])
-        policy, mode = load_agent(self._files.get(name[1], name[1]), layout)
+        file = self._files.get(name[1], name[1])
+        self._check_files(name, file, predictor_folder(without_variant(file), layout))  # agents lie in the same places
+        policy, mode = load_agent(file, layout)
         for observations in _start_states(layout):
             _checked_probabilities(policy.probabilities(observations), len(observations))
         self._breakers[name] = Breaker()
         return policy, mode
 
+    def _check_files(self, name: Name, file: str, folder: Path) -> None:
+        """Refuse files that have changed since an earlier worker loaded them: the data name the model by its hash."""
+        key = "/".join(name)
+        self.hashes[key] = files_sha256(file, folder)
+        if self._wanted.get(key, self.hashes[key]) != self.hashes[key]:
+            raise ValueError("its files have changed since the server started. Put them back, or restart the server")
+
     def _load_predictor(self, name: Name) -> Predictor:
         layout = self._layout(name[0])
-        predictor = load_predictor(self._files.get(name[1], name[1]), layout)
+        file = self._files.get(name[1], name[1])
+        self._check_files(name, file, predictor_folder(without_variant(file), layout))
+        predictor = load_predictor(file, layout)
         for observations in _start_states(layout):
             slots = np.arange(len(observations), dtype=np.intp)
             predictor.begin(slots)
@@ -282,7 +296,7 @@ def main(descriptor: int) -> None:
     except ModelRefused as refused:
         connection.sendall(frame(Failed(str(refused))))
         return
-    connection.sendall(frame(Loaded(worker.memory)))
+    connection.sendall(frame(Loaded(worker.memory, worker.hashes)))
     while bodies := inbox.wait():
         waiting: list[ModelRequest] = []
         for message in map(from_server, bodies):

@@ -8,6 +8,7 @@ import sys
 
 import numpy as np
 import pytest
+from onnx_files import linear_agent
 
 from models.agents.model_paths import ModelPaths
 from models.inference.launch import launch
@@ -15,6 +16,7 @@ from models.inference.runner import ModelsDown, ModelServer
 from models.protocols import History, Question
 from overcooked.constants import EAST, NORTH, STAY
 from overcooked.layout import load_layout
+from overcooked.observe import PLANES
 from overcooked.state import Kitchens
 
 LAYOUT = "coordination_ring"
@@ -131,6 +133,35 @@ async def test_a_killed_worker_comes_back_and_answers_as_if_nothing_had_happened
             continue
         assert await server.ask([question], PATIENT_MS) == await undisturbed.ask([question], PATIENT_MS)
     assert server.statistics().restarts == 2
+
+
+@pytest.mark.parametrize("beside", [None, "weights.bin"])
+async def test_a_restarted_worker_refuses_a_file_that_has_changed(serving, tmp_path, caplog, beside):
+    path = tmp_path / "agent.onnx"
+    layout = load_layout(LAYOUT)
+    shape = ["games", layout.width, layout.height, PLANES]
+    linear_agent(path, shape, seed=1, beside=beside)
+    first = {file: file.read_bytes() for file in tmp_path.iterdir()}
+    server = await serving([str(path)])
+    (before,) = await server.ask([Game("a").question(str(path), uniform=0.7)], PATIENT_MS)
+    linear_agent(path, shape, seed=2, beside=beside)
+
+    async def killed():
+        pids = server.worker_pids()
+        for pid in pids:
+            os.kill(pid, signal.SIGKILL)
+        await until(lambda: server.worker_pids() != pids)
+
+    await killed()
+    if server.worker_pids():  # a spare that was loaded before the change: it is gone now too
+        await killed()
+    await until(lambda: "files have changed since the server started" in caplog.text)
+    assert await server.ask([Game("b").question(str(path))], 50) == [None]
+    for file, content in first.items():
+        file.write_bytes(content)
+    await until(lambda: all(server.worker_pids()) and server.worker_pids())
+    (after,) = await server.ask([Game("c").question(str(path), uniform=0.7)], PATIENT_MS)
+    assert after.probabilities == before.probabilities
 
 
 async def test_a_worker_that_hangs_is_replaced(serving):

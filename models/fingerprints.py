@@ -1,0 +1,22 @@
+"""What a model is made of on disk, as one hash: whether it is still the model that was there before."""
+
+import hashlib
+from pathlib import Path
+
+from models.agents.blackbox import is_foreign
+from models.agents.model_paths import is_class, source_file, without_variant
+from models.agents.onnx_weights import onnx_sha256
+from models.networks.checkpoint import SUMS
+
+
+def files_sha256(name: str, folder: Path) -> str:
+    """Return the hash of a model's files: an ONNX file, a class's source file, or the checkpoint in `folder`; "" for
+    what has no file (scripted models, addresses). Raises OSError, BlackBoxError."""
+    base = without_variant(name)
+    if is_class(base):
+        path = source_file(base)
+    elif is_foreign(base):
+        return onnx_sha256(Path(base)) if base.endswith(".onnx") else ""
+    else:
+        path = folder / SUMS
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path is not None and path.is_file() else ""
