@@ -82,6 +82,9 @@ def _remedy(place: Path, layout: str, model: str, required: RequiredModels) -> s
     known = _there(layout, predictors=place[-1] == "predictor")
     near = difflib.get_close_matches(base, known, n=1, cutoff=0.5)
     guess = f"Did you mean {near[0]!r}? " if near else ""
+    if place[-1] == "predictor":
+        ready = f"Write `predictor: NAME` for this agent; there are: {', '.join(known)}"
+        return f"{guess}{ready}. Or train one: `kitchenmind train predictor --help`."
     return f"{guess}Train it (`kitchenmind train --help`), or name one that is there: {', '.join(known)}."
 
 

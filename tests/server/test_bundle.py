@@ -152,6 +152,17 @@ def test_a_model_that_is_not_here_makes_no_bundle(tmp_path: Path, capsys: pytest
     assert not (tmp_path / "x.zip").exists()
 
 
+def test_an_agent_without_a_predictor_is_told_which_ones_it_may_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "study.yaml"
+    path.write_text(QUICK.read_text(encoding="utf-8").replace("- {name: sp}", "- {name: planner}"), encoding="utf-8")
+    assert kitchenmind.main(["study", "check", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert "there are no weights for" in said
+    assert "Write `predictor: NAME` for this agent; there are: " in said
+
+
 def zipped(path: Path, members: list[tuple[str, bytes]]) -> Path:
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
         for name, content in members:
