@@ -8,7 +8,6 @@ import socket
 import sys
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -16,8 +15,8 @@ from numpy.typing import NDArray
 
 from models.acting import distribution, draw
 from models.agents.catalogue import load_agent
-from models.agents.model_paths import make_importable, without_variant
-from models.agents.predictors import load_predictor, predictor_folder
+from models.agents.model_paths import make_importable
+from models.agents.predictors import load_predictor
 from models.fingerprints import files_sha256
 from models.inference import attention
 from models.inference.batches import joined, parted, together
@@ -94,26 +93,24 @@ class Worker:
         return parse_layout(self._grids[name], name) if name in self._grids else load_layout(name)
 
     def _load_agent(self, name: Name) -> tuple[Policy, Mode]:
-        layout = self._layout(name[0])
-        file = self._files.get(name[1], name[1])
-        self._check_files(name, file, predictor_folder(without_variant(file), layout))  # agents lie in the same places
+        layout, file = self._layout(name[0]), self._files.get(name[1], name[1])
+        self._check_files(name, file, layout)
         policy, mode = load_agent(file, layout)
         for observations in _start_states(layout):
             _checked_probabilities(policy.probabilities(observations), len(observations))
         self._breakers[name] = Breaker()
         return policy, mode
 
-    def _check_files(self, name: Name, file: str, folder: Path) -> None:
+    def _check_files(self, name: Name, file: str, layout: Layout) -> None:
         """Refuse files that have changed since an earlier worker loaded them: the data name the model by its hash."""
-        key = "/".join(name)
-        self.hashes[key] = files_sha256(file, folder)
-        if self._wanted.get(key, self.hashes[key]) != self.hashes[key]:
+        key, found = "/".join(name), files_sha256(file, layout)
+        self.hashes[key] = found
+        if self._wanted.get(key, found) != found:
             raise ValueError("its files have changed since the server started. Put them back, or restart the server")
 
     def _load_predictor(self, name: Name) -> Predictor:
-        layout = self._layout(name[0])
-        file = self._files.get(name[1], name[1])
-        self._check_files(name, file, predictor_folder(without_variant(file), layout))
+        layout, file = self._layout(name[0]), self._files.get(name[1], name[1])
+        self._check_files(name, file, layout)
         predictor = load_predictor(file, layout)
         for observations in _start_states(layout):
             slots = np.arange(len(observations), dtype=np.intp)
