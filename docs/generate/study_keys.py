@@ -14,7 +14,7 @@ ROOT: Final = Path(__file__).resolve().parents[2]
 # The study files that the examples come from, in this order.
 EXAMPLES: Final = ("tests/data/every_setting.yaml", "studies/two_people.yaml", "studies/external_predictor.yaml")
 TEXT: Final = "Text"  # the type of what participants read, by language
-QUESTION: Final = "Question"
+QUESTION: Final = "SurveyQuestion"
 IN_QUESTIONS: Final = "questions."
 HEAD: Final = """# Study keys
 

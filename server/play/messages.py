@@ -71,7 +71,7 @@ class Pong(FromBrowser, frozen=True):
     id: Seq
 
 
-class ClientError(FromBrowser, frozen=True):
+class ClientError(FromBrowser, frozen=True, tag="trouble"):
     """An error on the participant's browser console, for the researcher's problem list."""
 
     text: Annotated[str, Meta(max_length=500)]
