@@ -15,7 +15,8 @@ ACTION_CODE = "0 north, 1 south, 2 east, 3 west, 4 stay, 5 interact"
 ESCAPED = (
     "In CSV files, a text that begins with = + - @ (also in their full-width forms), a tab or a line break, after any "
     "number of blanks and apostrophes, gets one more apostrophe in front, so that no spreadsheet runs it as a formula. "
-    "The same applies to each part of a text after a semicolon, a tab or a line break. Numbers and Parquet files are exact."
+    "The same applies to each part of a text after a semicolon, a tab or a line break. Numbers and Parquet files are "
+    "exact."
 )
 _EVENTS = ", ".join(f"{1 << bit} {name}" for bit, name in enumerate((*EVENT_NAMES, "soup_from_pot")))
 
