@@ -1,4 +1,4 @@
-"""How a number that somebody wrote is read. The page has the same rule (static/js/numbers.js); a test compares them."""
+"""How a number that somebody wrote is read. The page has the same rule (static/js/pages/read-number.js); a test compares them."""
 
 import re
 from typing import Final

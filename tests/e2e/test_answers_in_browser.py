@@ -115,7 +115,7 @@ def test_digits_are_written_where_something_is_written(page: Page) -> None:
 
 def test_page_and_server_read_numbers_alike(page: Page) -> None:
     script = """async (texts) => {
-      const { readNumber } = await import('/static/js/numbers.js');
+      const { readNumber } = await import('/static/js/pages/read-number.js');
       return texts.map((text) => { const { value, reason } = readNumber(text); return reason ?? value; });
     }"""
     assert dict(zip(WRITTEN, page.evaluate(script, list(WRITTEN)), strict=True)) == WRITTEN

@@ -36,7 +36,7 @@ def wire(message: messages.Outgoing) -> dict[str, Any]:
 
 
 def marks(page: Page, prediction: Any, watched: Any, other: Any, grid: Any = RING) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = run(page, "arrows", "return m.marks(...a)", [prediction, watched, other, grid])
+    found: list[dict[str, Any]] = run(page, "board/marks", "return m.marks(...a)", [prediction, watched, other, grid])
     return found
 
 
@@ -89,22 +89,22 @@ def test_a_step_that_comes_nearer_keeps_its_name_and_glides(blank: Page) -> None
     before = marks(blank, [[0, 95], [0, 80], [2, 60]], [1, 3, 0, 0], [3, 3, 0, 0])
     after = marks(blank, [[0, 95], [2, 80], [2, 60]], [1, 2, 0, 0], [3, 3, 0, 0])
     assert after[0]["id"] == before[1]["id"]
-    halfway = run(blank, "arrows", "return m.eased(a[1], a[0], 50, false)", [before, after])
+    halfway = run(blank, "board/marks", "return m.eased(a[1], a[0], 50, false)", [before, after])
     assert before[1]["size"] < halfway[0]["size"] * halfway[0]["grown"] < after[0]["size"]
     assert (halfway[0]["shown"], halfway[2]["shown"]) == (1, 0.5), "only a new mark fades in"
-    done = run(blank, "arrows", "return m.eased(a[1], a[0], m.FADE_MS, false)", [before, after])
+    done = run(blank, "board/marks", "return m.eased(a[1], a[0], m.FADE_MS, false)", [before, after])
     assert done == after
-    assert run(blank, "arrows", "return m.FADE_MS") <= 100
+    assert run(blank, "board/marks", "return m.FADE_MS") <= 100
 
 
 def test_a_prediction_is_stale_after_two_ticks(blank: Page) -> None:
-    assert run(blank, "arrows", "return [m.isStale(0, 400, 200), m.isStale(0, 401, 200)]") == [False, True]
+    assert run(blank, "board/marks", "return [m.isStale(0, 400, 200), m.isStale(0, 401, 200)]") == [False, True]
 
 
 def states(page: Page, outgoing: list[messages.Outgoing], body: str, times: list[float] | None = None) -> Any:
     """`s` is the state after all messages, each at its time in ms."""
     apply = "let s = m.defaults(); a[0].forEach((message, i) => { s = m.apply(s, message, a[1][i]); }); "
-    return run(page, "state", apply + body, [[wire(each) for each in outgoing], times or [0.0] * len(outgoing)])
+    return run(page, "board/state", apply + body, [[wire(each) for each in outgoing], times or [0.0] * len(outgoing)])
 
 
 def test_chefs_glide_from_cell_to_cell_within_a_tick(blank: Page) -> None:
@@ -163,7 +163,7 @@ def test_the_state_shown_during_the_countdown_does_not_start_the_game(blank: Pag
 
 
 def keys(page: Page, body: str) -> Any:
-    return run(page, "input", "const k = new m.Keys(); " + body)
+    return run(page, "game/input", "const k = new m.Keys(); " + body)
 
 
 def test_the_last_key_pressed_wins_and_the_one_before_comes_back(blank: Page) -> None:
@@ -196,11 +196,15 @@ def test_clear_lets_all_go_and_says_so_once(blank: Page) -> None:
 
 def test_a_key_given_to_another_action_loses_its_old_meaning(blank: Page) -> None:
     found = run(
-        blank, "keysdialog", "return m.rebind((await import('/static/js/input.js')).DEFAULT_BINDINGS, '0', 'KeyI')"
+        blank,
+        "game/keys-dialog",
+        "return m.rebind((await import('/static/js/game/input.js')).DEFAULT_BINDINGS, '0', 'KeyI')",
     )
     assert found["0"] == ["KeyI"]
     swapped = run(
-        blank, "keysdialog", "return m.rebind((await import('/static/js/input.js')).DEFAULT_BINDINGS, '0', 'KeyS')"
+        blank,
+        "game/keys-dialog",
+        "return m.rebind((await import('/static/js/game/input.js')).DEFAULT_BINDINGS, '0', 'KeyS')",
     )
     assert (swapped["0"], swapped["1"]) == (["KeyS"], ["ArrowDown"])
 
@@ -223,7 +227,7 @@ def every_message() -> list[messages.Outgoing]:
 
 @pytest.mark.parametrize("message", every_message(), ids=lambda message: type(message).__name__)
 def test_every_message_of_the_server_is_understood(blank: Page, message: messages.Outgoing) -> None:
-    assert run(blank, "messages", "return m.parse(a)", messages.encode(message).decode()) == wire(message)
+    assert run(blank, "game/messages", "return m.parse(a)", messages.encode(message).decode()) == wire(message)
 
 
 def test_no_message_of_the_server_is_forgotten() -> None:
@@ -232,20 +236,24 @@ def test_no_message_of_the_server_is_forgotten() -> None:
 
 def test_a_message_with_a_wrong_field_is_refused_by_name(blank: Page) -> None:
     broken = {**wire(tick(kitchen(t=1))), "actions": [1]}
-    words = run(blank, "messages", "try { m.parse(a); } catch (error) { return error.message; }", json.dumps(broken))
+    words = run(
+        blank, "game/messages", "try { m.parse(a); } catch (error) { return error.message; }", json.dumps(broken)
+    )
     assert words == "tick: bad field actions"
 
 
 def test_what_the_browser_builds_the_server_decodes(blank: Page) -> None:
     body = """return [m.hello('abcdefgh1', -1), m.ready(), m.input(1, 2, 2, 10.5), m.input(2, null, null, 11),
       m.away('blur'), m.pong(3), m.trouble('x'.repeat(900))].map((each) => JSON.stringify(each))"""
-    found = [messages.decode(frame) for frame in run(blank, "messages", body)]
+    found = [messages.decode(frame) for frame in run(blank, "game/messages", body)]
     assert {type(message) for message in found} == set(messages.Incoming.__args__)  # type: ignore[attr-defined]
     assert found[2] == messages.Input(1, 2, 2, 10.5)
 
 
 def test_retries_come_quickly_then_slower_and_never_all_at_once(blank: Page) -> None:
-    delays = run(blank, "socket", "return Array.from({length: 12}, (_, i) => [m.retryDelay(i, 0), m.retryDelay(i, 1)])")
+    delays = run(
+        blank, "game/connection", "return Array.from({length: 12}, (_, i) => [m.retryDelay(i, 0), m.retryDelay(i, 1)])"
+    )
     assert delays[0][1] <= 200
     assert max(high for _, high in delays) <= 2000, "back within three seconds of the server"
     assert all(high == 2 * low for low, high in delays)
@@ -261,7 +269,7 @@ def test_a_duplicated_tab_gets_a_name_of_its_own_and_a_reload_keeps_it(blank: Pa
       hidden.dispatchEvent(new Event('pagehide'));
       return [first, copy, m.tabName(storage, new EventTarget())];
     """
-    first, copy, reloaded = run(blank, "socket", body)
+    first, copy, reloaded = run(blank, "game/connection", body)
     assert first == reloaded != copy
     assert len(first) >= 16
 
@@ -272,7 +280,7 @@ def test_what_happened_is_read_from_two_states(blank: Page) -> None:
         t=8, players=((3, 3, 1, 0), (2, 3, 1, 0)), pots=((3, 0, 3, 20),), counters=((3, 4, 1),), score=20, soups=1
     )
     states_json = [json.loads(messages.encode(tick(state)))["state"] for state in (before, after)]
-    found = run(blank, "events", "return m.events(a[0], a[1], [5, 5], a[2])", [*states_json, RING])
+    found = run(blank, "board/events", "return m.events(a[0], a[1], [5, 5], a[2])", [*states_json, RING])
     assert {(event["kind"], event["x"], event["y"]) for event in found} == {
         ("put", 3, 4),
         ("delivery", 2, 4),

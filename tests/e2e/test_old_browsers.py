@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
@@ -115,7 +116,9 @@ def test_a_browser_that_keeps_no_cookies_is_told_before_consent(site: Site, page
 
 def test_a_browser_that_cannot_read_the_scripts_is_told_and_counted(site: Site, page: Page) -> None:
     before = turned_away(site)
-    page.route("**/entry.js", lambda route: route.fulfill(body="syntax of tomorrow", content_type="text/javascript"))
+    page.route(
+        "**/device-check.js", lambda route: route.fulfill(body="syntax of tomorrow", content_type="text/javascript")
+    )
     with page.expect_response(lambda answer: "kind=unsuitable" in str(answer.request.post_data)):
         page.goto(f"{site.url}/s/small")
     expect(page.locator("#cannot-run")).to_contain_text("This browser is too old for the game")
@@ -163,12 +166,15 @@ def test_a_browser_of_2022_plays(chromium: Browser, server: FakeGameServer) -> N
         server.wait_for(lambda server: [(each.held, each.tap) for each in server.inputs()] == [(0, 0), (None, None)])
 
 
-def test_the_rehearsal_loads_every_module_of_the_game() -> None:
-    def imported(name: str, seen: set[str]) -> set[str]:
-        for other in re.findall(r"from '\./([\w-]+\.js)'", (STATIC / name).read_text(encoding="utf-8")):
-            if other not in seen:
-                seen.add(other)
-                imported(other, seen)
+def test_the_self_test_loads_every_module_of_the_game() -> None:
+    def imported(file: Path, seen: set[Path]) -> set[Path]:
+        for other in re.findall(r"from '(\.{1,2}/[\w./-]+\.js)'", file.read_text(encoding="utf-8")):
+            module = (file.parent / other).resolve()
+            if module not in seen:
+                seen.add(module)
+                imported(module, seen)
         return seen
 
-    assert imported("game.js", set()) <= imported("rehearsal.js", set())
+    of_the_game = imported(STATIC / "game" / "game.js", set())
+    assert STATIC / "board" / "renderer.js" in of_the_game
+    assert of_the_game <= imported(STATIC / "pages" / "game-self-test.js", set())

@@ -81,7 +81,7 @@ def test_a_bundle_has_all_that_is_registered(published: Path, tmp_path: Path) ->
         for kitchen in study.layouts:
             assert re.fullmatch(r"[0-9a-f]{64}", manifest["state"]["models"][f"{kitchen.name}/{agent.name}"])
     assert "server/main.py" in manifest["state"]["code"]
-    assert "static/js/game.js" in manifest["state"]["code"]
+    assert "static/js/game/game.js" in manifest["state"]["code"]
     for question in study.questions(str(study.after_episode)):
         for language in study.languages:
             assert question.text.of(language) in texts["questions.md"]

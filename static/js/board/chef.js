@@ -1,0 +1,67 @@
+// Draws one chef with what it carries and its little movements, and the tag over the own one. Units: 1/64 cell.
+
+import { CELL } from './background.js';
+import { FACINGS, ITEMS, STEP } from './kitchen.js';
+import { colour } from './sprites.js';
+
+// What is held: offset from the cell's centre, side, and whether it lies behind the chef; by direction N S E W.
+const HELD = [
+  { x: 17, y: -2, side: 27, behind: true }, { x: 0, y: 17, side: 30 }, { x: 21, y: 13, side: 30 }, { x: -21, y: 13, side: 30 },
+];
+
+/** `chef`: {who, x, y (cells, may be fractions), facing, held, motion or null, cellPixels}. */
+export function drawChef(context, sprites, chef) {
+  const pose = poseOf(chef);
+  const scale = chef.cellPixels / CELL;
+  const put = (name, x, y, side) => context.drawImage(sprites.at(name, side * scale), x, y, side, side);
+  context.save();
+  context.translate(chef.x * CELL + 32 + pose.dx, chef.y * CELL + 32 + pose.dy);
+  context.save();
+  context.translate(0, 27); // turns and squashes about the feet
+  context.rotate(pose.lean);
+  context.scale(pose.wide, pose.tall);
+  context.translate(0, -27);
+  const held = HELD[chef.facing];
+  const item = () => { if (chef.held) put(`item-${ITEMS[chef.held]}`, held.x - held.side / 2, held.y - held.side / 2 + pose.itemLift, held.side); };
+  if (held.behind) item();
+  put(`chef-${chef.who}-${FACINGS[chef.facing]}`, -32, -35, CELL);
+  if (!held.behind) item();
+  context.restore();
+  context.restore();
+}
+
+const STILL = { dx: 0, dy: 0, lean: 0, wide: 1, tall: 1, itemLift: 0 };
+
+function poseOf({ motion, facing, who }) {
+  if (!motion) return STILL;
+  const { kind, part, now, stride } = motion;
+  const arch = Math.sin(Math.PI * part); // 0 at both ends of the tick
+  const [columns, rows] = STEP[facing];
+  if (kind === 'walk') return { ...STILL, dy: -4 * arch, lean: 0.05 * stride * arch, itemLift: -2 * arch };
+  if (kind === 'bump') return { ...STILL, dx: 4 * columns * arch, dy: 4 * rows * arch, wide: 1 + 0.03 * arch, tall: 1 - 0.03 * arch };
+  if (kind === 'use') return { ...STILL, dx: 6 * columns * arch, dy: 6 * rows * arch, wide: 1 - 0.04 * arch, tall: 1 + 0.05 * arch };
+  const breath = Math.sin(now / 480 + (who === 'blue' ? 0 : 2));
+  return { ...STILL, wide: 1 - 0.006 * breath, tall: 1 + 0.014 * breath, itemLift: -0.8 * breath };
+}
+
+const TAG = new Path2D('M-17 -9 h34 a8.5 8.5 0 0 1 0 17 h-13 l-4 5 l-4 -5 h-13 a8.5 8.5 0 0 1 0 -17 z');
+
+/** The tag over the own chef, drawn after all chefs. */
+export function drawTag(context, text, chef, scale) {
+  const { dx, dy } = poseOf(chef);
+  context.save();
+  context.translate(chef.x * CELL + 32 + dx, Math.max(10 * scale, chef.y * CELL - 12 + dy / 2));
+  context.scale(scale, scale);
+  context.lineJoin = 'round';
+  context.lineWidth = 2.4;
+  context.strokeStyle = '#fff';
+  context.fillStyle = colour('--human');
+  context.stroke(TAG);
+  context.fill(TAG);
+  context.fillStyle = '#fff';
+  context.font = `700 12px ${colour('--font')}`;
+  context.textAlign = 'center';
+  context.textBaseline = 'middle';
+  context.fillText(text, 0, 0, 42);
+  context.restore();
+}

@@ -1,0 +1,55 @@
+"""Scripts, styles and templates of the pages: which folder of scripts imports which, names, and lines one can read."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+SCRIPTS = ROOT / "static" / "js"
+MAX_LINE = 120
+
+
+def scripts() -> list[Path]:
+    return sorted(SCRIPTS.rglob("*.js"))
+
+
+def allowed_imports() -> dict[str, set[str]]:
+    """Folder -> folders, as docs/architecture.md says it."""
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `static/js/(\w+)` \|[^|]*\|([^|]*)\|$", page, re.MULTILINE)
+    return {folder: set(re.findall(r"`(\w+)`", names)) for folder, names in rows}
+
+
+def test_folders_of_scripts_import_only_what_the_architecture_allows() -> None:
+    allowed = allowed_imports()
+    assert set(allowed) == {script.parent.name for script in scripts()}
+    faults = []
+    for script in scripts():
+        for name in re.findall(r"(?:from |import\()'([^']+)'", script.read_text(encoding="utf-8")):
+            target = (script.parent / name).resolve() if name.startswith(".") else ROOT / name.lstrip("/")
+            assert target.is_file(), f"{script.name} imports {name}, which does not exist"
+            if target.is_relative_to(SCRIPTS) and target.parent.name not in allowed[script.parent.name] | {
+                script.parent.name
+            }:
+                faults.append(f"{script.relative_to(ROOT)} imports {name}")
+    assert faults == []
+
+
+def test_scripts_have_names_of_their_own() -> None:
+    names = [script.name for script in scripts()]
+    assert len(names) == len(set(names))
+
+
+def test_every_script_and_style_that_a_template_names_exists_and_every_script_is_used() -> None:
+    named = {
+        name
+        for template in (ROOT / "templates").rglob("*.html")
+        for name in re.findall(r"(?:src|href)=\"(/static/[\w./-]+)\"", template.read_text(encoding="utf-8"))
+    }
+    assert [name for name in sorted(named) if not (ROOT / name.lstrip("/")).is_file()] == []
+    imported = {
+        (script.parent / name).resolve()
+        for script in scripts()
+        for name in re.findall(r"(?:from |import\()'(\.[^']+)'", script.read_text(encoding="utf-8"))
+    }
+    used = imported | {ROOT / name.lstrip("/") for name in named}
+    assert [script.name for script in scripts() if script not in used] == []
