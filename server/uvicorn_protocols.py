@@ -14,6 +14,8 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from uvicorn.server import ServerState
 
+from server.play.close_codes import CloseCode
+
 log = logging.getLogger(__name__)
 SAY_SOMETHING_WITHIN_S = 10.0  # from the first byte (or none) of a request to the end of its headers
 _FOR_OURSELVES: Final = 128  # descriptors: database, models, files that are being sent
@@ -97,7 +99,7 @@ class QuietProtocol(WebSocketsSansIOProtocol):
             except UnicodeDecodeError:
                 log.info("a websocket sent a text frame that is not UTF-8: it is closed with 1007")
                 self.frames = []
-                self.conn.send_close(1007, "a text frame is UTF-8")
+                self.conn.send_close(CloseCode.NOT_UTF8, "a text frame is UTF-8")
                 return self.handle_parser_exception()
         return super().send_receive_event_to_app()
 

@@ -17,8 +17,8 @@ from overcooked.constants import INTERACT, ITEM_NAMES, STAY
 from overcooked.layout import Layout, parse_layout
 from overcooked.state import Kitchens
 from server.bots.cook import Cook, Impression, Traits
-from server.participation.waiting_room import COME_AGAIN
 from server.play import messages
+from server.play.close_codes import CloseCode
 from server.play.marks import NOTHING_SHOWN, is_as_promised
 from server.study.order import derived_seed
 
@@ -26,10 +26,7 @@ _decoder = msgspec.json.Decoder(messages.Outgoing)
 _encoder = msgspec.json.Encoder()
 MOST_RECONNECTS: Final = 50
 BrowserFault = Literal["reload", "second_tab", "half_open"]
-_SUPERSEDED: Final = 4001
-_GONE: Final = 1006  # the server was killed in the meantime
-_ABUSE: Final = 1008  # no participant of ours deserves it
-_FINAL: Final = frozenset({4001, 4004})  # close codes after which there is nothing to come back for here
+_FINAL: Final = frozenset({CloseCode.SUPERSEDED, CloseCode.NO_GAME})  # after these it does not connect again
 
 
 @dataclass
@@ -129,9 +126,9 @@ class BotGame:
                     if not left:
                         await _closed(socket)
             except ConnectionClosed as closed:
-                if closed.rcvd is not None and closed.rcvd.code == COME_AGAIN:
+                if closed.rcvd is not None and closed.rcvd.code == CloseCode.GAME_READY:
                     continue  # the other person is there: the game has begun
-                if closed.rcvd is not None and closed.rcvd.code == _ABUSE:
+                if closed.rcvd is not None and closed.rcvd.code == CloseCode.REFUSED:
                     raise RuntimeError(f"the game's socket was closed: {closed.rcvd.reason}") from closed
                 if closed.rcvd is not None and closed.rcvd.code in _FINAL:
                     return None
@@ -235,8 +232,10 @@ class BotGame:
             async with asyncio.timeout(10):
                 async for _ in socket:
                     pass  # what is still said to it changes nothing
-        if socket.close_code not in (_SUPERSEDED, _GONE):
-            self._journal.violations.append(f"a tab that was left closed with {socket.close_code}, not {_SUPERSEDED}")
+        if socket.close_code not in (CloseCode.SUPERSEDED, CloseCode.LOST):
+            self._journal.violations.append(
+                f"a tab that was left closed with {socket.close_code}, not {CloseCode.SUPERSEDED}"
+            )
 
     async def _act(self, socket: ClientConnection, tick: messages.Tick) -> None:
         """Says every timestep what the hands do, also when they rest: who simulates need not wait any longer then."""

@@ -11,12 +11,12 @@ from datetime import datetime
 from typing import Final
 
 from server.play.clock import Clock
-from server.play.game import SUPERSEDED, Connection
+from server.play.close_codes import CloseCode
+from server.play.game import Connection
 from server.play.messages import Superseded, Waiting
 from server.store.database import DatabaseDown
 
 log = logging.getLogger(__name__)
-COME_AGAIN: Final = 4005  # close code: there is a game now, connect anew
 LOOK_EVERY_S: Final = 0.1
 TELL_EVERY_S: Final = 1.0
 
@@ -60,7 +60,7 @@ class WaitingRoom:
         before = self._waiting.get(participant)
         if before is not None and before.connection is not connection:
             before.connection.send(Superseded())
-            before.connection.close(SUPERSEDED, "another tab has taken over")
+            before.connection.close(CloseCode.SUPERSEDED, "another tab has taken over")
         self._waiting[participant] = _Waiter(participant, choice, connection, busy=before is not None and before.busy)
         if self._keeper is None or self._keeper.done():
             self._keeper = asyncio.create_task(self._keep())
@@ -101,7 +101,7 @@ class WaitingRoom:
     def _call(self, waiter: _Waiter) -> None:
         """Whoever sits in that tab connects anew and finds the game."""
         now = self._waiting.pop(waiter.participant, waiter)
-        now.connection.close(COME_AGAIN, "there is a game now")
+        now.connection.close(CloseCode.GAME_READY, "there is a game now")
 
     def _tell(self, waiter: _Waiter) -> None:
         now = self._clock.now() / self._clock.speed

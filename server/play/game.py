@@ -8,14 +8,12 @@ from msgspec import structs
 
 from server.play import messages
 from server.play.clock import Clock
+from server.play.close_codes import CloseCode
 from server.play.messages import Outgoing
 from server.play.pause_reasons import Holder
 from server.play.recorder import EpisodeResult, PauseRecord, Recorder, TickRecord
 from server.play.retrying_writer import RetryingWriter
 from server.play.session import COUNTDOWN_S, Session
-
-SUPERSEDED = 4001  # close code: another tab has taken over
-FINISHED = 1000
 
 
 class Connection(Protocol):
@@ -116,7 +114,7 @@ class Game:
     @staticmethod
     def _dismiss(connection: Connection) -> None:
         connection.send(messages.Superseded())
-        connection.close(SUPERSEDED, "another tab has taken over")
+        connection.close(CloseCode.SUPERSEDED, "another tab has taken over")
 
     # Standing still and going on
 
@@ -189,4 +187,4 @@ class Game:
             figures = (result.score, result.soups, result.progress, result.passed)
             reason = cast(messages.EndReason, result.reason)
             connection.send(messages.Ended(*figures, connection.next_url, reason))
-            connection.close(FINISHED, "the episode is over")
+            connection.close(CloseCode.FINISHED, "the episode is over")

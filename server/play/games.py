@@ -7,6 +7,7 @@ from typing import Any, Final, Literal, Protocol
 
 from models.protocols import Models
 from server.play.clock import Clock
+from server.play.close_codes import CloseCode
 from server.play.game import Connection, Game
 from server.play.loop import Loop
 from server.play.recorder import EpisodeRecord, EpisodeResult, GamesLost, Recorder
@@ -18,8 +19,6 @@ AfterEnd = Callable[[EpisodeRecord, EpisodeResult], Awaitable[None]]
 KEEP_EVERY_S: Final = 0.25
 FORGET_AFTER_S: Final = 120.0  # a game that waits for nobody in particular is taken up again from the database
 STOP_WITHIN_S: Final = 5.0
-RESTARTING = 1012  # close code: the server goes down and comes back
-FAILED = 1011
 
 
 class NoGame(Exception):
@@ -134,7 +133,7 @@ class Games:
         except Exception:
             log.exception("the end of episode %s could not be stored", game.episode)
             for connection in game.connections.values():
-                connection.close(FAILED, "the end of the episode could not be stored")
+                connection.close(CloseCode.FAILED, "the end of the episode could not be stored")
         else:
             game.tell_end(result)
         self._forget(game)
@@ -192,4 +191,4 @@ class Games:
             log.error("the last pauses were not stored within %s s", STOP_WITHIN_S)
         for game in games:
             for connection in game.connections.values():
-                connection.close(RESTARTING, "the server is restarting")
+                connection.close(CloseCode.RESTARTING, "the server is restarting")

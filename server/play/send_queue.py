@@ -5,6 +5,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
+from server.play.close_codes import CloseCode
 from server.play.messages import Outgoing, Ping, Tick, encode
 
 PING_EVERY_S: Final = 1.0
@@ -52,7 +53,7 @@ class SendQueue:
             self._line = deque(entry for entry in self._line if not entry[0])
             self.dropped += waiting - len(self._line)
         elif len(self._line) >= _MOST_WAITING:
-            self.close(1008, "too far behind")
+            self.close(CloseCode.REFUSED, "too far behind")
             return
         self._line.append((is_state, encode(message)))
         self._wake()
@@ -67,7 +68,7 @@ class SendQueue:
     def drop(self) -> None:
         """The socket is gone: nothing waits any more."""
         self._line.clear()
-        self._end = self._end or Close(1001, "gone")
+        self._end = self._end or Close(CloseCode.SILENT, "gone")
         self._wake()
 
     async def next(self) -> bytes | Close:

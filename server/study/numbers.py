@@ -1,4 +1,4 @@
-"""How a number that somebody wrote is read. The page has the same rule (static/js/pages/read-number.js); a test compares them."""
+"""Read a number that somebody wrote. The page has the same rule (static/js/pages/read-number.js); a test compares."""
 
 import re
 from typing import Final

@@ -15,6 +15,7 @@ from server.background_tasks import ended
 from server.monitoring.arms import arm_names
 from server.monitoring.live_games import CARDS_EVERY_S, Card, LiveGames, board_of, card_of, still_of
 from server.monitoring.peers import View
+from server.play.close_codes import CloseCode
 from server.store import overview
 from server.store.admins import AdminSession
 from server.store.database import DatabaseDown
@@ -85,10 +86,10 @@ async def let_in(socket: WebSocket) -> AdminSession | None:
     try:
         admin = await session_of(socket) if socket.app.state.web.csrf.is_own_origin(socket) else None
     except DatabaseDown:
-        await socket.close(1013)
+        await socket.close(CloseCode.TRY_LATER)
         return None
     if admin is None:
-        await socket.close(1008)
+        await socket.close(CloseCode.REFUSED)
         return None
     await socket.accept()
     return admin
@@ -113,7 +114,7 @@ async def watch(socket: WebSocket, name: str) -> None:
     if admin is None:
         return
     if not web.studies.versions(name):
-        await socket.close(1008)
+        await socket.close(CloseCode.REFUSED)
         return
     watching = Watching(web, live, name, admin)
     teller = asyncio.create_task(_tell(socket, watching))
@@ -137,7 +138,7 @@ async def _tell(socket: WebSocket, watching: Watching) -> None:
         if now - checked >= SESSION_EVERY_S:
             checked = now
             if not await still_in(socket, watching.admin):
-                return await socket.close(4003, "sign in again")
+                return await socket.close(CloseCode.SIGNED_OUT, "sign in again")
         with suppress(DatabaseDown):
             await socket.send_text(json.dumps(await watching.news(), separators=(",", ":")))
             if now - told >= FIGURES_EVERY_S or tab != watching.tab:

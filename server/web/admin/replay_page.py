@@ -13,6 +13,7 @@ from server.background_tasks import ended
 from server.monitoring.live_games import Card, LiveGames, card_of, who
 from server.monitoring.peers import View
 from server.monitoring.replay import StoredTicks, input_of, record_json, row_of
+from server.play.close_codes import CloseCode
 from server.store import decisions, overview
 from server.store.admins import AdminSession
 from server.store.episodes import BrokenEpisode
@@ -92,13 +93,13 @@ async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...]
         if now - checked >= SESSION_EVERY_S:
             checked = now
             if not await still_in(socket, admin):
-                return await socket.close(4003, "sign in again")
+                return await socket.close(CloseCode.SIGNED_OUT, "sign in again")
         if card is None or now - looked >= STATUS_EVERY_S:
             looked = now
             card = await _status(socket, live, which)
             if card is None:
                 await socket.send_text('{"type":"over"}')
-                return await socket.close(1000, "the game is over")
+                return await socket.close(CloseCode.FINISHED, "the game is over")
         if isinstance(card, View):
             for row in await stored.new_rows(admin.blind):
                 await socket.send_text(json.dumps({"type": "tick", "row": row}, separators=(",", ":")))

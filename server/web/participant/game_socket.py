@@ -14,6 +14,7 @@ from server.participation.seating import ConnectedPlayer
 from server.participation.waiting_room import WaitingRoom
 from server.play import messages
 from server.play.clock import Clock
+from server.play.close_codes import CloseCode
 from server.play.game import Game
 from server.play.games import Games, NoGame
 from server.play.recorder import RecorderDown
@@ -29,14 +30,6 @@ CLIENT_ERRORS_PER_S: Final = 1 / 60  # of one participant that are passed on
 CLIENT_ERRORS_BURST: Final = 10.0
 UNBOUNDED_PER_S: Final = 1e9
 _BUCKETS_KEPT: Final = 10_000
-
-SILENT = 1001
-NOT_TEXT = 1003
-ABUSE = 1008
-TOO_LARGE = 1009
-FAILED = 1011
-TRY_LATER = 1013
-NO_GAME = 4004  # the participant's current step is no game: reload the page
 
 
 # (connection with the cookie, study) -> who
@@ -83,10 +76,10 @@ class Gate:
     def let_in(self, text: str | None, mine: PlayerSocket, now: float) -> messages.Incoming | None:
         """The message of a frame; None when it was refused, answered here, or the socket is to close."""
         if text is None:
-            mine.close(NOT_TEXT, "this protocol has text frames only")
+            mine.close(CloseCode.NOT_TEXT, "this protocol has text frames only")
             return None
         if len(text) > messages.MAX_FRAME_BYTES or len(text.encode()) > messages.MAX_FRAME_BYTES:
-            mine.close(TOO_LARGE, f"a frame has at most {messages.MAX_FRAME_BYTES} bytes")
+            mine.close(CloseCode.TOO_LARGE, f"a frame has at most {messages.MAX_FRAME_BYTES} bytes")
             return None
         try:
             message = messages.decode(text)
@@ -96,14 +89,14 @@ class Gate:
         if isinstance(message, messages.Pong) and mine.send_queue.pong(message.id, time.monotonic()):
             return None
         if not self._bucket.spend(now):
-            mine.close(ABUSE, "too many messages")
+            mine.close(CloseCode.REFUSED, "too many messages")
             return None
         return message
 
     def _refuse(self, reason: str, mine: PlayerSocket, now: float) -> None:
         self._refused += 1
         if self._refused > MOST_REFUSED or not self._bucket.spend(now):
-            mine.close(ABUSE, "too many bad messages")
+            mine.close(CloseCode.REFUSED, "too many bad messages")
         else:
             mine.send(messages.Refused("bad_message", reason))
 
@@ -147,14 +140,14 @@ class Sockets:
         """From handshake to close. Strangers and foreign pages get a 403 before anything is accepted."""
         if not self.is_ours(socket):
             log.warning("a websocket from another origin was refused: %s", socket.headers.get("origin", "")[:100])
-            return await socket.close(ABUSE)
+            return await socket.close(CloseCode.REFUSED)
         try:
             player = await self._find(socket, study)
         except DatabaseDown:
             await socket.accept()
-            return await socket.close(TRY_LATER, "the database is away")
+            return await socket.close(CloseCode.TRY_LATER, "the database is away")
         if player is None:
-            return await socket.close(ABUSE)
+            return await socket.close(CloseCode.REFUSED)
         await socket.accept()
         mine = PlayerSocket(socket, player)
         self._open[mine] = None
@@ -177,20 +170,20 @@ class Sockets:
         """A page has one socket, and a lost one lingers for seconds; of somebody who has many, the oldest closes."""
         own = [one for one in self._open if one.player.participant == participant]
         for one in own[:-MOST_OF_ONE]:
-            one.close(ABUSE, "too many connections")
+            one.close(CloseCode.REFUSED, "too many connections")
 
     def dismiss(self, participant: str, reason: str) -> None:
         """Close every socket of a participant for good."""
         for one in [one for one in self._open if one.player.participant == participant]:
-            one.close(ABUSE, reason)
+            one.close(CloseCode.REFUSED, reason)
 
     @staticmethod
     async def _settle(writer: asyncio.Task[None], reader: asyncio.Task[None], mine: PlayerSocket) -> None:
         """The last words may still go out, but nobody waits long for a dead peer."""
         if not reader.cancelled() and (error := reader.exception()) is not None:
             log.error("a game socket failed", exc_info=error)
-            mine.close(FAILED, "the server failed")
-        mine.close(1000, "")  # the page has closed it
+            mine.close(CloseCode.FAILED, "the server failed")
+        mine.close(CloseCode.FINISHED, "")  # the page has closed it
         await asyncio.wait({writer}, timeout=1.0)
 
     async def _beat(self) -> None:
@@ -199,7 +192,7 @@ class Sockets:
             now = time.monotonic()
             for mine in list(self._open):
                 if mine.send_queue.beat(now) and mine.reader is not None:
-                    mine.close(SILENT, "no answer to a ping")
+                    mine.close(CloseCode.SILENT, "no answer to a ping")
                     mine.reader.cancel()
             if len(self._client_errors) > _BUCKETS_KEPT:
                 self._client_errors = {who: one for who, one in self._client_errors.items() if not one.is_full(now)}
@@ -255,25 +248,25 @@ class Sockets:
         mine.tab, mine.is_new_page = hello.tab, hello.last_timestep < 0
         if hello.protocol != messages.PROTOCOL:
             mine.send(messages.Refused("protocol", f"this server speaks protocol {messages.PROTOCOL}: reload the page"))
-            mine.close(ABUSE, "another protocol")
+            mine.close(CloseCode.REFUSED, "another protocol")
         elif player.choice is not None and self._room is not None:
             self._room.enter(player.participant, player.choice, mine)
         elif player.episode is None:
             mine.send(messages.Refused("no_game", "no game is to be played now: reload the page"))
-            mine.close(NO_GAME, "no game")
+            mine.close(CloseCode.NO_GAME, "no game")
         else:
             try:
                 return await self._games.join(player.episode, player.seat, mine)
             except NoGame as error:
                 mine.send(messages.Refused("no_game", str(error)))
-                mine.close(NO_GAME, "no game")
+                mine.close(CloseCode.NO_GAME, "no game")
             except RecorderDown as error:
                 mine.send(messages.Refused("database", str(error)))
-                mine.close(TRY_LATER, "the database is away")
+                mine.close(CloseCode.TRY_LATER, "the database is away")
             except Exception:
                 log.exception("episode %s cannot be taken up", player.episode)
                 mine.send(messages.Refused("broken", "this game cannot be taken up; the researcher has been told"))
-                mine.close(FAILED, "the game is broken")
+                mine.close(CloseCode.FAILED, "the game is broken")
         return game
 
 

@@ -12,6 +12,7 @@ from fastapi.responses import RedirectResponse
 from server.participation import progress
 from server.participation.page_answers import check_page
 from server.participation.recruiter_links import is_preview, may_start_new, recruitment_of
+from server.play.close_codes import CloseCode
 from server.store import participants
 from server.store.participants import Participant
 from server.study.assignment import StudyFullError
@@ -181,17 +182,17 @@ async def check_connection(socket: WebSocket, name: str) -> None:
     """Sends back what comes, a few times: the entry check measures the connection with it."""
     web: Web = socket.app.state.web
     if web.studies.open(name) is None or not web.csrf.is_own_origin(socket):
-        await socket.close(1008)
+        await socket.close(CloseCode.REFUSED)
         return
     await socket.accept()
-    code = 1000
+    code = CloseCode.FINISHED
     try:
         async with asyncio.timeout(CHECK_S):
             for _ in range(MOST_ECHOES):
                 words = await socket.receive_text()
                 await socket.send_text(words[:ECHOED_CHARACTERS])
     except KeyError:
-        code = 1003  # a binary frame
+        code = CloseCode.NOT_TEXT  # a binary frame
     except (TimeoutError, WebSocketDisconnect, RuntimeError):
         pass
     with contextlib.suppress(RuntimeError):

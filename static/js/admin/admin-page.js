@@ -1,5 +1,7 @@
 // What every page of a researcher has: buttons that ask first in a dialog, and "Live, 0.4 s ago". Knows no study.
 
+import { CloseCode } from '../browser/protocol.js';
+
 const OLD_MS = 3000, DEAD_MS = 10_000;
 
 for (const button of document.querySelectorAll('[data-ask]')) {
@@ -27,8 +29,8 @@ export function listen(path, on, attempt = 0) {
   socket.addEventListener('open', () => on.open?.(send));
   socket.addEventListener('message', ({ data }) => { tries = 0; heard(); on.message(JSON.parse(data)); });
   socket.addEventListener('close', ({ code }) => {
-    if (code === 1000) return;
-    if (code === 4003) { location.reload(); return; }
+    if (code === CloseCode.FINISHED) return;
+    if (code === CloseCode.SIGNED_OUT) { location.reload(); return; }
     setTimeout(() => listen(path, on, tries + 1), Math.min(5000, 250 * 2 ** tries));
   });
 }

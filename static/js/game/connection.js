@@ -1,12 +1,20 @@
 // The connection to the server: opens it, keeps it, comes back by itself. Knows messages, nothing of what they mean for the game.
 
+import { CloseCode } from '../browser/protocol.js';
 import { hello, parse, pong } from './messages.js';
 
 const FIRST_RETRY_MS = 150;
 const LONGEST_RETRY_MS = 2000;
 const SILENCE_MS = 5000; // a socket that stays silent longer, where ticks or pings are due, is taken for dead
-const COME_AGAIN = 4005; // the other person is there: there is a game now
-const FINAL_CODES = new Map([[4001, 'superseded'], [1008, 'closed'], [1003, 'closed'], [1009, 'closed'], [4004, 'no_game']]);
+
+/** Codes after which the page does not connect again by itself, and what the game shows then. */
+const FINAL_CODES = new Map([
+  [CloseCode.SUPERSEDED, 'superseded'],
+  [CloseCode.NO_GAME, 'no_game'],
+  [CloseCode.REFUSED, 'closed'],
+  [CloseCode.NOT_TEXT, 'closed'],
+  [CloseCode.TOO_LARGE, 'closed'],
+]);
 
 /** How long to wait before try number `attempt` (from 0): doubles, at most 2 s, spread so that not all come back at one instant. */
 export function retryDelay(attempt, random = Math.random()) {
@@ -61,7 +69,7 @@ export class Connection {
   drop() {
     if (!this.socket) return;
     this.#release();
-    this.#closed(1006);
+    this.#closed(CloseCode.LOST);
   }
 
   /** Closes for good. */
@@ -74,7 +82,7 @@ export class Connection {
   #release() {
     const socket = this.socket;
     this.socket = null;
-    socket?.close(1000);
+    socket?.close(CloseCode.FINISHED);
   }
 
   #receive(frame) {
@@ -95,7 +103,7 @@ export class Connection {
 
   #closed(code) {
     this.socket = null;
-    if (code === COME_AGAIN) { this.open(); return; }
+    if (code === CloseCode.GAME_READY) { this.open(); return; }
     this.final = FINAL_CODES.get(code) ?? this.final;
     if (this.final) { this.on.link(this.final, code); return; }
     this.on.link('lost', code);

@@ -1,7 +1,7 @@
 // The messages between browser and server, as docs/reference/protocol.md describes them: what is sent is built here, what comes is
 // checked here. Knows no socket.
 
-export const PROTOCOL = 1;
+import { PROTOCOL } from '../browser/protocol.js';
 
 const number = (value) => typeof value === 'number' && Number.isFinite(value);
 const text = (value) => typeof value === 'string';

@@ -16,8 +16,8 @@ from websockets.typing import Origin
 
 from server.bots.local_server import OwnServer
 from server.bots.participant import Bot, Habits
-from server.participation.waiting_room import COME_AGAIN
 from server.play import messages
+from server.play.close_codes import CloseCode
 from server.store.database import Database
 from server.store.participants import token_hash
 from server.store.tables import episodes, events, participants, ticks
@@ -106,7 +106,7 @@ async def together(server: OwnServer, do: Callable[[Person, Person], Awaitable[N
     async with at_the_game(first) as one:
         await one.hear(messages.Waiting)
         async with at_the_game(second) as two:
-            assert [await one.hear_close(), await two.hear_close()] == [COME_AGAIN, COME_AGAIN]
+            assert [await one.hear_close(), await two.hear_close()] == [CloseCode.GAME_READY, CloseCode.GAME_READY]
     async with at_the_game(first) as one, at_the_game(second) as two:
         await one.hear(messages.Welcome)
         await two.hear(messages.Welcome)
@@ -246,7 +246,7 @@ def test_who_waits_in_vain_plays_with_the_stand_in(server: OwnServer) -> None:
         bot = await somebody(server, 1)
         async with at_the_game(bot) as one:
             assert 0 < (await one.hear(messages.Waiting)).left_s <= 20
-            assert await one.hear_close() == COME_AGAIN
+            assert await one.hear_close() == CloseCode.GAME_READY
         async with at_the_game(bot) as one:
             assert (await one.hear(messages.Welcome)).partner == "agent"
         await bot.close()

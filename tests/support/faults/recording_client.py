@@ -22,8 +22,10 @@ from overcooked.constants import ITEM_NAMES
 from overcooked.layout import parse_layout
 from overcooked.state import Kitchens
 from server.play import messages
+from server.play.close_codes import CloseCode
 
-FINAL = frozenset({1008, 4001, 4004})  # close codes after which a page does not come back by itself
+# After these a page does not connect again by itself.
+FINAL = frozenset({CloseCode.REFUSED, CloseCode.SUPERSEDED, CloseCode.NO_GAME})
 OPEN_S = 5.0
 TAPS = (0, 1, 2, 3, 5)
 _lines = count(1)
