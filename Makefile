@@ -44,10 +44,12 @@ lint: .venv/.test
 	$(BIN)/codespell
 	$(BIN)/mypy
 	$(BIN)/mypy --package docs.generate
+	@.ci/lint-scripts
 
 format: .venv/.test
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
+	@.ci/lint-scripts format
 
 # The faults at their full number (a thousand kills, an hour of soak) take hours: python benchmarks/faults.py.
 bench: .venv/.test
@@ -74,7 +76,7 @@ system:
 	@.ci/system
 
 clean:
-	rm -rf .venv build *.egg-info
+	rm -rf .venv node_modules build *.egg-info
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 # The stamps make a second call cost nothing.

@@ -1,5 +1,6 @@
 """Scripts, styles and templates of the pages: which folder of scripts imports which, names, and lines one can read."""
 
+import json
 import re
 from pathlib import Path
 
@@ -13,7 +14,7 @@ def scripts() -> list[Path]:
 
 
 def allowed_imports() -> dict[str, set[str]]:
-    """Folder -> folders, as docs/architecture.md says it."""
+    """Folder -> folders, as docs/explanation/architecture.md says it."""
     page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `static/js/(\w+)` \|[^|]*\|([^|]*)\|$", page, re.MULTILINE)
     return {folder: set(re.findall(r"`(\w+)`", names)) for folder, names in rows}
@@ -53,3 +54,28 @@ def test_every_script_and_style_that_a_template_names_exists_and_every_script_is
     }
     used = imported | {ROOT / name.lstrip("/") for name in named}
     assert [script.name for script in scripts() if script not in used] == []
+
+
+def test_lines_of_scripts_styles_and_templates_are_short() -> None:
+    files = [file for folder in ("js", "css") for file in (ROOT / "static" / folder).rglob("*.*")]
+    files += list((ROOT / "templates").rglob("*.*"))
+    long = [
+        f"{file.relative_to(ROOT)}:{number}"
+        for file in files
+        for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), start=1)
+        if len(line) > MAX_LINE
+    ]
+    assert long == []
+
+
+def test_the_types_of_uplot_are_those_of_its_vendored_version() -> None:
+    note = (ROOT / "static" / "vendor" / "uplot" / "README.md").read_text(encoding="utf-8")
+    pinned = json.loads((ROOT / "package.json").read_text(encoding="utf-8"))["devDependencies"]["uplot"]
+    assert note.startswith(f"uPlot {pinned} ")
+
+
+def test_node_is_needed_for_nothing_but_development() -> None:
+    package = json.loads((ROOT / "package.json").read_text(encoding="utf-8"))
+    assert "dependencies" not in package
+    pins = package["devDependencies"].values()
+    assert [pin for pin in pins if not re.fullmatch(r"\d+\.\d+\.\d+", pin)] == [], "pinned exactly"

@@ -29,7 +29,7 @@ def constants() -> str:
     codes = "".join(f"  {code.name}: {code.value},\n" for code in CloseCode)
     return (
         f"{_NOTE}\nexport const PROTOCOL = {messages.PROTOCOL};\n\n"
-        "/** Why a websocket closes; see docs/protocol.md. */\n"
+        "/** Why a websocket closes; see docs/reference/protocol.md. */\n"
         f"export const CloseCode = Object.freeze({{\n{codes}}});\n"
     )
 

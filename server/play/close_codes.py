@@ -1,6 +1,6 @@
 """Why a websocket closes, as its close code says: one table for the server, the pages and the simulated participants.
 
-docs/protocol.md says what a client does with each; static/js/browser/protocol.js is written from this file.
+docs/reference/protocol.md says what a client does with each; static/js/browser/protocol.js is written from this file.
 """
 
 from enum import IntEnum

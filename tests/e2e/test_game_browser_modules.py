@@ -244,7 +244,7 @@ def test_a_message_with_a_wrong_field_is_refused_by_name(blank: Page) -> None:
 
 def test_what_the_browser_builds_the_server_decodes(blank: Page) -> None:
     body = """return [m.hello('abcdefgh1', -1), m.ready(), m.input(1, 2, 2, 10.5), m.input(2, null, null, 11),
-      m.away('blur'), m.pong(3), m.trouble('x'.repeat(900))].map((each) => JSON.stringify(each))"""
+      m.away('blur'), m.pong(3), m.clientError('x'.repeat(900))].map((each) => JSON.stringify(each))"""
     found = [messages.decode(frame) for frame in run(blank, "game/messages", body)]
     assert {type(message) for message in found} == set(messages.Incoming.__args__)  # type: ignore[attr-defined]
     assert found[2] == messages.Input(1, 2, 2, 10.5)

@@ -1,27 +1,34 @@
-// A small kitchen in a card, drawn by the game's own renderer. Feeds it what the server said; plays nothing.
+// A small kitchen in a card, drawn by the game's renderer from what the server sent.
+
+/** @import { Sprites } from '../board/sprites.js' */
+/** @import { State } from '../board/state.js' */
 
 import { Renderer } from '../board/renderer.js';
-import { apply, defaults } from '../board/state.js';
+import { apply, boardState } from '../board/state.js';
 
-export class SmallBoard {
-  /** `still`: grid, seat, watched_seat, tick_ms, horizon. */
-  constructor(canvas, sprites, still, width, height) {
+export class BoardThumbnail {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {Sprites} sprites
+   * @param {Researcher.Still} still
+   * @param {[width: number, height: number]} size in CSS pixels
+   */
+  constructor(canvas, sprites, still, size) {
     this.renderer = new Renderer(canvas, sprites, '');
-    this.size = [width, height];
+    this.size = size;
     this.still = still;
+    /** @type {State | null} */
     this.state = null;
   }
 
-  /** Shows {state, prediction, actions} as it is, without motion. */
+  /**
+   * Show the board as it is, without motion.
+   * @param {Researcher.Board} board
+   */
   show(board) {
     const now = performance.now();
-    const welcome = { type: 'welcome', ...this.still, state: board.state, endless: !this.still.horizon };
-    this.state ??= apply(defaults(), welcome, now);
-    this.state = apply({ ...this.state, phase: 'playing' }, { type: 'tick', applied: -1, ...board }, now);
-    this.draw(now);
-  }
-
-  draw(now = performance.now()) {
+    const before = this.state ?? boardState(this.still, board.state, now);
+    this.state = apply(before, { type: 'tick', applied: -1, late: false, ...board }, now);
     this.renderer.fit(this.still.grid, ...this.size);
     this.renderer.draw(this.state, now, true);
   }

@@ -1,122 +1,238 @@
-// The dashboard's numbers and tables, from one message of the server. Knows no socket.
+// The dashboard's numbers and tables, from one message of the server.
 
-import { make, percent } from './admin-page.js';
+import { find } from '../browser/dom.js';
+import { make, percent } from './elements.js';
 
-const find = (name) => document.querySelector(`#${name}`);
+/** @typedef {{ study: string, blind: boolean, search: string, cardOf: Map<string, Researcher.Card> }} Page cardOf: the
+ *   running game of a person */
 
-/** Shows everything. `page`: {study, blind, find: text, flags: person -> card of the running game}. */
-export function showFigures(figures, page) {
-  keyFigures(figures, page);
-  arms(figures.arms, page.blind);
-  flow(figures.flow);
-  accuracy(figures.accuracy);
-  machine(figures);
-  people(figures, page);
-  troubles(figures.troubles, page);
+const MAX_PEOPLE = 200;
+const MAX_ERRORS = 8;
+
+/** @param {string} id */
+const place = (id) => find(`#${id}`, HTMLElement);
+
+/**
+ * Show everything.
+ * @param {Researcher.Figures} figures
+ * @param {Page} page
+ */
+export function showTables(figures, page) {
+  showKeyNumbers(figures, page);
+  showArms(figures.arms, page.blind);
+  place('flow').replaceChildren(...figures.flow.map(flowNode));
+  showAccuracy(figures.accuracy);
+  showMachine(figures);
+  showPeople(figures.people, page);
+  showClientErrors(figures.troubles, page.study);
 }
 
-function value(name, big, small = '') {
-  find(name).replaceChildren(String(big), ...(small ? [' ', make('small', { text: small })] : []));
+/** @type {(id: string, value: string | number, unit?: string) => void} */
+function showValue(id, value, unit = '') {
+  place(id).replaceChildren(String(value), ...(unit ? [' ', make('small', { text: unit })] : []));
 }
 
-function keyFigures({ arms: all, here, minutes, machine: server, accuracy: hits }, { flags }) {
-  const sum = (name) => all.reduce((total, arm) => total + arm[name], 0);
-  const target = all.every((arm) => arm.target !== null) ? sum('target') : null;
+/** @type {(figures: Researcher.Figures, page: Page) => void} */
+function showKeyNumbers({ arms, here, minutes, machine, accuracy }, { cardOf }) {
+  /** @param {'completed' | 'active' | 'dropped'} name */
+  const sum = (name) => arms.reduce((total, arm) => total + arm[name], 0);
+  const targets = arms.flatMap((arm) => (arm.target === null ? [] : [arm.target]));
+  const target = targets.length === arms.length ? targets.reduce((total, each) => total + each, 0) : null;
   const consented = sum('completed') + sum('active') + sum('dropped');
-  value('k-games', flags.size);
-  find('k-here').textContent = `${here} ${here === 1 ? 'person' : 'people'} in the study now`;
-  value('k-completed', sum('completed'), target === null ? '' : `of ${target}`);
-  find('k-active').textContent = `${sum('active')} in progress`;
-  value('k-dropped', sum('dropped'), `of ${consented}`);
-  find('k-dropped-note').textContent = consented ? `${percent(sum('dropped') / consented)} %` : '';
-  value('k-minutes', minutes ? minutes[1].toFixed(0) : '–', 'min');
-  find('k-minutes-note').textContent = minutes ? `middle half ${minutes[0].toFixed(0)}–${minutes[2].toFixed(0)}` : 'nobody has finished yet';
-  value('k-late', server.late_ms ? server.late_ms[1].toFixed(1) : '–', 'ms');
-  find('k-late-note').textContent = server.late_ms ? `median ${server.late_ms[0].toFixed(1)} ms` : 'no tick yet';
-  value('k-accuracy', hits.overall ? percent(hits.overall[0]) : '–', '%');
-  find('k-accuracy-note').textContent = hits.overall ? `${percent(hits.overall[1])}–${percent(hits.overall[2])}, n = ${hits.n}` : 'no game is over yet';
+  showValue('k-games', cardOf.size);
+  place('k-here').textContent = `${here} ${here === 1 ? 'person' : 'people'} in the study now`;
+  showValue('k-completed', sum('completed'), target === null ? '' : `of ${target}`);
+  place('k-active').textContent = `${sum('active')} in progress`;
+  showValue('k-dropped', sum('dropped'), `of ${consented}`);
+  place('k-dropped-note').textContent = consented ? `${percent(sum('dropped') / consented)} %` : '';
+  showMinutes(minutes);
+  showLateness(machine.late_ms);
+  showOverallAccuracy(accuracy);
 }
 
-function bar(arm) {
+/** @param {Researcher.Figures['minutes']} minutes */
+function showMinutes(minutes) {
+  const [low, median, high] = (minutes ?? []).map((value) => value.toFixed(0));
+  showValue('k-minutes', median ?? '–', 'min');
+  place('k-minutes-note').textContent = minutes ? `middle half ${low}–${high}` : 'nobody has finished yet';
+}
+
+/** @param {Researcher.Machine['late_ms']} late */
+function showLateness(late) {
+  showValue('k-late', late ? late[1].toFixed(1) : '–', 'ms');
+  place('k-late-note').textContent = late ? `median ${late[0].toFixed(1)} ms` : 'no tick yet';
+}
+
+/** @param {Researcher.Figures['accuracy']} accuracy */
+function showOverallAccuracy({ overall, n }) {
+  const [share, low, high] = (overall ?? []).map(percent);
+  showValue('k-accuracy', share ?? '–', '%');
+  place('k-accuracy-note').textContent = overall ? `${low}–${high}, n = ${n}` : 'no game is over yet';
+}
+
+/** @type {(arms: Researcher.Arm[], blind: boolean) => void} */
+function showArms(arms, blind) {
+  const rows = arms.map((arm) => {
+    const target = arm.target === null ? '' : ` / ${arm.target}`;
+    const counts = [
+      make('b', { text: arm.completed }),
+      make('span', { className: 'soft', text: ` + ${arm.active}${target}` }),
+    ];
+    return make(
+      'div',
+      { className: `arm ${blind ? 'hidden-arm' : armClass(arm.kind)}` },
+      make('span', { className: blind ? '' : `cond ${armClass(arm.kind)}`, text: arm.name }),
+      armBar(arm),
+      make('span', { className: 'num' }, ...counts),
+    );
+  });
+  place('arms').replaceChildren(...rows, make('p', { className: 'soft small', text: imbalance(arms) }));
+}
+
+/** @param {Researcher.Arm} arm */
+function armBar(arm) {
   const most = Math.max(1, arm.target ?? arm.completed + arm.active);
-  const done = make('i'), playing = make('i', { className: 'p' });
-  done.style.width = `${Math.min(100, 100 * arm.completed / most)}%`;
-  playing.style.width = `${Math.min(100, 100 * arm.active / most)}%`;
-  done.hidden = !arm.completed;
-  playing.hidden = !arm.active;
-  const words = `${arm.completed} completed, ${arm.active} in progress, ${arm.dropped} left${arm.target === null ? '' : `, plan ${arm.target}`}`;
-  return make('span', { className: 'bar', role: 'img', 'aria-label': words }, done, playing);
+  /** @type {(count: number, className: string) => HTMLElement} */
+  const part = (count, className) => {
+    const element = make('i', { className });
+    element.style.width = `${Math.min(100, (100 * count) / most)}%`;
+    element.hidden = !count;
+    return element;
+  };
+  const plan = arm.target === null ? '' : `, plan ${arm.target}`;
+  const label = `${arm.completed} completed, ${arm.active} in progress, ${arm.dropped} left${plan}`;
+  const parts = [part(arm.completed, ''), part(arm.active, 'p')];
+  return make('span', { className: 'bar', role: 'img', 'aria-label': label }, ...parts);
 }
 
-function arms(all, blind) {
-  find('arms').replaceChildren(...all.map((arm) => make('div', { className: `arm ${blind ? 'hidden-arm' : armClass(arm.kind)}` },
-    make('span', { className: blind ? '' : `cond ${armClass(arm.kind)}`, text: arm.name }), bar(arm),
-    make('span', { className: 'num' }, make('b', { text: arm.completed }), make('span', { className: 'soft', text: ` + ${arm.active}${arm.target === null ? '' : ` / ${arm.target}`}` })))),
-  make('p', { className: 'soft small', text: imbalance(all) }));
+/** @param {string} kind of predictor */
+function armClass(kind) {
+  return kind === 'degraded' ? 'tom' : kind;
 }
 
-const armClass = (kind) => (kind === 'degraded' ? 'tom' : kind);
-
-function imbalance(all) {
-  const held = all.map((arm) => arm.completed + arm.active);
-  return `Largest gap between arms: ${Math.max(...held) - Math.min(...held)}. Left: ${all.map((arm) => `${arm.name} ${arm.dropped}`).join(', ')}.`;
+/** @param {Researcher.Arm[]} arms */
+function imbalance(arms) {
+  const held = arms.map((arm) => arm.completed + arm.active);
+  const left = arms.map((arm) => `${arm.name} ${arm.dropped}`).join(', ');
+  return `Largest gap between arms: ${Math.max(...held) - Math.min(...held)}. Left: ${left}.`;
 }
 
-function flow(nodes) {
-  find('flow').replaceChildren(...nodes.map((node) => {
-    const lost = Object.entries(node.lost);
-    const rows = [];
-    if (lost.length) rows.push(make('div', { className: 'out' }, make('dt', { text: 'Left' }), make('dd', { text: lost.reduce((sum, [, count]) => sum + count, 0) })));
-    for (const [word, count] of [...lost, ...Object.entries(node.flags ?? {}), ...(node.here ? [['there now', node.here]] : [])]) rows.push(make('div', { className: 'row' }, make('dt', { text: word }), make('dd', { text: count })));
-    return make('li', {}, make('div', { className: 'node' }, make('span', { text: node.name }), make('b', { text: node.reached })), make('dl', {}, ...rows));
-  }));
+/** @param {Researcher.FlowNode} node */
+function flowNode(node) {
+  const lost = Object.entries(node.lost);
+  const total = lost.reduce((sum, [, count]) => sum + count, 0);
+  /** @type {(className: string, words: string, count: number) => HTMLElement} */
+  const row = (className, words, count) =>
+    make('div', { className }, make('dt', { text: words }), make('dd', { text: count }));
+  const counts = [...lost, ...Object.entries(node.flags ?? {})];
+  const rows = counts.map(([words, count]) => row('row', words, count));
+  if (lost.length) rows.unshift(row('out', 'Left', total));
+  if (node.here) rows.push(row('row', 'there now', node.here));
+  const head = make('div', { className: 'node' }, make('span', { text: node.name }), make('b', { text: node.reached }));
+  return make('li', {}, head, make('dl', {}, ...rows));
 }
 
-function accuracy({ rows, waiting }) {
-  find('accuracy').replaceChildren(...rows.map((row) => make('tr', { title: `steps 1 / 2 / 3: ${row.steps.map(percent).join(' / ')} %` },
-    make('td', { text: `${row.agent} · ${row.layout}` }), make('td', { className: 'num', text: `${percent(row.share)} %` }),
-    make('td', { className: 'num', text: `${percent(row.low)}–${percent(row.high)}` }), make('td', { className: 'num', text: row.episodes }))));
-  find('accuracy-note').textContent = !rows.length && !waiting ? 'Counted when games are over.' : `Wilson intervals over timesteps, all conditions.${waiting ? ` ${waiting} games are still to be counted.` : ''}`;
+/** @param {Researcher.Figures['accuracy']} accuracy */
+function showAccuracy({ rows, waiting }) {
+  place('accuracy').replaceChildren(...rows.map(accuracyRow));
+  const still = waiting ? ` ${waiting} games are still to be counted.` : '';
+  const note = `Wilson intervals over timesteps, all conditions.${still}`;
+  place('accuracy-note').textContent = rows.length || waiting ? note : 'Counted when games are over.';
 }
 
-function machine({ machine: server, stored, display }) {
+/** @param {Researcher.AccuracyRow} row */
+function accuracyRow(row) {
+  return make(
+    'tr',
+    { title: `steps 1 / 2 / 3: ${row.steps.map(percent).join(' / ')} %` },
+    make('td', { text: `${row.agent} · ${row.layout}` }),
+    make('td', { className: 'num', text: `${percent(row.share)} %` }),
+    make('td', { className: 'num', text: `${percent(row.low)}–${percent(row.high)}` }),
+    make('td', { className: 'num', text: row.episodes }),
+  );
+}
+
+/** @param {Researcher.Figures} figures */
+function showMachine({ machine, stored, display }) {
+  /** @param {[number, number] | null} pair */
   const times = (pair) => (pair ? `${pair[0].toFixed(1)} / ${pair[1].toFixed(1)} ms` : '–');
-  const rows = [['Models p50 / p99, sampled', times(server.models_ms)], ['Tick lateness p50 / p99', times(server.late_ms)], ['Games held, moving', `${server.games}, ${server.moving}`], ['Sockets open', server.sockets],
-    ['Timesteps not shown as the condition promises', display.timesteps ? `${display.timesteps} in ${display.games} game${display.games === 1 ? '' : 's'}` : 'none'],
-    ['Episodes done / aborted', `${stored.done ?? 0} / ${stored.aborted ?? 0}`], ['Database', server.database_mb === undefined ? 'PostgreSQL' : `${server.database_mb} MB`], ['Disk free', server.disk_free_gb === undefined ? '–' : `${server.disk_free_gb} GB`]];
-  find('machine').replaceChildren(...rows.flatMap(([name, words]) => [make('dt', { text: name }), make('dd', { text: words })]));
+  const games = `${display.games} game${display.games === 1 ? '' : 's'}`;
+  /** @type {[string, string | number][]} */
+  const rows = [
+    ['Models p50 / p99, sampled', times(machine.models_ms)],
+    ['Tick lateness p50 / p99', times(machine.late_ms)],
+    ['Games held, moving', `${machine.games}, ${machine.moving}`],
+    ['Sockets open', machine.sockets],
+    ['Timesteps not shown as the condition promises', display.timesteps ? `${display.timesteps} in ${games}` : 'none'],
+    ['Episodes done / aborted', `${stored.done ?? 0} / ${stored.aborted ?? 0}`],
+    ['Database', machine.database_mb === undefined ? 'PostgreSQL' : `${machine.database_mb} MB`],
+    ['Disk free', machine.disk_free_gb === undefined ? '–' : `${machine.disk_free_gb} GB`],
+  ];
+  const cells = rows.flatMap(([name, value]) => [make('dt', { text: name }), make('dd', { text: value })]);
+  place('machine').replaceChildren(...cells);
 }
 
-function people({ people: rows }, { study, flags, find: wanted }) {
-  if (find('people').contains(document.activeElement)) return;
-  const chosen = rows.filter((row) => row.who.toLowerCase().includes(wanted.trim().toLowerCase()));
-  find('people').replaceChildren(...chosen.map((row) => personRow(row, study, flags.get(row.id))));
-  find('people-note').textContent = `${chosen.length} shown${rows.length >= 200 ? ' (the 200 seen last)' : ''}`;
+/** @type {(rows: Researcher.Person[], page: Page) => void} */
+function showPeople(rows, page) {
+  if (place('people').contains(document.activeElement)) return;
+  const wanted = page.search.trim().toLowerCase();
+  const chosen = rows.filter((row) => row.who.toLowerCase().includes(wanted));
+  place('people').replaceChildren(...chosen.map((row) => personRow(row, page)));
+  const limit = rows.length >= MAX_PEOPLE ? ` (the ${MAX_PEOPLE} seen last)` : '';
+  place('people-note').textContent = `${chosen.length} shown${limit}`;
 }
 
-function personRow(row, study, card) {
-  const notes = [];
-  if (card?.level) notes.push(make('span', { className: `flag ${card.level === 2 ? 'bad' : 'warn'}`, text: card.flag }));
-  if (row.excluded) notes.push(make('span', { className: 'flag bad', text: 'excluded' }));
-  for (const [proposal, words] of [['drop', 'to drop'], ['look', 'to review']]) {
-    if (row.quality[proposal]) notes.push(make('span', { className: `flag ${proposal === 'drop' ? 'bad' : 'warn'}`, text: `${row.quality[proposal]} ${words}` }));
-  }
-  if (row.troubles) notes.push(make('span', { className: 'flag warn', text: `${row.troubles} browser error${row.troubles === 1 ? '' : 's'}` }));
-  const now = make('td', {}, card ? make('a', { href: `/admin/s/${study}/game/${card.id}`, text: row.now }) : row.now, ...(card ? [make('span', { className: 'soft', text: ` t ${card.t}` })] : []));
-  return make('tr', { className: ['', 'warn', 'bad'][card?.level ?? 0] },
-    make('td', {}, make('a', { href: `/admin/s/${study}/person/${row.id}` }, make('b', { text: row.who }))), now,
-    make('td', {}, make('span', { className: 'way' }, make('progress', { max: row.steps, value: row.done, 'aria-label': 'Way' }), `${row.done}/${row.steps}`)),
-    make('td', { className: 'num', text: card ? 'now' : ago(row.seen_s) }), make('td', { className: 'num', text: card?.rtt_ms === undefined || card.rtt_ms === null ? '–' : `${card.rtt_ms} ms` }),
-    make('td', {}, ...notes), make('td', { className: row.arm ? '' : 'soft', text: row.arm || 'hidden' }), make('td', { className: 'num', text: row.minutes }));
+/** @type {(row: Researcher.Person, page: Page) => HTMLElement} */
+function personRow(row, { study, cardOf }) {
+  const card = cardOf.get(row.id);
+  const name = make('a', { href: `/admin/s/${study}/person/${row.id}` }, make('b', { text: row.who }));
+  const now = card
+    ? [
+        make('a', { href: `/admin/s/${study}/game/${card.id}`, text: row.now }),
+        make('span', { className: 'soft', text: ` t ${card.t}` }),
+      ]
+    : [row.now];
+  const bar = make('progress', { max: row.steps, value: row.done, 'aria-label': 'Progress' });
+  const rtt = card?.rtt_ms ?? null;
+  return make(
+    'tr',
+    { className: ['', 'warn', 'bad'][card?.level ?? 0] },
+    make('td', {}, name),
+    make('td', {}, ...now),
+    make('td', {}, make('span', { className: 'step-progress' }, bar, `${row.done}/${row.steps}`)),
+    make('td', { className: 'num', text: card ? 'now' : ago(row.seen_s) }),
+    make('td', { className: 'num', text: rtt === null ? '–' : `${rtt} ms` }),
+    make('td', {}, ...personFlags(row, card)),
+    make('td', { className: row.arm ? '' : 'soft', text: row.arm || 'hidden' }),
+    make('td', { className: 'num', text: row.minutes }),
+  );
 }
 
+/** @type {(row: Researcher.Person, card: Researcher.Card | undefined) => HTMLElement[]} */
+function personFlags(row, card) {
+  const { drop, look } = row.quality;
+  /** @type {[text: string, level: 'bad' | 'warn'][]} */
+  const flags = [];
+  if (card?.level) flags.push([card.flag, card.level === 2 ? 'bad' : 'warn']);
+  if (row.excluded) flags.push(['excluded', 'bad']);
+  if (drop) flags.push([`${drop} to drop`, 'bad']);
+  if (look) flags.push([`${look} to review`, 'warn']);
+  if (row.troubles) flags.push([`${row.troubles} browser error${row.troubles === 1 ? '' : 's'}`, 'warn']);
+  return flags.map(([text, level]) => make('span', { className: `flag ${level}`, text }));
+}
+
+/** @param {number} seconds */
 function ago(seconds) {
   if (seconds < 120) return `${seconds} s`;
   return seconds < 7200 ? `${Math.round(seconds / 60)} min` : `${Math.round(seconds / 3600)} h`;
 }
 
-function troubles(rows, { study }) {
-  find('troubles').replaceChildren(...(rows.length ? rows.slice(0, 8).map(({ at, person, who, text }) => make('li', { className: 'warn' },
-    make('div', {}, make('b', {}, make('a', { href: `/admin/s/${study}/person/${person}`, text: who })), ` ${text}`), make('time', { text: new Date(at).toLocaleTimeString() })))
-    : [make('li', { className: 'none', text: 'None.' })]));
+/** @type {(rows: Researcher.ClientError[], study: string) => void} */
+function showClientErrors(rows, study) {
+  const items = rows.slice(0, MAX_ERRORS).map(({ at, person, who, text }) => {
+    const link = make('a', { href: `/admin/s/${study}/person/${person}`, text: who });
+    const time = make('time', { text: new Date(at).toLocaleTimeString() });
+    return make('li', { className: 'warn' }, make('div', {}, make('b', {}, link), ` ${text}`), time);
+  });
+  place('troubles').replaceChildren(...(items.length ? items : [make('li', { className: 'none', text: 'None.' })]));
 }

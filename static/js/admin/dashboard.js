@@ -1,137 +1,205 @@
-// The live overview of one study: cards of running games, sorted by who needs a look. The figures are dashboard-tables.js.
+// The live overview of one study: cards of running games, those that need attention first, and the list of alerts.
 
-import { SmallBoard } from './board-thumbnail.js';
-import { showFigures } from './dashboard-tables.js';
-import { clock, listen, make } from './admin-page.js';
+/** @import { CardEntry } from './dashboard-card.js' */
+
 import { Sprites } from '../board/sprites.js';
+import { find, findAll } from '../browser/dom.js';
+import { BoardThumbnail } from './board-thumbnail.js';
+import { newCard, showCard } from './dashboard-card.js';
+import { showTables } from './dashboard-tables.js';
+import { clock, make } from './elements.js';
+import { listen } from './live-socket.js';
 
 const SORT_EVERY_MS = 5000; // calm cards must not jump, and none under the pointer
 const SPEAK_EVERY_MS = 5000;
-const LEVELS = ['', 'warn', 'bad'], WORDS = ['ok', 'warn', 'bad'];
-const { study, blind } = document.querySelector('#dashboard').dataset;
-const list = document.querySelector('#boards');
-const find = (name) => document.querySelector(`#${name}`);
+const MAX_BOARDS = 40;
+const MAX_ALERTS = 12;
+const LEVELS = ['', 'warn', 'bad'];
+/** @type {[width: number, height: number]} */
+const BOARD_SIZE = [164, 106];
+const { study = '', blind } = find('#dashboard', HTMLElement).dataset;
+const list = find('#boards', HTMLElement);
+const alertList = find('#alerts', HTMLElement);
+const search = find('#find', HTMLInputElement);
 const sprites = new Sprites('/static/sprites/');
-const cards = new Map(); // episode -> {item, parts, card, board}
+/** @type {Map<string, CardEntry>} by episode */
+const cards = new Map();
+/** @type {(message: object) => void} */
 let send = () => {};
-let figures = null; // the last message of figures
-let order = 'attention', tab = 'active', sortedMs = 0, spokenMs = 0, spoken = '';
+/** @type {Researcher.Figures | null} the last ones */
+let figures = null;
+/** @type {keyof typeof ORDERS} */
+let order = 'attention';
+let tab = 'active';
+let sortedMs = 0;
+let spokenMs = 0;
+let spoken = '';
 
-const seen = new IntersectionObserver((entries) => {
-  for (const { target, isIntersecting } of entries) target.dataset.inView = isIntersecting ? 'yes' : 'no';
-  tellView();
-}, { rootMargin: '80px' });
+const inView = new IntersectionObserver(
+  (entries) => {
+    for (const { target, isIntersecting } of entries) {
+      if (target instanceof HTMLElement) target.dataset.inView = isIntersecting ? 'yes' : 'no';
+    }
+    tellView();
+  },
+  { rootMargin: '80px' },
+);
 
-/** The server sends boards only for the cards in view. */
+/** Tell the server which cards are in view: it sends only their boards. */
 function tellView() {
-  const show = [...list.children].filter((item) => item.dataset.inView === 'yes').map((item) => item.dataset.episode);
-  send({ show: show.slice(0, 40), tab });
+  const shown = findAll('[data-in-view="yes"]', HTMLElement, list).map((item) => item.dataset.episode);
+  send({ show: shown.slice(0, MAX_BOARDS), tab });
 }
 
-function newCard({ id, person }) {
-  const parts = {
-    who: make('b'), arm: make('span', { className: 'cond' }), episode: make('span', { className: 'end' }), canvas: make('canvas', { 'aria-hidden': 'true' }),
-    time: make('progress', { max: 1, value: 0, 'aria-label': 'Time played' }), title: make('span'), score: make('span'), flag: make('span'), rtt: make('span'),
-  };
-  const link = make('a', { className: 'mini', href: `/admin/s/${study}/game/${id}` },
-    make('span', { className: 'h' }, parts.arm, parts.who, parts.episode), make('span', { className: 'b board' }, parts.canvas), make('span', { className: 't' }, parts.time),
-    make('span', { className: 'f' }, parts.title, parts.score), make('span', { className: 's' }, parts.flag, parts.rtt));
-  const item = make('li', { 'data-episode': id, 'data-person': person }, link);
-  list.append(item);
-  seen.observe(item);
-  return { item, link, parts, board: null };
+/** @param {Researcher.Card} card */
+function addCard(card) {
+  const entry = newCard(card, study);
+  list.append(entry.item);
+  inView.observe(entry.item);
+  cards.set(card.id, entry);
 }
 
-function showCard(entry, card) {
-  const { parts, link } = entry;
-  entry.card = card;
-  parts.who.textContent = card.who;
-  parts.arm.textContent = '';
-  parts.arm.className = card.arm ? `cond ${card.arm}` : '';
-  parts.arm.title = card.arm ? `Condition: ${card.arm}` : '';
-  parts.episode.textContent = `${card.episode} · ${card.agent}`;
-  parts.time.value = card.horizon ? card.t / card.horizon : 0;
-  parts.title.textContent = card.title;
-  parts.score.textContent = `${card.score} pts`;
-  const long = card.since_s !== null && card.level ? ` ${clock(card.since_s)}` : '';
-  parts.flag.textContent = card.flag + long;
-  parts.flag.className = `flag ${WORDS[card.level]}`;
-  parts.rtt.textContent = card.rtt_ms === null ? '' : `${card.rtt_ms} ms`;
-  link.className = `mini ${LEVELS[card.level]}`;
-}
-
-function showCards(message) {
-  const here = new Set(message.cards.map((card) => card.id));
-  for (const [id, entry] of cards) if (!here.has(id)) { seen.unobserve(entry.item); entry.item.remove(); cards.delete(id); }
-  let fresh = false;
-  for (const card of message.cards) {
-    if (!cards.has(card.id)) { cards.set(card.id, newCard(card)); fresh = true; }
-    showCard(cards.get(card.id), card);
+/** @param {Set<string>} ids of the games that are still running */
+function removeOthers(ids) {
+  for (const [id, { item }] of cards) {
+    if (ids.has(id)) continue;
+    inView.unobserve(item);
+    item.remove();
+    cards.delete(id);
   }
+}
+
+/** @param {Researcher.Cards} message */
+function showCards(message) {
+  removeOthers(new Set(message.cards.map((card) => card.id)));
+  const fresh = message.cards.filter((card) => !cards.has(card.id));
+  fresh.forEach(addCard);
+  for (const card of message.cards) showCard(cards.get(card.id), card);
   for (const [id, still] of Object.entries(message.still)) {
     const entry = cards.get(id);
-    if (entry) entry.board = new SmallBoard(entry.parts.canvas, sprites, still, 164, 106);
+    if (entry) entry.board = new BoardThumbnail(entry.parts.canvas, sprites, still, BOARD_SIZE);
   }
   for (const [id, board] of Object.entries(message.boards)) cards.get(id)?.board?.show(board);
-  find('no-games').hidden = message.cards.length > 0;
-  sort(fresh);
-  alerts(message.cards);
+  find('#no-games', HTMLElement).hidden = message.cards.length > 0;
+  sort(fresh.length > 0);
+  showAlerts(message.cards);
 }
 
+/** @typedef {(a: Researcher.Card, b: Researcher.Card) => number} Order */
+
 const ORDERS = {
+  /** @type {Order} */
   attention: (a, b) => b.level - a.level || a.who.localeCompare(b.who),
+  /** @type {Order} */
   longest: (a, b) => b.episode.localeCompare(a.episode, 'en', { numeric: true }) || b.t - a.t,
+  /** @type {Order} */
   who: (a, b) => a.who.localeCompare(b.who),
 };
 
+/** @param {boolean} now at once, even if the researcher is using the list */
 function sort(now) {
-  if (!now && (performance.now() - sortedMs < SORT_EVERY_MS || list.matches(':hover') || list.contains(document.activeElement))) return;
+  const inUse = list.matches(':hover') || list.contains(document.activeElement);
+  if (!now && (performance.now() - sortedMs < SORT_EVERY_MS || inUse)) return;
   sortedMs = performance.now();
   const sorted = [...cards.values()].sort((a, b) => ORDERS[order](a.card, b.card));
-  sorted.forEach(({ item }, place) => { if (list.children[place] !== item) list.insertBefore(item, list.children[place] ?? null); });
+  sorted.forEach(({ item }, place) => {
+    if (list.children[place] !== item) list.insertBefore(item, list.children[place] ?? null);
+  });
 }
 
-/** What is wrong with the server comes first, then the games that need a look. */
-function alerts(all) {
+/**
+ * Show the alerts of the server first, then the games that need attention.
+ * @param {Researcher.Card[]} all
+ */
+function showAlerts(all) {
   const urgent = all.filter((card) => card.level).sort(ORDERS.attention);
-  const wrong = figures?.alerts ?? [];
-  const open = [[wrong.length, `${wrong.length} alert${wrong.length === 1 ? '' : 's'}`], [urgent.length, `${urgent.length} need${urgent.length === 1 ? 's' : ''} attention`]];
-  const calm = figures ? 'all calm' : ''; // before the first figures nobody knows
-  find('attention').textContent = open.filter(([count]) => count).map(([, words]) => words).join(', ') || calm;
-  find('alerts-count').textContent = `${wrong.length + urgent.length} open`;
-  const ofServer = wrong.map(({ text, since_s: since }) => make('li', { className: 'bad' }, make('div', { text }), make('time', { text: clock(since) })));
-  const rows = ofServer.concat(urgent.slice(0, 12).map((card) => make('li', { className: LEVELS[card.level] },
-    make('div', {}, make('b', {}, make('a', { href: `/admin/s/${study}/game/${card.id}`, text: card.who })), ` ${card.flag.toLowerCase()}`),
-    make('time', { text: card.since_s === null ? '' : clock(card.since_s) }))));
-  if (!list.contains(document.activeElement) && !find('alerts').contains(document.activeElement)) {
-    find('alerts').replaceChildren(...(rows.length ? rows : [make('li', { className: 'none', text: 'Nobody needs attention.' })]));
+  const ofServer = figures?.alerts ?? [];
+  find('#attention', HTMLElement).textContent = attentionWords(ofServer.length, urgent.length);
+  find('#alerts-count', HTMLElement).textContent = `${ofServer.length + urgent.length} open`;
+  const rows = [...ofServer.map(serverAlert), ...urgent.slice(0, MAX_ALERTS).map(cardAlert)];
+  if (!list.contains(document.activeElement) && !alertList.contains(document.activeElement)) {
+    const none = make('li', { className: 'none', text: 'Nobody needs attention.' });
+    alertList.replaceChildren(...(rows.length ? rows : [none]));
   }
-  const words = [...wrong.map(({ text }) => text), ...urgent.filter((card) => card.level === 2).map((card) => `${card.who} ${card.flag}`)].join(', ');
-  if (words !== spoken && performance.now() - spokenMs > SPEAK_EVERY_MS) {
-    [spoken, spokenMs] = [words, performance.now()];
-    find('spoken').textContent = words;
-  }
+  const worst = urgent.filter((card) => card.level === 2).map((card) => `${card.who} ${card.flag}`);
+  speak([...ofServer.map(({ text }) => text), ...worst].join(', '));
 }
 
+/**
+ * @param {number} alerts
+ * @param {number} urgent
+ */
+function attentionWords(alerts, urgent) {
+  const words = [];
+  if (alerts) words.push(`${alerts} alert${alerts === 1 ? '' : 's'}`);
+  if (urgent) words.push(`${urgent} need${urgent === 1 ? 's' : ''} attention`);
+  if (words.length) return words.join(', ');
+  return figures ? 'all calm' : ''; // unknown before the first figures
+}
+
+/** @param {Researcher.Alert} alert */
+function serverAlert({ text, since_s: since }) {
+  return make('li', { className: 'bad' }, make('div', { text }), make('time', { text: clock(since) }));
+}
+
+/** @param {Researcher.Card} card */
+function cardAlert(card) {
+  const link = make('a', { href: `/admin/s/${study}/game/${card.id}`, text: card.who });
+  const words = make('div', {}, make('b', {}, link), ` ${card.flag.toLowerCase()}`);
+  const time = make('time', { text: card.since_s === null ? '' : clock(card.since_s) });
+  return make('li', { className: LEVELS[card.level] }, words, time);
+}
+
+/** @param {string} words for screen readers, at most every few seconds */
+function speak(words) {
+  if (words === spoken || performance.now() - spokenMs <= SPEAK_EVERY_MS) return;
+  spoken = words;
+  spokenMs = performance.now();
+  find('#spoken', HTMLElement).textContent = words;
+}
+
+/**
+ * @param {string} selector
+ * @param {HTMLElement} chosen
+ */
 function press(selector, chosen) {
-  for (const button of document.querySelectorAll(selector)) button.setAttribute('aria-pressed', String(button === chosen));
+  for (const button of findAll(selector, HTMLElement)) button.setAttribute('aria-pressed', String(button === chosen));
 }
 
-for (const button of document.querySelectorAll('[data-order]')) {
-  button.addEventListener('click', () => { order = button.dataset.order; press('[data-order]', button); sort(true); });
-}
-for (const button of document.querySelectorAll('[data-tab]')) {
-  button.addEventListener('click', () => { tab = button.dataset.tab; press('[data-tab]', button); tellView(); });
+function showFigures() {
+  if (!figures) return;
+  const cardOf = new Map([...cards.values()].map(({ card }) => [card.person, card]));
+  showTables(figures, { study, blind: blind === 'yes', search: search.value, cardOf });
 }
 
-const showNews = () => showFigures(figures, { study, blind: blind === 'yes', find: find('find').value, flags: new Map([...cards.values()].map(({ card }) => [card.person, card])) });
-find('find').addEventListener('input', () => { if (figures) showNews(); });
+for (const button of findAll('[data-order]', HTMLElement)) {
+  button.addEventListener('click', () => {
+    order = /** @type {keyof typeof ORDERS} */ (button.dataset.order);
+    press('[data-order]', button);
+    sort(true);
+  });
+}
+for (const button of findAll('[data-tab]', HTMLElement)) {
+  button.addEventListener('click', () => {
+    tab = button.dataset.tab ?? 'active';
+    press('[data-tab]', button);
+    tellView();
+  });
+}
+search.addEventListener('input', showFigures);
 
 await sprites.load();
 listen(`/admin/s/${study}/live`, {
-  open: (tell) => { send = tell; tellView(); },
-  message: (message) => {
-    if (message.type === 'cards') showCards(message);
-    else { figures = message; showNews(); }
+  open: (tell) => {
+    send = tell;
+    tellView();
+  },
+  message: (/** @type {Researcher.Cards | Researcher.Figures} */ message) => {
+    if (message.type === 'cards') {
+      showCards(message);
+    } else {
+      figures = message;
+      showFigures();
+    }
   },
 });

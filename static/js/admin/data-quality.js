@@ -1,25 +1,31 @@
-// Fills in the proposals of the quality rules that were not ready when the table of games was sent.
+// Fills in the proposals of the data-quality rules that were not ready when the table of games was sent.
 
-import { make } from './admin-page.js';
+import { find, findAll } from '../browser/dom.js';
+import { make } from './elements.js';
 
-const AGAIN_MS = 300;
+/** @typedef {'keep' | 'look' | 'drop'} Proposal */
+
+const RETRY_MS = 300;
+/** @type {Record<Proposal, string>} */
 const FLAGS = { keep: 'ok', look: 'warn', drop: 'bad' };
-const { study } = document.querySelector('#games').dataset;
-const waits = () => [...document.querySelectorAll('.verdict[data-waits]')];
+const { study } = find('#games', HTMLElement).dataset;
 
 async function fill() {
-  if (!waits().length) return;
+  const places = findAll('.quality[data-pending]', HTMLElement);
+  if (!places.length) return;
   const answer = await fetch(`/admin/s/${study}/verdicts.json`, { headers: { accept: 'application/json' } });
   if (!answer.ok) return;
+  /** @type {{ waiting: boolean, verdicts: Record<string, [proposal: Proposal, rules: string]> }} */
   const { waiting, verdicts } = await answer.json();
-  for (const place of waits()) {
-    const said = verdicts[place.dataset.episode];
-    if (!said) continue;
-    const [proposal, rules] = said;
-    place.replaceChildren(make('span', { className: `flag ${FLAGS[proposal]}`, text: proposal }), ' ', make('span', { className: 'soft', text: rules }));
-    delete place.dataset.waits;
+  for (const place of places) {
+    const found = verdicts[place.dataset.episode ?? ''];
+    if (!found) continue;
+    const [proposal, rules] = found;
+    const flag = make('span', { className: `flag ${FLAGS[proposal]}`, text: proposal });
+    place.replaceChildren(flag, ' ', make('span', { className: 'soft', text: rules }));
+    delete place.dataset.pending;
   }
-  if (waiting) setTimeout(fill, AGAIN_MS);
+  if (waiting) setTimeout(fill, RETRY_MS);
 }
 
 fill();

@@ -1,40 +1,78 @@
-// Draws marks (marks.js) on a canvas: each shape in a white backing, nearly solid, and a coloured layer that carries the
-// step's opacity: a far step grows paler but what lies below never shows through. Legends use the same shapes.
+// Draws marks on a canvas. Each shape has a white backing, nearly solid, and a coloured layer that carries the step's
+// opacity: a far step grows paler, but what lies below never shows through. Legends use the same shapes.
 
+/** @import { Mark } from './marks.js' */
+/** @import { Sprites } from './sprites.js' */
+
+import { context2d } from '../browser/dom.js';
 import { STEP } from './kitchen.js';
 import { blank, colour } from './sprites.js';
 
-const MOVE = 'M22 -6.5 H51 V-16 Q51 -18.5 53.2 -17 L73.6 -1.8 Q76 0 73.6 1.8 L53.2 17 Q51 18.5 51 16 V6.5 H22 Q18.5 6.5 18.5 0 T22 -6.5 Z';
-const BLUNT = 'M20 -6.5 H29 V-13.5 Q29 -17 32 -15.6 L40.5 -11 Q42.5 -10 42.5 -7.6 V7.6 Q42.5 10 40.5 11 L32 15.6 Q29 17 29 13.5 V6.5 H20 Q17 6.5 17 0 T20 -6.5 Z';
+/** @typedef {CanvasRenderingContext2D} Context */
+/** @typedef {'partner' | 'human' | 'stale'} Who whose next steps the marks show; stale: they are too old */
+/**
+ * @typedef {object} Shape
+ * @property {boolean} turns whether it points in the direction of the step
+ * @property {[x: number, y: number, width: number, height: number]} box in 1/64 cell; the origin is the centre of the
+ *   cell that the step starts from
+ * @property {number} middle its own middle, east of the origin
+ * @property {[path: string, width: number][]} lines
+ * @property {string[]} glyphs
+ */
+
+const MOVE =
+  'M22 -6.5 H51 V-16 Q51 -18.5 53.2 -17 L73.6 -1.8 Q76 0 73.6 1.8 L53.2 17 Q51 18.5 51 16 V6.5 H22 ' +
+  'Q18.5 6.5 18.5 0 T22 -6.5 Z';
+const BLUNT =
+  'M20 -6.5 H29 V-13.5 Q29 -17 32 -15.6 L40.5 -11 Q42.5 -10 42.5 -7.6 V7.6 Q42.5 10 40.5 11 L32 15.6 Q29 17 29 13.5 ' +
+  'V6.5 H20 Q17 6.5 17 0 T20 -6.5 Z';
 const WALL = 'M48.5 -15 V15';
-const HAND = 'M-4.6 -17.4 Q-4.6 -22 0 -22 Q4.6 -22 4.6 -17.4 V-6 Q9 -7.6 11 -4.6 Q15 -5.4 16.4 -1.6 Q20.6 -1 20.6 3.6 C20.6 10 18.6 13 17.4 16 Q16.4 21 11.6 21 H-2.6 Q-6.6 21 -8.8 17.4 C-11.4 13 -14 9 -17.4 4.4 Q-20 0.6 -16.6 -1.6 Q-13.4 -3.6 -10 -0.2 L-4.6 4.6 Z';
+const HAND =
+  'M-4.6 -17.4 Q-4.6 -22 0 -22 Q4.6 -22 4.6 -17.4 V-6 Q9 -7.6 11 -4.6 Q15 -5.4 16.4 -1.6 Q20.6 -1 20.6 3.6 ' +
+  'C20.6 10 18.6 13 17.4 16 Q16.4 21 11.6 21 H-2.6 Q-6.6 21 -8.8 17.4 C-11.4 13 -14 9 -17.4 4.4 ' +
+  'Q-20 0.6 -16.6 -1.6 Q-13.4 -3.6 -10 -0.2 L-4.6 4.6 Z';
 const DISC = 'M-19 0 a19 19 0 1 1 38 0 a19 19 0 1 1 -38 0 Z';
 const RING = 'M0 -11 A11 11 0 1 1 -0.01 -11';
 const BACKING = 0.9;
-const SIDE = 80; // 1/64 cell: every shape turns within such a square
+/** Every shape turns within a square of this side, in 1/64 cell. */
+const SIDE = 80;
 const TURNS = [-Math.PI / 2, Math.PI / 2, 0, Math.PI]; // the shapes point east
 
-// Box of each shape (x, y, width, height in 1/64 cell, origin = centre of the cell it starts from) and its own middle.
+/** @type {Shape} */
+const RING_SHAPE = { turns: false, box: [-30, -30, 60, 60], middle: 0, lines: [[RING, 6]], glyphs: [] };
+/** @type {Record<Mark['kind'], Shape>} */
 const SHAPES = {
   move: { turns: true, box: [8, -30, 80, 60], middle: 47, lines: [], glyphs: [MOVE] },
   blunt: { turns: true, box: [4, -30, 62, 60], middle: 34, lines: [[WALL, 4.5]], glyphs: [BLUNT] },
   hand: { turns: false, box: [-30, -30, 60, 60], middle: 0, lines: [], glyphs: [DISC] },
-  ring: { turns: false, box: [-30, -30, 60, 60], middle: 0, lines: [[RING, 6]], glyphs: [] },
+  ring: RING_SHAPE,
+  none: RING_SHAPE,
 };
-SHAPES.none = SHAPES.ring;
 
+/** @type {Map<string, Path2D>} */
 const paths = new Map();
+
+/**
+ * @param {string} data
+ * @returns {Path2D}
+ */
 function pathOf(data) {
-  if (!paths.has(data)) paths.set(data, new Path2D(data));
-  return paths.get(data);
+  let path = paths.get(data);
+  if (!path) {
+    path = new Path2D(data);
+    paths.set(data, path);
+  }
+  return path;
 }
 
+/** @type {(context: Context, path: Path2D, paint: string, width: number) => void} */
 function stroke(context, path, paint, width) {
   context.strokeStyle = paint;
   context.lineWidth = width;
   context.stroke(path);
 }
 
+/** @type {(context: Context, shape: Shape) => void} */
 function drawBack(context, shape) {
   const light = colour('--outline-light');
   for (const [data, width] of shape.lines) stroke(context, pathOf(data), light, width + 8);
@@ -45,6 +83,7 @@ function drawBack(context, shape) {
   }
 }
 
+/** @type {(context: Context, kind: Mark['kind'], shape: Shape, paint: string, ink: string) => void} */
 function drawFront(context, kind, shape, paint, ink) {
   for (const [data, width] of shape.lines) {
     stroke(context, pathOf(data), ink, width + 4);
@@ -62,37 +101,67 @@ function drawFront(context, kind, shape, paint, ink) {
   context.fill(pathOf(HAND));
 }
 
+/** @type {Record<Who, string>} */
 const PAINT = { partner: '--partner', human: '--human', stale: '--steel' };
 
-/** A layer of a shape in the middle of a canvas of `side` device pixels, turned and at its size. */
-function drawLayer(context, side, shape, mark, scale, draw) {
+/**
+ * Draw a layer of a shape in the middle of a new canvas, turned and at its size.
+ * @param {number} side of the canvas, in device pixels
+ * @param {Mark} mark
+ * @param {number} scale device pixels per 1/64 cell
+ * @param {(context: Context) => void} draw
+ */
+function layer(side, mark, scale, draw) {
+  const shape = SHAPES[mark.kind];
+  const canvas = blank(side, side);
+  const context = context2d(canvas);
   context.setTransform(1, 0, 0, 1, side / 2, side / 2);
   context.rotate(TURNS[mark.direction] * Number(shape.turns));
   context.scale(scale * mark.size, scale * mark.size);
   context.translate(-shape.middle, 0);
   context.lineJoin = context.lineCap = 'round';
   draw(context);
+  return canvas;
 }
 
-/** The whole mark as a canvas whose middle is the mark's own middle; `scale`: device pixels per 1/64 cell. */
+/**
+ * Return the whole mark as a canvas whose middle is the mark's own middle.
+ * @param {Sprites} sprites
+ * @param {Mark} mark
+ * @param {Who} who
+ * @param {number} scale device pixels per 1/64 cell
+ */
 function raster(sprites, mark, who, scale) {
   const shape = SHAPES[mark.kind];
   const side = Math.ceil(SIDE * scale * mark.size);
   const key = `${mark.kind}-${shape.turns ? mark.direction : 2}-${mark.size}-${mark.opacity}-${who}@${scale}`;
   return sprites.raster(key, side, side, (context) => {
-    const front = blank(side, side);
-    drawLayer(front.getContext('2d'), side, shape, mark, scale, (each) => drawFront(each, mark.kind, shape, colour(PAINT[who]), colour('--outline-dark')));
+    const paint = colour(PAINT[who]);
+    const ink = colour('--outline-dark');
     context.globalAlpha = BACKING;
-    const back = blank(side, side);
-    drawLayer(back.getContext('2d'), side, shape, mark, scale, (each) => drawBack(each, shape));
-    context.drawImage(back, 0, 0);
+    context.drawImage(
+      layer(side, mark, scale, (each) => drawBack(each, shape)),
+      0,
+      0,
+    );
     context.globalAlpha = mark.opacity;
-    context.drawImage(front, 0, 0);
+    context.drawImage(
+      layer(side, mark, scale, (each) => drawFront(each, mark.kind, shape, paint, ink)),
+      0,
+      0,
+    );
   });
 }
 
-/** Draws one mark: a single picture, rasterised once. A mark
- * of kind 'none' takes the same way and leaves nothing: all conditions of a study cost the same. */
+/**
+ * Draw one mark: a single picture, rasterised once. A mark of kind 'none' is drawn too, but invisible: in this way all
+ * conditions of a study cost the browser the same.
+ * @param {Context} context
+ * @param {Sprites} sprites
+ * @param {Mark} mark
+ * @param {Who} who
+ * @param {number} scale device pixels per 1/64 cell
+ */
 export function drawMark(context, sprites, mark, who, scale) {
   const shape = SHAPES[mark.kind];
   const image = raster(sprites, mark, who, scale);
@@ -105,33 +174,39 @@ export function drawMark(context, sprites, mark, who, scale) {
   context.globalAlpha = 1;
 }
 
-const SVG = 'http://www.w3.org/2000/svg';
+/** @typedef {Record<string, string | number>} Attributes */
 
-function element(name, attributes, children = []) {
-  const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  made.append(...children);
-  return made;
+/** @type {(name: string, attributes: Attributes, children?: SVGElement[]) => SVGElement} */
+function svg(name, attributes, children = []) {
+  const element = /** @type {SVGElement} */ (document.createElementNS('http://www.w3.org/2000/svg', name));
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, String(value));
+  element.append(...children);
+  return element;
 }
 
-/** The shape as an SVG picture for a legend: `place` has data-mark="move|blunt|hand|ring" and perhaps data-opacity in %.
- * A canvas each would cost the board's every frame a copy. */
+/**
+ * Put the shape into a legend as an SVG picture. (A canvas each would cost the board's every frame a copy.)
+ * @param {HTMLElement} place has data-mark="move|blunt|hand|ring" and perhaps data-opacity in %
+ */
 export function drawLegend(place) {
-  const { mark: kind, opacity = 100 } = place.dataset;
+  const { opacity = 100 } = place.dataset;
+  const kind = /** @type {Mark['kind']} */ (place.dataset.mark);
   const { box, lines, glyphs } = SHAPES[kind];
-  const light = colour('--outline-light'), ink = colour('--outline-dark'), paint = colour('--partner');
-  const line = (d, stroke, width) => element('path', { d, stroke, fill: 'none', 'stroke-width': width });
+  const light = colour('--outline-light');
+  const ink = colour('--outline-dark');
+  const paint = colour('--partner');
+  /** @type {(d: string, stroke: string, width: number) => SVGElement} */
+  const line = (d, stroke, width) => svg('path', { d, stroke, fill: 'none', 'stroke-width': width });
   const back = [
     ...lines.map(([d, width]) => line(d, light, width + 8)),
-    ...glyphs.map((d) => element('path', { d, fill: light, stroke: light, 'stroke-width': 8.4 })),
+    ...glyphs.map((d) => svg('path', { d, fill: light, stroke: light, 'stroke-width': 8.4 })),
   ];
   const front = [
     ...lines.flatMap(([d, width]) => [line(d, ink, width + 4), line(d, paint, width)]),
-    ...glyphs.flatMap((d) => [line(d, ink, 4.4), element('path', { d, fill: paint })]),
-    ...(kind === 'hand' ? [element('path', { d: HAND, fill: ink, transform: 'translate(-.8 1.2) scale(.62)' })] : []),
+    ...glyphs.flatMap((d) => [line(d, ink, 4.4), svg('path', { d, fill: paint })]),
+    ...(kind === 'hand' ? [svg('path', { d: HAND, fill: ink, transform: 'translate(-.8 1.2) scale(.62)' })] : []),
   ];
+  const layers = [svg('g', { opacity: BACKING }, back), svg('g', { opacity: Number(opacity) / 100 }, front)];
   const round = { 'stroke-linejoin': 'round', 'stroke-linecap': 'round' };
-  place.replaceChildren(element('svg', { viewBox: box.join(' '), ...round }, [
-    element('g', { opacity: BACKING }, back), element('g', { opacity: Number(opacity) / 100 }, front),
-  ]));
+  place.replaceChildren(svg('svg', { viewBox: box.join(' '), ...round }, layers));
 }

@@ -1,38 +1,80 @@
-// What happened between two kitchens, for effects, sounds and announcements. Looks at what is seen, knows no rules.
+// Finds what happened between two kitchens, for effects, sounds and announcements.
+
+/** @import { Grid, Pot } from './kitchen.js' */
 
 import { COOK_TIME, SOUP, STEP } from './kitchen.js';
 
-/** [{kind: 'delivery' | 'ready' | 'potted' | 'started' | 'taken' | 'put' | 'bump', x, y, seat}]; (x, y) the cell where it shows. */
+/**
+ * @typedef {object} BoardEvent
+ * @property {'delivery' | 'ready' | 'potted' | 'started' | 'taken' | 'put' | 'bump'} kind
+ * @property {number} x column of the cell where it shows
+ * @property {number} y
+ * @property {number} [seat] whose chef did it
+ * @property {number} [item]
+ */
+
+/**
+ * Return what happened; nothing if `after` is not newer.
+ * @param {Wire.Kitchen | null} before
+ * @param {Wire.Kitchen} after
+ * @param {number[]} actions what the chefs did in between
+ * @param {Grid} grid
+ * @returns {BoardEvent[]}
+ */
 export function events(before, after, actions, grid) {
   if (!before || after.t <= before.t) return [];
   return [...hands(before, after, grid), ...pots(before, after), ...bumps(before, after, actions)];
 }
 
+/**
+ * @param {Wire.Kitchen} before
+ * @param {Wire.Kitchen} after
+ * @param {Grid} grid
+ * @returns {BoardEvent[]}
+ */
 function hands(before, after, grid) {
-  const list = [];
-  after.players.forEach(([x, y, facing, held], seat) => {
+  return after.players.flatMap(([x, y, facing, held], seat) => {
     const had = before.players[seat][3];
-    if (had === held) return;
+    if (had === held) return [];
     const cell = { x: x + STEP[facing][0], y: y + STEP[facing][1], seat, item: held || had };
-    const tile = grid[cell.y]?.[cell.x];
-    if (had === SOUP && held === 0 && tile === 'S') list.push({ kind: 'delivery', ...cell });
-    else if (held === 0) list.push({ kind: tile === 'P' ? 'potted' : 'put', ...cell });
-    else list.push({ kind: 'taken', ...cell });
+    return [{ kind: handEvent(had, held, grid[cell.y]?.[cell.x]), ...cell }];
   });
-  return list;
 }
 
+/**
+ * @param {number} had
+ * @param {number} held
+ * @param {string | undefined} tile the tile that the chef faces
+ * @returns {BoardEvent['kind']}
+ */
+function handEvent(had, held, tile) {
+  if (had === SOUP && held === 0 && tile === 'S') return 'delivery';
+  if (held !== 0) return 'taken';
+  return tile === 'P' ? 'potted' : 'put';
+}
+
+/**
+ * @param {Wire.Kitchen} before
+ * @param {Wire.Kitchen} after
+ * @returns {BoardEvent[]}
+ */
 function pots(before, after) {
-  const old = new Map(before.pots.map(([x, y, , tick]) => [`${x},${y}`, tick]));
-  const list = [];
-  for (const [x, y, , tick] of after.pots) {
+  const old = new Map(before.pots.map(([x, y, , cooking]) => [`${x},${y}`, cooking]));
+  /** @type {(pot: Pot) => BoardEvent[]} */
+  const eventsOf = ([x, y, , cooking]) => {
     const was = old.get(`${x},${y}`) ?? -1;
-    if (tick >= COOK_TIME && was < COOK_TIME) list.push({ kind: 'ready', x, y });
-    else if (tick >= 0 && was < 0) list.push({ kind: 'started', x, y });
-  }
-  return list;
+    if (cooking >= COOK_TIME && was < COOK_TIME) return [{ kind: 'ready', x, y }];
+    return cooking >= 0 && was < 0 ? [{ kind: 'started', x, y }] : [];
+  };
+  return after.pots.flatMap((pot) => eventsOf(pot));
 }
 
+/**
+ * @param {Wire.Kitchen} before
+ * @param {Wire.Kitchen} after
+ * @param {number[]} actions
+ * @returns {BoardEvent[]}
+ */
 function bumps(before, after, actions) {
   return after.players.flatMap(([x, y], seat) => {
     const [oldX, oldY] = before.players[seat];

@@ -1,23 +1,49 @@
-// The integers of the kitchen, as the server sends them, and what the browser may know of a grid: which cells are floor.
-// No rules live here: the server plays, the browser draws.
+// The integers of the kitchen as the server sends them, and which cells are floor. The rules are on the server.
 
-export const NORTH = 0, SOUTH = 1, EAST = 2, WEST = 3, STAY = 4, INTERACT = 5;
-export const UNSHOWN = 6; // a predicted step that is not drawn
-export const STEP = [[0, -1], [0, 1], [1, 0], [-1, 0]]; // by direction: columns, rows
+/** @typedef {[column: number, row: number]} Cell */
+/** @typedef {string[]} Grid one string a row */
+/** @typedef {[x: number, y: number, facing: number, held: number]} Player */
+/** @typedef {[x: number, y: number, onions: number, cooking: number]} Pot cooking: -1 not yet, COOK_TIME ready */
+
+export const NORTH = 0;
+export const SOUTH = 1;
+export const EAST = 2;
+export const WEST = 3;
+export const STAY = 4;
+export const INTERACT = 5;
+/** A predicted step that is not drawn. */
+export const UNSHOWN = 6;
+/** @type {Cell[]} by direction: columns, rows */
+export const STEP = [
+  [0, -1],
+  [0, 1],
+  [1, 0],
+  [-1, 0],
+];
 export const FACINGS = ['up', 'down', 'right', 'left'];
 export const ITEMS = [null, 'onion', 'dish', 'soup'];
+export const DISH = 2;
 export const SOUP = 3;
-export const COOK_TIME = 20; // a pot's tick at which its soup is ready
+/** A pot's time at which its soup is ready. */
+export const COOK_TIME = 20;
 
-/** Whether a chef can stand on the cell (digits are the start cells). */
+/**
+ * Whether a chef can stand on the cell (digits are the start cells).
+ * @param {Grid} grid
+ * @param {number} x
+ * @param {number} y
+ */
 export function isFloor(grid, x, y) {
   const tile = grid[y]?.[x];
   return tile === ' ' || tile === '1' || tile === '2';
 }
 
-/** Cells [x, y] of a grid whose tile is `tile`. */
+/**
+ * Return the cells of a grid whose tile is `tile`.
+ * @param {Grid} grid
+ * @param {string} tile
+ * @returns {Cell[]}
+ */
 export function cellsOf(grid, tile) {
-  const cells = [];
-  grid.forEach((row, y) => [...row].forEach((each, x) => { if (each === tile) cells.push([x, y]); }));
-  return cells;
+  return grid.flatMap((row, y) => [...row].flatMap((each, x) => (each === tile ? [/** @type {Cell} */ ([x, y])] : [])));
 }

@@ -1,100 +1,147 @@
-// One picture of the state: board, pots, items, predicted steps, chefs, effects. Reads the state, never changes it.
+// Draws one picture of the state: board, pots, items, marks, chefs, effects. It reads the state and never changes it.
 
-import { eased, isStale } from './marks.js';
-import { CELL, contactShadow, paintBoard } from './background.js';
-import { Effects, potLife } from './effects.js';
-import { events } from './events.js';
+/** @import { Chef, Motion } from './chef.js' */
+/** @import { Cell, Grid, Pot } from './kitchen.js' */
+/** @import { Sprites } from './sprites.js' */
+/** @import { StartedState, State } from './state.js' */
+
+import { context2d } from '../browser/dom.js';
+import { CELL, contactShadow, paintBackground } from './background.js';
 import { drawChef, drawTag } from './chef.js';
-import { COOK_TIME, ITEMS } from './kitchen.js';
 import { drawMark } from './draw-marks.js';
+import { Effects, drawPotEffects } from './effects.js';
+import { events } from './events.js';
+import { COOK_TIME, ITEMS } from './kitchen.js';
+import { eased, isStale } from './marks.js';
 import { colour } from './sprites.js';
-import { facing, place, progress } from './state.js';
+import { facing, isStarted, place, progress } from './state.js';
 
-const PUT_MS = 160; // an item just put down lands
+const LANDING_MS = 160; // how long an item that was put down comes to rest
 const RING = { x: 51, y: 15, radius: 8.4, disc: 13.4, width: 5.6 };
 
 export class Renderer {
-  /** `youText`: the tag over the own chef. */
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {Sprites} sprites
+   * @param {string} youText the tag over the own chef; '' for none
+   */
   constructor(canvas, sprites, youText) {
-    Object.assign(this, { canvas, sprites, youText, cellPixels: 0, still: null, grid: null, tagScale: 1, spot: null });
-    this.context = canvas.getContext('2d');
+    this.canvas = canvas;
+    this.sprites = sprites;
+    this.youText = youText;
+    this.context = context2d(canvas);
     this.effects = new Effects();
-    this.landed = new Map(); // "x,y" -> when an item was put there
+    this.cellPixels = 0;
+    this.tagScale = 1;
+    /** @type {HTMLCanvasElement | null} */
+    this.background = null;
+    /** @type {Grid} */
+    this.grid = [];
+    /** @type {Cell | null} the cell that the tutorial points at */
+    this.highlight = null;
+    /** @type {Map<string, number>} "x,y" -> when an item was put there */
+    this.landed = new Map();
   }
 
-  /** Fits the canvas into width x height CSS pixels, a whole number of device pixels a cell. Returns the size of a cell in CSS pixels. */
+  /**
+   * Fit the canvas into width x height CSS pixels, with a whole number of device pixels a cell.
+   * @param {Grid} grid
+   * @param {number} width
+   * @param {number} height
+   * @returns {number} the size of a cell in CSS pixels
+   */
   fit(grid, width, height) {
     const ratio = window.devicePixelRatio || 1;
-    const columns = grid[0].length, rows = grid.length;
+    const columns = grid[0].length;
+    const rows = grid.length;
     const cell = Math.max(8, Math.floor(Math.min(width / columns, height / rows) * ratio));
     if (cell !== this.cellPixels || grid !== this.grid) {
       this.sprites.resized();
       this.cellPixels = cell;
       this.grid = grid;
-      this.still = paintBoard(grid, this.sprites, cell);
+      this.background = paintBackground(grid, this.sprites, cell);
       this.canvas.width = columns * cell;
       this.canvas.height = rows * cell;
-      this.canvas.dataset.columns = columns;
-      this.canvas.style.width = `${columns * cell / ratio}px`;
-      this.canvas.style.height = `${rows * cell / ratio}px`;
+      this.canvas.dataset.columns = String(columns);
+      this.canvas.style.width = `${(columns * cell) / ratio}px`;
+      this.canvas.style.height = `${(rows * cell) / ratio}px`;
       this.tagScale = Math.min(1.5, Math.max(1, 52 / (cell / ratio)));
     }
     return cell / ratio;
   }
 
-  /** Starts the effects of what happened between the last two kitchens; returns what happened (events.js). */
-  took(state, now) {
+  /**
+   * Start the effects of what happened between the last two kitchens; return what happened.
+   * @param {State} state
+   * @param {number} now
+   */
+  applyEvents(state, now) {
+    if (!isStarted(state)) return [];
     const list = events(state.previous, state.current, state.actions, state.game.grid);
     this.effects.add(list, now, state.current.t);
     for (const { kind, x, y } of list) if (kind === 'put') this.landed.set(`${x},${y}`, now);
     return list;
   }
 
-  /** Draws the state as it is at `now`. */
+  /**
+   * Draw the state as it is at `now`.
+   * @param {State} state
+   * @param {number} now
+   * @param {boolean} reduced less motion
+   */
   draw(state, now, reduced) {
-    if (!this.still || !state.current) return;
+    if (!this.background || !isStarted(state)) return;
     const context = this.context;
     const scale = this.cellPixels / CELL;
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.globalAlpha = 1;
-    context.drawImage(this.still, 0, 0);
+    context.drawImage(this.background, 0, 0);
     context.setTransform(scale, 0, 0, scale, 0, 0);
-    this.#pots(state, now, reduced);
-    this.#items(state, now, reduced);
-    this.#marks(state, now, reduced, scale);
-    if (this.spot) this.#spot(now, reduced);
-    this.#chefs(state, now, reduced);
+    this.#drawPots(state, now, reduced);
+    this.#drawItems(state, now, reduced);
+    this.#drawMarks(state, now, reduced, scale);
+    if (this.highlight) this.#drawHighlight(this.highlight, now, reduced);
+    this.#drawChefs(state, now, reduced);
     this.effects.draw(context, now, state.current.t, reduced, this.grid[0].length);
   }
 
+  /** @type {(name: string, x: number, y: number, side: number) => void} */
   #put(name, x, y, side) {
-    this.context.drawImage(this.sprites.at(name, side * this.cellPixels / CELL), x, y, side, side);
+    this.context.drawImage(this.sprites.at(name, (side * this.cellPixels) / CELL), x, y, side, side);
   }
 
-  #pots(state, now, reduced) {
+  /** @type {(state: StartedState, now: number, reduced: boolean) => void} */
+  #drawPots(state, now, reduced) {
     const full = new Map(state.current.pots.map((pot) => [`${pot[0]},${pot[1]}`, pot]));
-    this.grid.forEach((row, y) => [...row].forEach((tile, x) => {
-      if (tile === 'P') this.#pot(full.get(`${x},${y}`) ?? [x, y, 0, -1], state, now, reduced);
-    }));
+    this.grid.forEach((row, y) =>
+      [...row].forEach((tile, x) => {
+        if (tile === 'P') this.#drawPot(full.get(`${x},${y}`) ?? [x, y, 0, -1], state, now, reduced);
+      }),
+    );
   }
 
-  #pot(pot, state, now, reduced) {
-    const [x, y, onions, tick] = pot;
-    const cooking = tick >= 0;
-    const name = tick >= COOK_TIME ? 'pot-ready' : cooking ? 'pot-cooking' : onions ? `pot-${onions}` : 'pot-empty';
+  /** @type {(pot: Pot, state: StartedState, now: number, reduced: boolean) => void} */
+  #drawPot(pot, state, now, reduced) {
+    const [x, y, , cooking] = pot;
     contactShadow(this.context, x * CELL + 32, y * CELL + 57, 25);
-    this.#put(name, x * CELL + 2, y * CELL + 1, CELL - 4);
+    this.#put(potSprite(pot), x * CELL + 2, y * CELL + 1, CELL - 4);
+    if (cooking < 0) return;
     const alive = !reduced && state.phase === 'playing' && state.link === 'open';
-    if (cooking && alive) potLife(this.context, pot, now);
-    if (cooking && tick < COOK_TIME) {
+    if (alive) drawPotEffects(this.context, pot, now);
+    if (cooking < COOK_TIME) {
       const glide = alive ? Math.min(1, (now - state.arrivedMs) / state.game.tick_ms) : 0;
-      this.#ring(x * CELL + RING.x, y * CELL + RING.y, Math.min(1, (tick + glide) / COOK_TIME));
+      this.#drawRing(x * CELL + RING.x, y * CELL + RING.y, Math.min(1, (cooking + glide) / COOK_TIME));
     }
   }
 
-  #ring(x, y, part) {
+  /** @type {(x: number, y: number, part: number) => void} */
+  #drawRing(x, y, part) {
     const context = this.context;
-    const arc = (radius, to) => { context.beginPath(); context.arc(x, y, radius, -Math.PI / 2, -Math.PI / 2 + 2 * Math.PI * to); };
+    /** @type {(radius: number, to: number) => void} */
+    const arc = (radius, to) => {
+      context.beginPath();
+      context.arc(x, y, radius, -Math.PI / 2, -Math.PI / 2 + 2 * Math.PI * to);
+    };
     arc(RING.disc, 1);
     context.fillStyle = '#fff';
     context.fill();
@@ -111,30 +158,35 @@ export class Renderer {
     context.stroke();
   }
 
-  #items(state, now, reduced) {
+  /** @type {(state: StartedState, now: number, reduced: boolean) => void} */
+  #drawItems(state, now, reduced) {
     for (const [x, y, item] of state.current.counters) {
       const age = now - (this.landed.get(`${x},${y}`) ?? -1e9);
-      const lift = reduced || age > PUT_MS ? 0 : 1 - age / PUT_MS;
+      const lift = reduced || age > LANDING_MS ? 0 : 1 - age / LANDING_MS;
       const side = 40 * (1 + 0.22 * lift);
       contactShadow(this.context, x * CELL + 32, y * CELL + 43, 15);
       this.#put(`item-${ITEMS[item]}`, x * CELL + 32 - side / 2, y * CELL + 25 - side / 2 - 10 * lift, side);
     }
   }
 
-  #marks(state, now, reduced, scale) {
+  /** @type {(state: StartedState, now: number, reduced: boolean, scale: number) => void} */
+  #drawMarks(state, now, reduced, scale) {
     const { watched_seat: watched, seat, tick_ms: tickMs } = state.game;
     const age = now - state.arrivedMs;
     const who = isStale(state.arrivedMs, now, tickMs) ? 'stale' : watched === seat ? 'human' : 'partner';
     const list = eased(state.marks, state.marksBefore, age, reduced);
-    for (let i = list.length - 1; i >= 0; i -= 1) drawMark(this.context, this.sprites, list[i], who, scale);
+    // The nearest mark is drawn last, on top of the others.
+    for (const mark of [...list].reverse()) drawMark(this.context, this.sprites, mark, who, scale);
   }
 
-  /** The ring round a place that the tutorial points at. */
-  #spot(now, reduced) {
-    const [x, y] = this.spot;
+  /** @type {(cell: Cell, now: number, reduced: boolean) => void} */
+  #drawHighlight([x, y], now, reduced) {
     const context = this.context;
     const beat = reduced ? 0 : 1.5 * Math.sin(now / 260);
-    for (const [paint, width] of [['#ffffff', 7], [colour('--accent'), 4]]) {
+    for (const [paint, width] of /** @type {const} */ ([
+      ['#ffffff', 7],
+      [colour('--accent'), 4],
+    ])) {
       context.strokeStyle = paint;
       context.lineWidth = width;
       rounded(context, x * CELL + 4.5 - beat, y * CELL + 3.5 - beat, CELL - 9 + 2 * beat, CELL - 7 + 2 * beat);
@@ -142,41 +194,71 @@ export class Renderer {
     }
   }
 
-  #chefs(state, now, reduced) {
-    const { seat: own } = state.game;
-    const order = state.current.players.map((_, seat) => seat)
-      .map((seat) => ({ seat, at: reduced ? state.current.players[seat] : place(state, seat, now) }))
-      .sort((a, b) => a.at[1] - b.at[1] || a.seat - b.seat);
-    const chefs = order.map(({ seat, at }) => ({
-      who: own === seat || (own < 0 && seat === 0) ? 'blue' : 'green',
-      x: at[0], y: at[1], facing: facing(state, seat), held: state.current.players[seat][3],
-      motion: reduced || state.phase !== 'playing' ? null : motion(state, seat, now),
-      isOwn: own === seat, cellPixels: this.cellPixels,
-    }));
+  /** @type {(state: StartedState, now: number, reduced: boolean) => void} */
+  #drawChefs(state, now, reduced) {
+    const chefs = state.current.players
+      .map((_, seat) => this.#chef(state, seat, now, reduced))
+      .sort((a, b) => a.y - b.y); // the one in front is drawn last; equal ones stay in the order of seats
     for (const chef of chefs) drawChef(this.context, this.sprites, chef);
-    for (const chef of chefs) if (chef.isOwn && this.youText) drawTag(this.context, this.youText, chef, this.tagScale);
+    const own = chefs.find((chef) => chef.isOwn);
+    if (own && this.youText) drawTag(this.context, this.youText, own, this.tagScale);
+  }
+
+  /** @type {(state: StartedState, seat: number, now: number, reduced: boolean) => Chef} */
+  #chef(state, seat, now, reduced) {
+    const { seat: own } = state.game;
+    const player = state.current.players[seat];
+    const [x, y] = reduced ? player : place(state, seat, now);
+    return {
+      who: own === seat || (own < 0 && seat === 0) ? 'blue' : 'green',
+      x,
+      y,
+      facing: facing(state, seat),
+      held: player[3],
+      motion: reduced || state.phase !== 'playing' ? null : motion(state, seat, now),
+      isOwn: own === seat,
+      cellPixels: this.cellPixels,
+    };
   }
 }
 
-/** The path of a rectangle with round corners. `roundRect` is missing in browsers of 2022. */
-function rounded(context, left, top, width, height, radius = 12) {
-  const corners = [[left + width, top], [left + width, top + height], [left, top + height], [left, top]];
+/** @param {Pot} pot */
+function potSprite([, , onions, cooking]) {
+  if (cooking >= COOK_TIME) return 'pot-ready';
+  if (cooking >= 0) return 'pot-cooking';
+  return onions ? `pot-${onions}` : 'pot-empty';
+}
+
+/**
+ * Trace a rectangle with round corners. `roundRect` is missing in browsers of 2022.
+ * @type {(context: CanvasRenderingContext2D, left: number, top: number, width: number, height: number) => void}
+ */
+function rounded(context, left, top, width, height) {
+  const corners = [
+    [left + width, top],
+    [left + width, top + height],
+    [left, top + height],
+    [left, top],
+  ];
   context.beginPath();
   context.moveTo(left + width / 2, top);
   corners.forEach(([x, y], k) => {
     const [nextX, nextY] = corners[(k + 1) % 4];
-    context.arcTo(x, y, (x + nextX) / 2, (y + nextY) / 2, radius);
+    context.arcTo(x, y, (x + nextX) / 2, (y + nextY) / 2, 12);
   });
   context.closePath();
 }
 
-/** How a chef moves within this tick, for its bounce: {kind: 'walk' | 'bump' | 'use' | 'rest', part 0..1, now}. */
+/**
+ * Return how a chef moves within this tick.
+ * @type {(state: StartedState, seat: number, now: number) => Motion}
+ */
 function motion(state, seat, now) {
   const [x, y] = state.current.players[seat];
   const [fromX, fromY] = state.from[seat] ?? [x, y];
-  const part = progress(state, now);
   const action = state.actions[seat];
   const walking = Math.abs(x - fromX) + Math.abs(y - fromY) > 0.01;
   const kind = walking ? 'walk' : action < 4 ? 'bump' : action === 5 ? 'use' : 'rest';
-  return { kind: state.previous ? kind : 'rest', part, now, stride: state.current.t % 2 ? 1 : -1 };
+  const stride = state.current.t % 2 ? 1 : -1;
+  return { kind: state.previous ? kind : 'rest', part: progress(state, now), now, stride };
 }

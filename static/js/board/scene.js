@@ -1,42 +1,62 @@
-// A still kitchen beside words: drawn by the game's own renderer, from messages as the server would send them.
+// A still kitchen next to text, drawn by the game's renderer from messages as the server would send them.
+
+/** @import { Cell, Grid, Player } from './kitchen.js' */
 
 import { Renderer } from './renderer.js';
 import { Sprites } from './sprites.js';
-import { apply, defaults } from './state.js';
+import { apply, boardState, defaults } from './state.js';
 
 const MAX_CELL = 96; // CSS pixels
 
+/** @typedef {{ players: Player[], prediction?: [action: number, percent: number][], mark?: Cell }} Shown mark: the cell
+ *   to highlight */
+/** @typedef {Partial<Wire.Kitchen> & Shown} Moment */
+
 export class Scene {
-  /** `canvas` lies in a box as wide as the picture may be; `youText` stands over the own chef. */
+  /**
+   * @param {HTMLCanvasElement} canvas lies in a box as wide as the picture may be
+   * @param {Sprites} sprites
+   * @param {string} youText the tag over the own chef
+   */
   constructor(canvas, sprites, youText) {
     this.canvas = canvas;
+    this.box = canvas.parentElement ?? canvas;
     this.renderer = new Renderer(canvas, sprites, youText);
     this.state = defaults();
-    this.grid = null;
-    new ResizeObserver(() => this.draw()).observe(canvas.parentElement);
+    new ResizeObserver(() => this.draw()).observe(this.box);
   }
 
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {string} youText
+   */
   static async open(canvas, youText) {
     return new Scene(canvas, await new Sprites('/static/sprites/').load(), youText);
   }
 
-  /** Shows one moment of `grid`: {players, pots, counters, prediction, mark}, as in messages.js; `seat`: the own chef. */
+  /**
+   * Show one moment of a grid.
+   * @param {Grid} grid
+   * @param {Moment} moment
+   * @param {number} seat of the own chef
+   */
   show(grid, moment, seat = 0) {
-    this.grid = grid;
-    const kitchen = { t: 0, counters: [], pots: [], score: 0, soups: 0, ...moment, players: moment.players };
-    const welcome = { type: 'welcome', grid, seat, watched_seat: 1 - seat, tick_ms: 200, horizon: 0, steps: 3, shows_predictions: true, state: kitchen };
+    const { prediction = [], mark = null, ...kitchen } = moment;
+    /** @type {Wire.Kitchen} */
+    const state = { t: 0, counters: [], pots: [], score: 0, soups: 0, ...kitchen };
     const now = performance.now();
-    this.state = apply(defaults(), welcome, now);
-    const tick = { type: 'tick', state: kitchen, prediction: moment.prediction ?? [], actions: [4, 4], applied: -1, late: false };
-    this.state = { ...apply(this.state, tick, now), phase: 'waiting' };
-    this.renderer.spot = moment.mark ?? null;
+    const start = boardState({ grid, seat, watched_seat: 1 - seat, tick_ms: 200, horizon: 0 }, state, now);
+    /** @type {Wire.Tick} */
+    const tick = { type: 'tick', state, prediction, actions: [4, 4], applied: -1, late: false };
+    this.state = { ...apply(start, tick, now), phase: /** @type {const} */ ('waiting') };
+    this.renderer.highlight = mark;
     this.draw();
   }
 
   draw() {
-    if (!this.grid) return;
-    const width = this.canvas.parentElement.clientWidth;
-    this.renderer.fit(this.grid, Math.min(width, MAX_CELL * this.grid[0].length), 1e4);
+    const grid = this.state.game?.grid;
+    if (!grid) return;
+    this.renderer.fit(grid, Math.min(this.box.clientWidth, MAX_CELL * grid[0].length), 1e4);
     this.canvas.style.width = '';
     this.canvas.style.height = '';
     this.renderer.draw(this.state, this.state.arrivedMs + 100, true);

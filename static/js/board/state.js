@@ -1,38 +1,145 @@
-// Everything the page knows of the game, as plain data: defaults() and apply(). Knows no DOM, no socket, no clock of its own.
+// Everything a page knows of a game, as plain data: defaults() and apply(message). The time is always an argument.
+
+/** @import { Mark } from './marks.js' */
 
 import { marks } from './marks.js';
 
 export const GLIDE_SHARE = 0.9; // of a tick
 export const GLIDE_MAX_MS = 180;
 
-/** The state before anything has come from the server. */
+/** @typedef {'connecting' | 'open' | 'lost' | 'superseded' | 'closed'} Link */
+/** @typedef {'waiting' | 'room' | 'ready' | 'countdown' | 'playing' | 'paused' | 'ended'} Phase room: another person is
+ *   expected */
+/** @typedef {Wire.Paused['reason'] | 'room'} PauseReason */
+
+/**
+ * @typedef {object} State
+ * @property {Link} link
+ * @property {number} linkSinceMs
+ * @property {Phase} phase
+ * @property {Wire.Welcome | null} game
+ * @property {boolean} alone the participant waited for another person, and an agent takes the place
+ * @property {Wire.Kitchen | null} previous the kitchen before the current one
+ * @property {Wire.Kitchen | null} current
+ * @property {number} arrivedMs when the current kitchen came
+ * @property {[x: number, y: number][]} from where each chef was on screen at that moment, in cells
+ * @property {number[]} actions what led to the current kitchen
+ * @property {Mark[]} marks
+ * @property {Mark[]} marksBefore
+ * @property {{ seconds: number, sinceMs: number } | null} countdown
+ * @property {{ reason: PauseReason, leftS: number, sinceMs: number, fresh: boolean } | null} pause fresh: nothing has
+ *   been played on this page yet
+ * @property {Wire.Lesson | null} lesson
+ * @property {string[]} lessons keys in the order in which they were taught
+ * @property {Wire.Ended | null} ended
+ * @property {string | null} notice
+ * @property {{ direction: number, seq: number } | null} turn how the own chef turns before the server has answered
+ * @property {number} applied
+ * @property {number} [awayLimitS] how long the participant may be away
+ */
+
+/** @typedef {State & { game: Wire.Welcome, current: Wire.Kitchen }} StartedState */
+/** @typedef {Pick<Wire.Welcome, 'grid' | 'seat' | 'watched_seat' | 'tick_ms' | 'horizon'>} StillPart */
+/** @typedef {StillPart & Partial<Wire.Welcome>} Still what never changes in a game */
+
+/**
+ * Return the state before anything has come from the server.
+ * @returns {State}
+ */
 export function defaults() {
   return {
-    link: 'connecting', // connecting | open | lost | superseded | closed
-    linkSinceMs: 0,
-    phase: 'waiting', // waiting | room (for the other person) | ready | countdown | playing | paused | ended
-    game: null, // the Welcome
-    alone: false, // waited for another person, and an agent stands in
-    previous: null, // Kitchen before the current one
-    current: null, // Kitchen
-    arrivedMs: 0, // when the current kitchen came
-    from: [], // where each chef was on screen at that moment, in cells
-    actions: [4, 4], // what led to the current kitchen
-    marks: [], // see marks.js
-    marksBefore: [],
-    countdown: null, // {seconds, sinceMs}
-    pause: null, // {reason, leftS, sinceMs, fresh: nothing has been played on this page yet}
-    lesson: null,
-    lessons: [], // keys in the order in which they were taught
-    ended: null,
-    notice: null,
-    turn: null, // {direction, seq}: own chef turns before the server has answered
-    applied: -1,
+    ...{ link: 'connecting', linkSinceMs: 0, phase: 'waiting', game: null, alone: false },
+    ...{ previous: null, current: null, arrivedMs: 0, from: [], actions: [4, 4], marks: [], marksBefore: [] },
+    ...{ countdown: null, pause: null, lesson: null, lessons: [], ended: null, notice: null, turn: null, applied: -1 },
   };
 }
 
-const HANDLERS = {
-  welcome: (state, message, now) => ({
+/**
+ * Return the state of a board that is drawn without a connection: a replay, a thumbnail, an introduction.
+ * @param {Still} still
+ * @param {Wire.Kitchen} kitchen
+ * @param {number} now in ms
+ * @returns {State}
+ */
+export function boardState(still, kitchen, now) {
+  /** @type {Wire.Welcome} */
+  const welcome = {
+    ...{ type: 'welcome', protocol: 0, episode: '', kind: 'episode', number: 0, episodes: 0, layout: '', title: '' },
+    ...{ steps: 3, shows_predictions: true, resumed: false, partner: 'agent' },
+    ...still,
+    state: kitchen,
+    endless: !still.horizon,
+  };
+  return { ...apply(defaults(), welcome, now), phase: 'playing' };
+}
+
+/**
+ * Return the state after a message of the server. The old state stays as it is.
+ * @param {State} state
+ * @param {Wire.FromServer} message
+ * @param {number} now in ms
+ * @returns {State}
+ */
+export function apply(state, message, now) {
+  switch (message.type) {
+    case 'welcome':
+      return applyWelcome(state, message, now);
+    case 'waiting': {
+      const pause = { reason: /** @type {const} */ ('room'), leftS: message.left_s, sinceMs: now, fresh: false };
+      return { ...state, link: 'open', phase: 'room', pause };
+    }
+    case 'countdown':
+      return { ...state, phase: 'countdown', pause: null, countdown: { seconds: message.seconds, sinceMs: now } };
+    case 'tick':
+      return applyTick(state, message, now);
+    case 'paused': {
+      const fresh = state.phase === 'ready' || Boolean(state.pause?.fresh);
+      const pause = { reason: message.reason, leftS: message.left_s, sinceMs: now, fresh };
+      return { ...state, phase: 'paused', turn: null, countdown: null, pause };
+    }
+    case 'lesson':
+      return { ...state, lesson: message, lessons: withLesson(state.lessons, message) };
+    case 'ended':
+      return { ...state, phase: 'ended', ended: message, pause: null, countdown: null, turn: null };
+    case 'notice':
+      return { ...state, notice: message.text };
+    case 'superseded':
+      return { ...state, link: 'superseded', linkSinceMs: now, turn: null };
+    default:
+      return state;
+  }
+}
+
+/**
+ * Return the state after the connection changed.
+ * @param {State} state
+ * @param {Link} link
+ * @param {number} now
+ * @returns {State}
+ */
+export function applyLink(state, link, now) {
+  return state.link === link ? state : { ...state, link, linkSinceMs: now, turn: null };
+}
+
+/**
+ * Return the state in which the own chef faces `direction`, until the tick that took the input `seq` into account.
+ * @param {State} state
+ * @param {number} direction
+ * @param {number} seq
+ * @returns {State}
+ */
+export function applyTurn(state, direction, seq) {
+  return state.phase === 'playing' ? { ...state, turn: { direction, seq } } : state;
+}
+
+/**
+ * @param {State} state
+ * @param {Wire.Welcome} message
+ * @param {number} now
+ * @returns {State}
+ */
+function applyWelcome(state, message, now) {
+  return {
     ...defaults(),
     link: 'open',
     linkSinceMs: now,
@@ -45,53 +152,25 @@ const HANDLERS = {
     lesson: state.lesson,
     lessons: state.lessons,
     notice: state.notice,
-  }),
-  waiting: (state, message, now) => ({
-    ...state, link: 'open', phase: 'room', pause: { reason: 'room', leftS: message.left_s, sinceMs: now, fresh: false },
-  }),
-  countdown: (state, message, now) => ({
-    ...state, phase: 'countdown', pause: null, countdown: { seconds: message.seconds, sinceMs: now },
-  }),
-  tick: applyTick,
-  paused: (state, message, now) => ({
-    ...state, phase: 'paused', turn: null, countdown: null, 
-    pause: { reason: message.reason, leftS: message.left_s, sinceMs: now, fresh: state.phase === 'ready' || Boolean(state.pause?.fresh) },
-  }),
-  lesson: (state, message) => ({
-    ...state, lesson: message, lessons: withLesson(state.lessons, message),
-  }),
-  ended: (state, message) => ({ ...state, phase: 'ended', ended: message, pause: null, countdown: null, turn: null }),
-  notice: (state, message) => ({ ...state, notice: message.text }),
-  superseded: (state, message, now) => ({ ...state, link: 'superseded', linkSinceMs: now, turn: null }),
-};
-
-/** The state after a message of the server (see messages.js), `now` in ms. The old state is left as it is. */
-export function apply(state, message, now) {
-  const handler = HANDLERS[message.type];
-  return handler ? handler(state, message, now) : state;
+  };
 }
 
-/** The state after the connection changed: 'open', 'lost', 'closed' (for good). */
-export function applyLink(state, link, now) {
-  if (state.link === link) return state;
-  return { ...state, link, linkSinceMs: now, turn: null };
-}
-
-/** The own chef faces `direction` from now on, until the tick that took Input `seq` into account. */
-export function applyTurn(state, direction, seq) {
-  return state.phase === 'playing' ? { ...state, turn: { direction, seq } } : state;
-}
-
+/**
+ * @param {State} state
+ * @param {Wire.Tick} message
+ * @param {number} now
+ * @returns {State}
+ */
 function applyTick(state, message, now) {
-  if (!state.game) return state;
+  if (!isStarted(state)) return state;
   const { grid, watched_seat: watched } = state.game;
   const players = message.state.players;
-  const counting = phaseOf(state, message) === 'countdown';
+  const phase = phaseAfter(state, message);
   return {
     ...state,
-    phase: phaseOf(state, message),
+    phase,
     pause: null,
-    countdown: counting ? state.countdown : null,
+    countdown: phase === 'countdown' ? state.countdown : null,
     previous: state.current,
     current: message.state,
     arrivedMs: now,
@@ -104,26 +183,57 @@ function applyTick(state, message, now) {
   };
 }
 
-/** The state that stands while the countdown runs comes as a tick too: it starts nothing. */
-function phaseOf(state, message) {
+/**
+ * The state that is shown during the countdown comes as a tick too; it does not start the game.
+ * @param {StartedState} state
+ * @param {Wire.Tick} message
+ * @returns {Phase}
+ */
+function phaseAfter(state, message) {
   if (state.phase === 'ended') return 'ended';
   return state.phase === 'countdown' && message.state.t <= state.current.t ? 'countdown' : 'playing';
 }
 
-/** A chef glides from where it is seen now; after a gap of more than a cell it is simply put. */
+/**
+ * A chef glides from where it is on screen now; after a gap of more than a cell it jumps.
+ * @param {StartedState} state
+ * @param {number} seat
+ * @param {[x: number, y: number, ...rest: number[]]} player
+ * @param {number} now
+ * @returns {[x: number, y: number]}
+ */
 function startOf(state, seat, player, now) {
   const [x, y] = place(state, seat, now);
   return Math.abs(x - player[0]) + Math.abs(y - player[1]) > 1.5 ? [player[0], player[1]] : [x, y];
 }
 
-/** Share of the way to the current kitchen at `now`, 0..1, quick at first. */
+/**
+ * Whether there is a game to draw.
+ * @param {State} state
+ * @returns {state is StartedState}
+ */
+export function isStarted(state) {
+  return state.game !== null && state.current !== null;
+}
+
+/**
+ * Return the share of the way to the current kitchen at `now`, 0..1, quick at first.
+ * @param {State} state
+ * @param {number} now
+ */
 export function progress(state, now) {
   const tickMs = state.game?.tick_ms ?? 200;
   const time = Math.min(1, Math.max(0, (now - state.arrivedMs) / Math.min(GLIDE_MAX_MS, GLIDE_SHARE * tickMs)));
   return time * (1.6 - 0.6 * time);
 }
 
-/** Where a chef is seen at `now`: [column, row], fractions of a cell on its way. */
+/**
+ * Return where a chef is on screen at `now`: column and row, fractions of a cell on its way.
+ * @param {StartedState} state
+ * @param {number} seat
+ * @param {number} now
+ * @returns {[x: number, y: number]}
+ */
 export function place(state, seat, now) {
   const [x, y] = state.current.players[seat];
   const [fromX, fromY] = state.from[seat] ?? [x, y];
@@ -131,19 +241,29 @@ export function place(state, seat, now) {
   return [fromX + (x - fromX) * part, fromY + (y - fromY) * part];
 }
 
-/** The direction a chef is seen to face: its own key at once, else what the server says. */
+/**
+ * Return the direction that a chef faces on screen: for the own chef the key that was just pressed, else the server's.
+ * @param {StartedState} state
+ * @param {number} seat
+ */
 export function facing(state, seat) {
   if (state.turn && seat === state.game.seat) return state.turn.direction;
   return state.current.players[seat][2];
 }
 
-/** Seconds left of the episode; null without a time limit. */
+/**
+ * Return the seconds left of the episode; null without a time limit.
+ * @param {State} state
+ */
 export function secondsLeft(state) {
-  const { game, current } = state;
-  if (!game || game.endless) return null;
-  return Math.max(0, (game.horizon - current.t) * game.tick_ms) / 1000;
+  if (!isStarted(state) || state.game.endless) return null;
+  return Math.max(0, (state.game.horizon - state.current.t) * state.game.tick_ms) / 1000;
 }
 
+/**
+ * @param {string[]} lessons
+ * @param {Wire.Lesson} lesson
+ */
 function withLesson(lessons, { key, index }) {
   const list = lessons.slice();
   list[index] = key;

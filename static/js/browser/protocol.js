@@ -2,7 +2,7 @@
 
 export const PROTOCOL = 1;
 
-/** Why a websocket closes; see docs/protocol.md. */
+/** Why a websocket closes; see docs/reference/protocol.md. */
 export const CloseCode = Object.freeze({
   FINISHED: 1000,
   SILENT: 1001,

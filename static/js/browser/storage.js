@@ -1,11 +1,17 @@
-// localStorage and sessionStorage that never throw. Where the browser keeps nothing, values live as long as the page.
+// localStorage and sessionStorage that never throw. If the browser stores nothing, values live as long as the page.
 
-class Kept {
+class SafeStorage {
+  /** @param {'localStorage' | 'sessionStorage'} name */
   constructor(name) {
     this.name = name;
+    /** @type {Map<string, string>} */
     this.memory = new Map();
   }
 
+  /**
+   * @param {string} key
+   * @returns {string | null}
+   */
   getItem(key) {
     try {
       return window[this.name].getItem(key) ?? this.memory.get(key) ?? null;
@@ -14,31 +20,42 @@ class Kept {
     }
   }
 
+  /**
+   * @param {string} key
+   * @param {string | number} value
+   */
   setItem(key, value) {
     try {
-      window[this.name].setItem(key, value);
+      window[this.name].setItem(key, String(value));
     } catch {
       this.memory.set(key, String(value));
     }
   }
 
+  /** @param {string} key */
   removeItem(key) {
     this.memory.delete(key);
     try {
       window[this.name].removeItem(key);
     } catch {
-      // Nothing was kept there.
+      // Nothing was stored there.
     }
   }
 }
 
-export const local = new Kept('localStorage');
-export const session = new Kept('sessionStorage');
+export const local = new SafeStorage('localStorage');
+export const session = new SafeStorage('sessionStorage');
 
-/** The JSON stored under a key; `otherwise` where there is none or it cannot be read. */
+/**
+ * Return the JSON stored under a key, or `otherwise` if there is none or it cannot be read.
+ * @param {Pick<Storage, 'getItem'>} storage
+ * @param {string} key
+ * @param {any} otherwise
+ * @returns {any} what an older version of the page or the participant may have put there: check it
+ */
 export function readJson(storage, key, otherwise) {
   try {
-    return JSON.parse(storage.getItem(key)) ?? otherwise;
+    return JSON.parse(storage.getItem(key) ?? 'null') ?? otherwise;
   } catch {
     return otherwise;
   }

@@ -1,17 +1,44 @@
-// The words of the page: a catalogue that the server puts into it, filled in with numbers or with small elements (keys).
+// The page's texts: a catalogue that the server puts into the page, filled in with numbers or small elements (keys).
 
-/** text(key, values) from a JSON block: `{name}` in the words is replaced. A missing key shows as itself. */
-export function catalogue(words) {
-  const text = (key, values = {}) => (words[key] ?? key).replace(/\{(\w+)\}/g, (whole, name) => String(values[name] ?? whole));
-  /** The words as nodes; `values` may be strings or elements. */
-  text.nodes = (key, values = {}) => (words[key] ?? key).split(/(\{\w+\})/).filter(Boolean).map((piece) => {
-    const value = piece.startsWith('{') ? values[piece.slice(1, -1)] : piece;
-    return value === undefined ? piece : value;
-  });
-  return text;
+/** @typedef {Record<string, string | number>} Values */
+/** @typedef {(key: string, values?: Values) => string} Translate */
+/** @typedef {(key: string, values?: Record<string, string | Node>) => (string | Node)[]} TranslateToNodes */
+/** @typedef {Translate & { nodes: TranslateToNodes }} Catalogue */
+
+/**
+ * Return text(key, values): the text with each `{name}` replaced. A missing key shows as itself.
+ * @param {Record<string, string>} texts
+ * @returns {Catalogue}
+ */
+export function catalogue(texts) {
+  /** @type {Translate} */
+  const text = (key, values = {}) => fillIn(texts[key] ?? key, values);
+  /** @type {Catalogue['nodes']} */
+  const nodes = (key, values = {}) =>
+    (texts[key] ?? key)
+      .split(/(\{\w+\})/)
+      .filter(Boolean)
+      .map((piece) => (piece.startsWith('{') ? (values[piece.slice(1, -1)] ?? piece) : piece));
+  return Object.assign(text, { nodes });
 }
 
-/** The JSON in `<script type="application/json" id=...>`. */
+/**
+ * Replace each `{name}` in a text.
+ * @param {string} template
+ * @param {Record<string, unknown>} values
+ * @returns {string}
+ */
+export function fillIn(template, values) {
+  return template.replace(/\{(\w+)\}/g, (whole, name) => String(values[name] ?? whole));
+}
+
+/**
+ * Return the JSON in `<script type="application/json" id=...>`.
+ * @param {string} id
+ * @returns {any}
+ */
 export function jsonBlock(id) {
-  return JSON.parse(document.getElementById(id).textContent);
+  const block = document.getElementById(id);
+  if (!block) throw new Error(`the page has no JSON block ${id}`);
+  return JSON.parse(block.textContent ?? '');
 }

@@ -1,49 +1,87 @@
-// Tells screen readers what changed: at most one message each few seconds, urgent ones at once. No flood of ticks.
+// Tells screen readers what changed: at most one message every few seconds, urgent ones at once.
+
+/** @import { BoardEvent } from '../board/events.js' */
+/** @import { State } from '../board/state.js' */
+/** @import { Catalogue } from '../browser/texts.js' */
+/** @import { Dialog } from './choose-dialog.js' */
 
 const PAUSE_MS = 2500;
+const SECONDS_ANNOUNCED = [30, 10];
 
 export class Announcer {
+  /**
+   * @param {HTMLElement} polite
+   * @param {HTMLElement} urgent
+   * @param {Catalogue} text
+   */
   constructor(polite, urgent, text) {
-    Object.assign(this, { polite, urgent, text, lastMs: -Infinity, waiting: null, timer: 0, toldSeconds: Infinity });
+    this.polite = polite;
+    this.urgent = urgent;
+    this.text = text;
+    this.lastMs = -Infinity;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.timer = undefined;
+    this.announcedSeconds = Infinity;
   }
 
-  /** Says it when there is room; a later message takes the place of one that still waits. */
+  /**
+   * Say it when enough time has passed; a later message replaces one that still waits.
+   * @param {string} words
+   */
   say(words) {
     const now = performance.now();
     clearTimeout(this.timer);
     const wait = this.lastMs + PAUSE_MS - now;
-    if (wait > 0) { this.timer = setTimeout(() => this.say(words), wait); return; }
+    if (wait > 0) {
+      this.timer = setTimeout(() => this.say(words), wait);
+      return;
+    }
     this.lastMs = now;
     this.polite.textContent = words;
   }
 
-  /** Says it now. */
-  shout(words) {
+  /**
+   * Say it now.
+   * @param {string} words
+   */
+  sayNow(words) {
     this.urgent.textContent = words;
   }
 
-  /** What happened in a tick (events.js). */
-  happened(list, state) {
-    const { score, soups } = state.current;
+  /**
+   * Announce what happened in a tick.
+   * @param {BoardEvent[]} list
+   * @param {State} state
+   */
+  happened(list, { current }) {
+    if (!current) return;
+    const { score, soups } = current;
     if (list.some(({ kind }) => kind === 'delivery')) this.say(this.text('say.delivered', { score, soups }));
     else if (list.some(({ kind }) => kind === 'ready')) this.say(this.text('say.ready'));
   }
 
-  /** Thirty and ten seconds before the end. */
+  /**
+   * Announce thirty and ten seconds before the end.
+   * @param {number | null} seconds left
+   */
   time(seconds) {
     if (seconds === null) return;
-    for (const mark of [30, 10]) if (seconds <= mark && this.toldSeconds > mark) this.say(this.text('say.seconds', { seconds: mark }));
-    this.toldSeconds = seconds;
+    for (const mark of SECONDS_ANNOUNCED) {
+      if (seconds <= mark && this.announcedSeconds > mark) this.say(this.text('say.seconds', { seconds: mark }));
+    }
+    this.announcedSeconds = seconds;
   }
 
-  /** Another message lies over the kitchen (choose-dialog.js). */
-  view(view, state) {
-    const words = {
-      pause: () => `${this.text(`pause.${view.reason}.title`)}. ${this.text(`pause.${view.reason}.text`)}`,
-      banner: () => `${this.text(`banner.${view.reason}.title`)}. ${this.text(`banner.${view.reason}.text`)}`,
-      count: () => this.text('say.count', { seconds: view.seconds }),
-      over: () => this.text('say.over', { score: state.ended.score, soups: state.ended.soups }),
-    }[view.name];
-    if (words) this.shout(words());
+  /**
+   * Announce another dialog.
+   * @param {Dialog} dialog
+   * @param {State} state
+   */
+  dialog({ name, reason, seconds }, { ended }) {
+    if (name === 'pause' || name === 'banner') {
+      this.sayNow(`${this.text(`${name}.${reason}.title`)}. ${this.text(`${name}.${reason}.text`)}`);
+    }
+    if (name === 'count') this.sayNow(this.text('say.count', { seconds: seconds ?? 0 }));
+    if (name === 'over' && ended) this.sayNow(this.text('say.over', { score: ended.score, soups: ended.soups }));
   }
 }

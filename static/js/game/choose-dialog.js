@@ -1,45 +1,95 @@
-// Which message lies over the kitchen now. A pure function of the state: dialogs.js puts it on the page.
+// Chooses which dialog lies over the kitchen now, as a function of the state; dialogs.js puts it on the page.
 
-const LOST_AFTER_MS = 700; // the first connection of a page may take so long without a word
+/** @import { State } from '../board/state.js' */
+
+import { isStarted } from '../board/state.js';
+
+/** @typedef {'none' | 'start' | 'count' | 'pause' | 'banner' | 'over' | 'other' | 'closed'} DialogName */
+/**
+ * @typedef {object} Dialog
+ * @property {DialogName} name
+ * @property {string} reason
+ * @property {number | null} seconds whole seconds left; null: none to show
+ * @property {boolean} action whether the participant can go on by a button
+ */
+
+const LOST_AFTER_MS = 700; // the first connection of a page may take this long before the page mentions it
 const SILENT_TICKS = 6;
-const OWN_REASONS = new Set(['hidden', 'blur', 'lost', 'other_tab', 'server']); // the participant says when it goes on
+/** Pauses that the participant ends. */
+const OWN_REASONS = new Set(['hidden', 'blur', 'lost', 'other_tab', 'server']);
 
-/** {name: 'none' | 'start' | 'count' | 'pause' | 'banner' | 'over' | 'other' | 'closed', reason, seconds, action}; `seconds` are
- * whole seconds left (null: none to show), `action` whether the participant can go on by a button. */
-export function viewOf(state, now) {
-  if (state.link === 'superseded') return view('other');
-  if (state.phase === 'ended') return view('over');
-  if (state.link === 'closed') return view('closed');
-  if (state.link === 'lost') return view('banner', 'lost', lostSeconds(state, now));
-  if (state.link === 'connecting') return now - state.linkSinceMs > LOST_AFTER_MS ? view('banner', 'connecting') : view('none');
-  return gameView(state, now);
+/**
+ * @param {State} state
+ * @param {number} now
+ * @returns {Dialog}
+ */
+export function chooseDialog(state, now) {
+  if (state.link === 'superseded') return dialog('other');
+  if (state.phase === 'ended') return dialog('over');
+  if (state.link === 'closed') return dialog('closed');
+  if (state.link === 'lost') return dialog('banner', 'lost', secondsUntilEnd(state, now));
+  if (state.link === 'connecting') {
+    return now - state.linkSinceMs > LOST_AFTER_MS ? dialog('banner', 'connecting') : dialog('none');
+  }
+  return gameDialog(state, now);
 }
 
-function gameView(state, now) {
-  if (state.phase === 'ready') return view('start', state.game.resumed ? 'resumed' : state.alone ? 'alone' : state.game.kind, null, true);
-  if (state.phase === 'countdown') return countView(state, now);
-  if (state.phase === 'paused' || state.phase === 'room') return pauseView(state, now);
-  const silent = state.phase === 'playing' && now - state.arrivedMs > Math.max(1200, SILENT_TICKS * state.game.tick_ms);
-  return silent ? view('banner', 'silent') : view('none');
+/**
+ * @param {State} state
+ * @param {number} now
+ * @returns {Dialog}
+ */
+function gameDialog(state, now) {
+  if (state.phase === 'paused' || state.phase === 'room') return pauseDialog(state, now);
+  if (!isStarted(state)) return dialog('none');
+  if (state.phase === 'ready') {
+    return dialog('start', state.game.resumed ? 'resumed' : state.alone ? 'alone' : state.game.kind, null, true);
+  }
+  if (state.phase === 'countdown') return countdownDialog(state, now);
+  const silenceMs = Math.max(1200, SILENT_TICKS * state.game.tick_ms);
+  const silent = state.phase === 'playing' && now - state.arrivedMs > silenceMs;
+  return silent ? dialog('banner', 'silent') : dialog('none');
 }
 
-function countView({ countdown, current }, now) {
-  const left = countdown.seconds - (now - countdown.sinceMs) / 1000;
-  return left > 0 ? view('count', current.t > 0 ? 'on' : 'begin', Math.ceil(left)) : view('none');
+/**
+ * @param {State} state
+ * @param {number} now
+ * @returns {Dialog}
+ */
+function countdownDialog({ countdown, current }, now) {
+  const left = countdown ? countdown.seconds - (now - countdown.sinceMs) / 1000 : 0;
+  return left > 0 ? dialog('count', current && current.t > 0 ? 'on' : 'begin', Math.ceil(left)) : dialog('none');
 }
 
-function pauseView({ pause }, now) {
-  const left = pause.leftS > 0 ? Math.max(0, Math.ceil(pause.leftS - (now - pause.sinceMs) / 1000)) : null;
-  if (pause.reason === 'database') return view('banner', 'database', left);
-  if (pause.fresh && pause.reason !== 'other_tab' && OWN_REASONS.has(pause.reason)) return view('start', 'resumed', left, true);
-  return view('pause', pause.reason, left, OWN_REASONS.has(pause.reason));
+/**
+ * @param {State} state
+ * @param {number} now
+ * @returns {Dialog}
+ */
+function pauseDialog({ pause }, now) {
+  if (!pause) return dialog('none');
+  const { reason, leftS, sinceMs, fresh } = pause;
+  const left = leftS > 0 ? Math.max(0, Math.ceil(leftS - (now - sinceMs) / 1000)) : null;
+  if (reason === 'database') return dialog('banner', 'database', left);
+  if (fresh && reason !== 'other_tab' && OWN_REASONS.has(reason)) return dialog('start', 'resumed', left, true);
+  return dialog('pause', reason, left, OWN_REASONS.has(reason));
 }
 
-function lostSeconds(state, now) {
-  const limit = state.awayLimitS;
-  return limit ? Math.max(0, Math.ceil(limit - (now - state.linkSinceMs) / 1000)) : null;
+/**
+ * @param {State} state
+ * @param {number} now
+ */
+function secondsUntilEnd({ awayLimitS: limit, linkSinceMs }, now) {
+  return limit ? Math.max(0, Math.ceil(limit - (now - linkSinceMs) / 1000)) : null;
 }
 
-function view(name, reason = '', seconds = null, action = false) {
+/**
+ * @param {DialogName} name
+ * @param {string} reason
+ * @param {number | null} seconds
+ * @param {boolean} action
+ * @returns {Dialog}
+ */
+function dialog(name, reason = '', seconds = null, action = false) {
   return { name, reason, seconds, action };
 }

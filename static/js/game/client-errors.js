@@ -1,19 +1,27 @@
-// Errors of this page go to the researcher's list of problems: each once, a few at most.
+// Reports errors of this page to the researcher's list of errors: each once, and a few at most.
 
-import { trouble } from './messages.js';
+import { clientError } from './messages.js';
 
-const MOST = 5;
+const MAX_REPORTS = 5;
 
-/** Reports errors through `send(message)`; returns `report(error)` for errors that are caught. */
-export function reportTrouble(send) {
+/**
+ * Report errors that nobody catches. Returns `report(error)` for those that are caught.
+ * @param {(message: Wire.Trouble) => boolean} send false if the message could not be sent
+ * @returns {(problem: unknown) => void}
+ */
+export function reportClientErrors(send) {
+  /** @type {Set<string>} */
   const seen = new Set();
+  /** @param {unknown} problem */
   const report = (problem) => {
-    const words = String(problem?.stack ?? problem?.message ?? problem).slice(0, 500);
-    if (seen.has(words) || seen.size >= MOST) return;
-    seen.add(words);
-    if (!send(trouble(words))) seen.delete(words);
+    const text = String((problem instanceof Error && (problem.stack ?? problem.message)) || problem).slice(0, 500);
+    if (seen.has(text) || seen.size >= MAX_REPORTS) return;
+    seen.add(text);
+    if (!send(clientError(text))) seen.delete(text);
   };
-  window.addEventListener('error', (event) => report(event.error ?? `${event.message} (${event.filename}:${event.lineno})`));
+  window.addEventListener('error', (event) => {
+    report(event.error ?? `${event.message} (${event.filename}:${event.lineno})`);
+  });
   window.addEventListener('unhandledrejection', (event) => report(event.reason));
   return report;
 }

@@ -1,13 +1,26 @@
-// The connection to the server: opens it, keeps it, comes back by itself. Knows messages, nothing of what they mean for the game.
+// The connection to the server: opens it, keeps it alive and reconnects by itself. It does not interpret the game.
 
 import { CloseCode } from '../browser/protocol.js';
 import { hello, parse, pong } from './messages.js';
 
 const FIRST_RETRY_MS = 150;
-const LONGEST_RETRY_MS = 2000;
-const SILENCE_MS = 5000; // a socket that stays silent longer, where ticks or pings are due, is taken for dead
+const MAX_RETRY_MS = 2000;
+const SILENCE_MS = 5000; // a socket that is silent longer while ticks or pings are due counts as lost
 
-/** Codes after which the page does not connect again by itself, and what the game shows then. */
+/** @typedef {'superseded' | 'closed' | 'no_game'} FinalLink no_game: the participant's step is another page now */
+/**
+ * @typedef {object} Handlers
+ * @property {(message: Wire.FromServer) => void} message
+ * @property {(link: FinalLink | 'lost', code: number) => void} link
+ * @property {(error: unknown) => void} problem
+ * @property {() => number} lastTimestep
+ * @property {() => boolean} expectsNews whether the server should be sending something now
+ */
+
+/**
+ * Codes after which the page does not connect again by itself, and what it shows then.
+ * @type {Map<number, FinalLink>}
+ */
 const FINAL_CODES = new Map([
   [CloseCode.SUPERSEDED, 'superseded'],
   [CloseCode.NO_GAME, 'no_game'],
@@ -16,31 +29,53 @@ const FINAL_CODES = new Map([
   [CloseCode.TOO_LARGE, 'closed'],
 ]);
 
-/** How long to wait before try number `attempt` (from 0): doubles, at most 2 s, spread so that not all come back at one instant. */
+/**
+ * Return the ms to wait before a try. The wait doubles, up to 2 s, and is random so that not all pages come at once.
+ * @param {number} attempt from 0
+ * @param {number} random 0..1
+ */
 export function retryDelay(attempt, random = Math.random()) {
-  return Math.min(LONGEST_RETRY_MS, FIRST_RETRY_MS * 2 ** attempt) * (0.5 + random / 2);
+  return Math.min(MAX_RETRY_MS, FIRST_RETRY_MS * 2 ** attempt) * (0.5 + random / 2);
 }
 
-/** The name of this tab. It lives in sessionStorage only while the page is not shown: a duplicated tab gets a name of its own. */
+/**
+ * Return the name of this tab. It is in sessionStorage only while the page is not shown: a duplicated tab gets its own.
+ * @param {Pick<Storage, 'getItem' | 'setItem' | 'removeItem'>} storage
+ * @param {EventTarget} page
+ */
 export function tabName(storage, page = window) {
   const key = 'kitchenmind.tab';
-  const name = storage.getItem(key) ?? Array.from(crypto.getRandomValues(new Uint8Array(12)), (byte) => byte.toString(16).padStart(2, '0')).join('');
+  const bytes = crypto.getRandomValues(new Uint8Array(12));
+  const name = storage.getItem(key) ?? Array.from(bytes, (byte) => byte.toString(16).padStart(2, '0')).join('');
   storage.removeItem(key);
   page.addEventListener('pagehide', () => storage.setItem(key, name));
   return name;
 }
 
 export class Connection {
-  /** `on`: {message(message), link('lost' | 'superseded' | 'closed' | 'no_game', code), problem(error), lastTimestep(), expectsNews()}. `no_game`: the
-   * participant's step is another page now. */
+  /**
+   * @param {URL} url
+   * @param {string} tab
+   * @param {Handlers} on
+   */
   constructor(url, tab, on) {
-    Object.assign(this, { url, tab, on, socket: null, attempt: 0, timer: 0, heardMs: 0, final: null });
-    window.addEventListener('online', () => this.hurry());
+    this.url = url;
+    this.tab = tab;
+    this.on = on;
+    /** @type {WebSocket | null} */
+    this.socket = null;
+    this.attempt = 0;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.timer = undefined;
+    this.heardMs = 0;
+    /** @type {FinalLink | null} */
+    this.final = null;
+    window.addEventListener('online', () => this.reconnectNow());
     window.addEventListener('offline', () => this.drop());
     setInterval(() => this.#watch(), 1000);
   }
 
-  /** Connects now; also takes the game over from another tab. */
+  /** Connect now; this also takes the game over from another tab. */
   open() {
     clearTimeout(this.timer);
     this.final = null;
@@ -50,29 +85,34 @@ export class Connection {
     this.heardMs = performance.now();
     socket.addEventListener('open', () => this.send(hello(this.tab, this.on.lastTimestep())));
     socket.addEventListener('message', (event) => this.#receive(event.data));
-    socket.addEventListener('close', (event) => { if (this.socket === socket) this.#closed(event.code); });
+    socket.addEventListener('close', (event) => {
+      if (this.socket === socket) this.#closed(event.code);
+    });
   }
 
-  /** Sends a message; false if there is no open socket (nothing is kept for later: old keys are worth nothing). */
+  /**
+   * Send a message; return false if no socket is open. Nothing is kept for later: old key presses are of no use.
+   * @param {Wire.FromBrowser} message
+   */
   send(message) {
     if (this.socket?.readyState !== WebSocket.OPEN) return false;
     this.socket.send(JSON.stringify(message));
     return true;
   }
 
-  /** Tries again at once instead of at the next due time. */
-  hurry() {
+  /** Try again at once instead of at the next due time. */
+  reconnectNow() {
     if (!this.final && !this.socket) this.open();
   }
 
-  /** Gives the socket up as lost. */
+  /** Give the socket up as lost. */
   drop() {
     if (!this.socket) return;
     this.#release();
     this.#closed(CloseCode.LOST);
   }
 
-  /** Closes for good. */
+  /** Close for good. */
   close() {
     this.final = 'closed';
     clearTimeout(this.timer);
@@ -85,6 +125,7 @@ export class Connection {
     socket?.close(CloseCode.FINISHED);
   }
 
+  /** @param {string} frame */
   #receive(frame) {
     this.heardMs = performance.now();
     let message;
@@ -94,18 +135,28 @@ export class Connection {
       this.on.problem(error);
       return;
     }
-    if (message.type === 'ping') { this.send(pong(message.id)); return; }
+    if (message.type === 'ping') {
+      this.send(pong(message.id));
+      return;
+    }
     if (message.type === 'welcome') this.attempt = 0;
     if (message.type === 'superseded') this.final = 'superseded';
     if (message.type === 'ended') this.final = 'closed';
     this.on.message(message);
   }
 
+  /** @param {number} code */
   #closed(code) {
     this.socket = null;
-    if (code === CloseCode.GAME_READY) { this.open(); return; }
+    if (code === CloseCode.GAME_READY) {
+      this.open();
+      return;
+    }
     this.final = FINAL_CODES.get(code) ?? this.final;
-    if (this.final) { this.on.link(this.final, code); return; }
+    if (this.final) {
+      this.on.link(this.final, code);
+      return;
+    }
     this.on.link('lost', code);
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.open(), retryDelay(this.attempt));

@@ -1,115 +1,190 @@
-// Puts the message that choose-dialog.js chose on the page: start, countdown, pause, banner, end, other tab. Text and buttons only.
+// Puts the dialog that choose-dialog.js chose on the page: start, countdown, pause, banner, end, other tab.
 
-const PARTS = { start: 'start', count: 'count', pause: 'pause', banner: 'banner', over: 'over', closed: 'closed' };
+/** @import { State } from '../board/state.js' */
+/** @import { Catalogue } from '../browser/texts.js' */
+/** @import { Dialog, DialogName } from './choose-dialog.js' */
 
-export class Overlay {
-  /** `page`: the game's element; `text`: catalogue; `does`: {ready(), takeOver(), reload()}. */
-  constructor(page, text, does) {
-    Object.assign(this, { page, text, shown: '' });
-    this.find = (selector) => page.querySelector(selector);
-    this.find('#start-button').addEventListener('click', does.ready);
-    this.find('#pause-button').addEventListener('click', does.ready);
-    this.find('#closed-button').addEventListener('click', does.reload);
-    document.querySelector('#other-here').addEventListener('click', does.takeOver);
-    document.querySelector('#other-stay').addEventListener('click', () => this.#stay());
+import { find } from '../browser/dom.js';
+
+/** @type {DialogName[]} dialogs with an element of that id in the page of the game */
+const PARTS = ['start', 'count', 'pause', 'banner', 'over', 'closed'];
+/** @type {DialogName[]} */
+const VEILED = ['start', 'count', 'pause', 'over', 'closed'];
+/** @type {Partial<Record<DialogName, string>>} */
+const SECONDS = { start: '#start-left', pause: '#pause-left', banner: '#banner-left' };
+const MAX_ROUNDS_SHOWN = 20;
+const BUTTON_PAUSE_MS = 700;
+
+export class Dialogs {
+  /**
+   * @param {HTMLElement} page the game's element
+   * @param {Catalogue} text
+   * @param {{ ready(): void, takeOver(): void, reload(): void }} actions
+   */
+  constructor(page, text, actions) {
+    this.page = page;
+    this.text = text;
+    this.shown = '';
+    this.#find('#start-button').addEventListener('click', actions.ready);
+    this.#find('#pause-button').addEventListener('click', actions.ready);
+    this.#find('#closed-button').addEventListener('click', actions.reload);
+    find('#other-here', HTMLElement).addEventListener('click', actions.takeOver);
+    find('#other-stay', HTMLElement).addEventListener('click', () => this.#stay());
   }
 
-  /** Shows `view`. Returns true if another message than before is shown now. */
-  show(view, state) {
-    const same = `${view.name}:${view.reason}`;
+  /**
+   * Show the dialog. Returns true if it is another one than before.
+   * @param {Dialog} dialog
+   * @param {State} state
+   */
+  show(dialog, state) {
+    const same = `${dialog.name}:${dialog.reason}`;
     const changed = same !== this.shown;
-    if (changed) this.#swap(view, state);
+    if (changed) this.#swap(dialog, state);
     this.shown = same;
-    this.#seconds(view);
+    this.#seconds(dialog);
     return changed;
   }
 
-  #swap(view, state) {
-    for (const [name, id] of Object.entries(PARTS)) this.find(`#${id}`).hidden = view.name !== name;
-    this.find('#veil').hidden = !['start', 'count', 'pause', 'over', 'closed'].includes(view.name);
-    this.find('.stage').classList.toggle('dim', view.name === 'banner' || view.name === 'closed');
-    this.page.hidden = view.name === 'other';
-    document.querySelector('#other').hidden = view.name !== 'other';
-    const fill = { count: () => this.#count(view), start: () => this.#start(view, state), pause: () => this.#pause(view), banner: () => this.#banner(view), over: () => this.#over(state), closed: () => this.find('#closed-button').focus({ preventScroll: true }) };
-    fill[view.name]?.();
-    if (view.name === 'other') document.querySelector('#other-here').focus();
+  /** @param {string} selector */
+  #find(selector) {
+    return find(selector, HTMLElement, this.page);
   }
 
-  #start(view, { game }) {
-    const kind = view.reason === 'episode' && game.partner === 'human' ? 'together' : view.reason;
-    const values = { number: game.number, episodes: game.episodes, title: game.title, seconds: Math.round(game.horizon * game.tick_ms / 1000) };
-    this.find('#start-title').textContent = this.text(`start.${kind}.title`, values);
-    this.find('#start-text').textContent = this.text(`start.${kind}.text`, values);
-    this.find('#start-button').textContent = this.text(`start.${kind}.button`, values);
-    this.find('#start-button').focus({ preventScroll: true });
-    track(this.find('#track'), game);
+  /**
+   * @param {string} selector
+   * @param {string} words
+   */
+  #write(selector, words) {
+    this.#find(selector).textContent = words;
   }
 
-  #pause(view) {
-    this.find('#pause-title').textContent = this.text(`pause.${view.reason}.title`);
-    this.find('#pause-text').textContent = this.text(`pause.${view.reason}.text`);
-    const button = this.find('#pause-button');
-    button.hidden = !view.action;
-    if (view.action) button.textContent = this.text(`pause.${view.reason}.button`);
-    if (view.action) button.focus({ preventScroll: true });
+  /**
+   * @param {Dialog} dialog
+   * @param {State} state
+   */
+  #swap(dialog, state) {
+    for (const name of PARTS) this.#find(`#${name}`).hidden = dialog.name !== name;
+    this.#find('#veil').hidden = !VEILED.includes(dialog.name);
+    this.#find('.stage').classList.toggle('dim', dialog.name === 'banner' || dialog.name === 'closed');
+    this.page.hidden = dialog.name === 'other';
+    find('#other', HTMLElement).hidden = dialog.name !== 'other';
+    if (dialog.name === 'count') this.#titleAndText(`count.${dialog.reason}`, 'count');
+    if (dialog.name === 'start' && state.game) this.#start(dialog, state.game);
+    if (dialog.name === 'pause') this.#pause(dialog);
+    if (dialog.name === 'banner') this.#titleAndText(`banner.${dialog.reason}`, 'banner');
+    if (dialog.name === 'over' && state.ended) this.#over(state.ended, state.game);
+    if (dialog.name === 'closed') this.#find('#closed-button').focus({ preventScroll: true });
+    if (dialog.name === 'other') find('#other-here', HTMLElement).focus();
   }
 
-  #banner(view) {
-    this.find('#banner-title').textContent = this.text(`banner.${view.reason}.title`);
-    this.find('#banner-text').textContent = this.text(`banner.${view.reason}.text`);
+  /**
+   * @param {string} key
+   * @param {string} id
+   * @param {Record<string, string | number>} values
+   */
+  #titleAndText(key, id, values = {}) {
+    this.#write(`#${id}-title`, this.text(`${key}.title`, values));
+    this.#write(`#${id}-text`, this.text(`${key}.text`, values));
   }
 
-  #over({ ended, game }) {
-    const tutorial = game?.kind === 'tutorial';
-    const kind = tutorial ? (ended.passed ? 'passed' : 'again') : ended.passed ? 'episode' : game?.partner === 'human' ? 'parted' : 'stopped';
-    this.find('#over-title').textContent = this.text(`over.${kind}.title`);
-    this.find('#over-text').textContent = this.text(kind === 'episode' && ended.soups > 0 ? 'over.episode.served' : `over.${kind}.text`);
-    this.find('#over-score').textContent = ended.score;
-    this.find('#over-soups').textContent = ended.soups;
-    const link = this.find('#over-next');
+  /**
+   * @param {Dialog} dialog
+   * @param {Wire.Welcome} game
+   */
+  #start(dialog, game) {
+    const kind = dialog.reason === 'episode' && game.partner === 'human' ? 'together' : dialog.reason;
+    const seconds = Math.round((game.horizon * game.tick_ms) / 1000);
+    const values = { number: game.number, episodes: game.episodes, title: game.title, seconds };
+    this.#titleAndText(`start.${kind}`, 'start', values);
+    this.#write('#start-button', this.text(`start.${kind}.button`, values));
+    this.#find('#start-button').focus({ preventScroll: true });
+    showRounds(this.#find('#track'), game);
+  }
+
+  /** @param {Dialog} dialog */
+  #pause(dialog) {
+    this.#titleAndText(`pause.${dialog.reason}`, 'pause');
+    const button = this.#find('#pause-button');
+    button.hidden = !dialog.action;
+    if (!dialog.action) return;
+    button.textContent = this.text(`pause.${dialog.reason}.button`);
+    button.focus({ preventScroll: true });
+  }
+
+  /**
+   * @param {Wire.Ended} ended
+   * @param {Wire.Welcome | null} game
+   */
+  #over(ended, game) {
+    const kind = endKind(ended, game);
+    this.#write('#over-title', this.text(`over.${kind}.title`));
+    const served = kind === 'episode' && ended.soups > 0;
+    this.#write('#over-text', this.text(served ? 'over.episode.served' : `over.${kind}.text`));
+    this.#write('#over-score', String(ended.score));
+    this.#write('#over-soups', String(ended.soups));
+    const link = find('#over-next', HTMLAnchorElement, this.page);
     const next = new URL(ended.next, location.href);
     link.href = next.origin === location.origin ? next.pathname + next.search : '/';
     link.textContent = this.text(`over.${kind}.button`);
-    // A hand that still plays must not press the button unseen.
+    // A participant who is still pressing keys must not press the button without having seen it.
     link.classList.add('wait');
-    setTimeout(() => { link.classList.remove('wait'); link.focus({ preventScroll: true }); }, 700);
+    setTimeout(() => {
+      link.classList.remove('wait');
+      link.focus({ preventScroll: true });
+    }, BUTTON_PAUSE_MS);
   }
 
-  #count({ reason }) {
-    this.find('#count-title').textContent = this.text(`count.${reason}.title`);
-    this.find('#count-text').textContent = this.text(`count.${reason}.text`);
-  }
-
-  #seconds(view) {
-    if (view.name === 'count') {
-      [...this.find('#count-numbers').children].forEach((dot) => {
-        const number = Number(dot.textContent);
-        dot.classList.toggle('now', number === view.seconds);
-        dot.classList.toggle('past', number > view.seconds);
-      });
-    }
-    const place = { start: '#start-left', pause: '#pause-left', banner: '#banner-left' }[view.name];
+  /** @param {Dialog} dialog */
+  #seconds(dialog) {
+    if (dialog.name === 'count') this.#countdown(dialog.seconds ?? 0);
+    const place = SECONDS[dialog.name];
     if (!place) return;
-    const words = view.seconds === null ? '' : this.text('seconds_left', { seconds: view.seconds });
-    const element = this.find(place);
+    const words = dialog.seconds === null ? '' : this.text('seconds_left', { seconds: dialog.seconds });
+    const element = this.#find(place);
     if (element.textContent !== words) element.textContent = words;
   }
 
+  /** @param {number} seconds */
+  #countdown(seconds) {
+    for (const dot of this.#find('#count-numbers').children) {
+      const number = Number(dot.textContent);
+      dot.classList.toggle('now', number === seconds);
+      dot.classList.toggle('past', number > seconds);
+    }
+  }
+
   #stay() {
-    const note = document.querySelector('#other-note');
-    note.textContent = note.dataset.stayed;
+    const note = find('#other-note', HTMLElement);
+    note.textContent = note.dataset.stayed ?? '';
     window.close(); // works only for tabs that a script opened; the note remains for all others
   }
 }
 
-/** The row of rounds: done, now, to come. */
-function track(list, { kind, number, episodes }) {
+/**
+ * @param {Wire.Ended} ended
+ * @param {Wire.Welcome | null} game
+ */
+function endKind(ended, game) {
+  if (game?.kind === 'tutorial') return ended.passed ? 'passed' : 'again';
+  if (ended.passed) return 'episode';
+  return game?.partner === 'human' ? 'parted' : 'stopped';
+}
+
+/**
+ * Show the row of rounds: done, now, to come.
+ * @param {HTMLElement} list
+ * @param {Wire.Welcome} game
+ */
+function showRounds(list, { kind, number, episodes }) {
   list.hidden = kind !== 'episode' || episodes < 2;
-  list.replaceChildren(...Array.from({ length: Math.min(episodes, 20) }, (_, index) => {
+  const count = Math.min(episodes, MAX_ROUNDS_SHOWN);
+  const items = Array.from({ length: count }, (_, index) => {
     const item = document.createElement('li');
-    item.textContent = index + 1;
+    item.textContent = String(index + 1);
     item.className = index + 1 < number ? 'done' : index + 1 === number ? 'now' : '';
     if (index + 1 === number) item.setAttribute('aria-current', 'step');
     return item;
-  }));
+  });
+  list.replaceChildren(...items);
 }

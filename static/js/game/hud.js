@@ -1,64 +1,97 @@
-// Title, time, score and soups above the kitchen. Writes an element only when its words change.
+// Title, time, score and soups above the kitchen. An element is written only when its text changes.
 
-import { secondsLeft } from '../board/state.js';
+/** @import { State } from '../board/state.js' */
+/** @import { Catalogue } from '../browser/texts.js' */
+
+import { isStarted, secondsLeft } from '../board/state.js';
+import { find } from '../browser/dom.js';
 
 const HURRY_S = 10;
 
 export class Hud {
+  /**
+   * @param {HTMLElement} page
+   * @param {Catalogue} text
+   */
   constructor(page, text) {
-    Object.assign(this, { page, text, score: null, game: null });
-    this.find = (selector) => page.querySelector(selector);
+    this.page = page;
+    this.text = text;
+    /** @type {number | null} */
+    this.score = null;
+    /** @type {Wire.Welcome | null} */
+    this.game = null;
+    this.timeShown = false;
   }
 
-  /** Shows the state. */
+  /**
+   * @param {State} state
+   * @param {boolean} reduced less motion
+   */
   show(state, reduced) {
-    if (!state.game) return;
+    if (!isStarted(state)) return;
     if (state.game !== this.game) this.#title(state.game);
     this.#time(state);
     this.#write('#soups', state.current.soups);
-    if (this.#write('#score', state.current.score) && state.current.score > (this.score ?? Infinity) && !reduced) this.#bump();
-    this.score = state.current.score;
+    const { score } = state.current;
+    if (this.#write('#score', score) && score > (this.score ?? Infinity) && !reduced) this.#bump();
+    this.score = score;
   }
 
+  /** @param {string} selector */
+  #find(selector) {
+    return find(selector, HTMLElement, this.page);
+  }
+
+  /** @param {Wire.Welcome} game */
   #title(game) {
     this.game = game;
     this.score = null;
     const practice = game.kind === 'tutorial';
     const kind = practice ? 'practice' : game.kind === 'watch' ? 'watch' : 'round';
-    this.#write('#title', practice ? this.text('practice') : game.title);
-    this.#write('#round', this.text(`${kind}_note`, { number: game.number, episodes: game.episodes }));
-    this.find('.stat.time').hidden = game.endless;
-    for (const name of ['predictions', 'pots']) this.find(`#legend-${name}`).hidden = (name === 'predictions') !== game.shows_predictions;
-    this.find('#ids').hidden = practice || game.seat < 0;
+    const numbers = { number: game.number, episodes: game.episodes };
+    const title = practice ? this.text('practice') : game.title;
+    this.#write('#title', title);
+    this.#write('#round', this.text(`${kind}_note`, numbers));
     this.#write('#partner', this.text(game.partner === 'human' ? 'partner_human' : 'partner'));
-    this.find('#legend').hidden = practice;
-    this.find('#lessons').hidden = !practice;
-    for (const controls of ['.panel.kb', '.touch']) this.find(controls).hidden = game.seat < 0; // who only watches has none
-    document.title = practice ? this.text('practice') : `${game.title} · ${this.text('round_note', { number: game.number, episodes: game.episodes })}`;
+    document.title = practice ? title : `${title} · ${this.text('round_note', numbers)}`;
+    this.#find('.stat.time').hidden = game.endless;
+    this.#find('#legend-predictions').hidden = !game.shows_predictions;
+    this.#find('#legend-pots').hidden = game.shows_predictions;
+    this.#find('#ids').hidden = practice || game.seat < 0;
+    this.#find('#legend').hidden = practice;
+    this.#find('#lessons').hidden = !practice;
+    for (const controls of ['.panel.kb', '.touch']) this.#find(controls).hidden = game.seat < 0; // only watching
   }
 
+  /** @param {State} state */
   #time(state) {
     const seconds = secondsLeft(state);
-    if (seconds === null) return;
+    if (seconds === null || !state.game) return;
     const whole = Math.ceil(seconds - 1e-6);
-    if (!this.#write('#time', `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, '0')}`) && this.share !== undefined) return;
+    const clock = `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, '0')}`;
+    if (!this.#write('#time', clock) && this.timeShown) return;
+    this.timeShown = true;
     const { horizon, tick_ms: tickMs } = state.game;
-    this.share = seconds / (horizon * tickMs / 1000);
-    this.find('#time-bar').style.transform = `scaleX(${this.share})`;
-    this.find('.stat.time').classList.toggle('hurry', whole <= HURRY_S);
+    this.#find('#time-bar').style.transform = `scaleX(${seconds / ((horizon * tickMs) / 1000)})`;
+    this.#find('.stat.time').classList.toggle('hurry', whole <= HURRY_S);
   }
 
   #bump() {
-    const element = this.find('#score');
+    const element = this.#find('#score');
     element.classList.remove('bump');
     void element.offsetWidth; // restarts the animation
     element.classList.add('bump');
   }
 
-  #write(selector, words) {
-    const element = this.find(selector);
-    if (element.textContent === String(words)) return false;
-    element.textContent = words;
+  /**
+   * @param {string} selector
+   * @param {string | number} value
+   * @returns {boolean} whether the text has changed
+   */
+  #write(selector, value) {
+    const element = this.#find(selector);
+    if (element.textContent === String(value)) return false;
+    element.textContent = String(value);
     return true;
   }
 }

@@ -1,36 +1,60 @@
 // Names of keys: which key an event means, what is printed on it, and which keys a participant may choose.
 
+/** @import { Catalogue } from '../browser/texts.js' */
+
 import { local, readJson } from '../browser/storage.js';
 
+/** @typedef {Pick<KeyboardEvent, 'code' | 'key'>} KeyEvent */
+
 const STORE = 'kitchenmind.layout';
+/** @type {Record<string, string>} */
 const SIGNS = { ArrowUp: '↑', ArrowDown: '↓', ArrowLeft: '←', ArrowRight: '→' };
+/** @type {Record<string, string>} */
 const PAD_SIGNS = { Add: '+', Subtract: '−', Multiply: '×', Divide: '÷', Decimal: '.', Comma: ',', Equal: '=' };
 
-/** Keys that hold another key's meaning. Browsers and systems keep shortcuts on them, and some never send their key-up. */
+/** Browsers and systems keep shortcuts on these keys, and some never send their key-up. */
 const MODIFIERS = new Set(['Alt', 'AltGraph', 'Control', 'Meta', 'OS', 'Super', 'Hyper', 'Fn', 'Symbol']);
 
-/** Codes that reach the page on every system, go down and up, and belong to no browser: the only ones to be chosen. */
-const USABLE = new RegExp(`^(${[
-  'Key[A-Z]', 'Digit\\d', 'Numpad(\\d|Add|Subtract|Multiply|Divide|Decimal|Comma|Equal|Enter)', 'Arrow(Up|Down|Left|Right)',
+/** Codes that reach the page on every system and that no browser uses itself: the only ones that can be chosen. */
+const USABLE_CODES = [
+  'Key[A-Z]',
+  'Digit\\d',
+  'Numpad(\\d|Add|Subtract|Multiply|Divide|Decimal|Comma|Equal|Enter)',
+  'Arrow(Up|Down|Left|Right)',
   'Space|Enter|Backspace|Delete|Insert|Home|End|PageUp|PageDown|Minus|Equal|BracketLeft|BracketRight|Semicolon|Quote',
   'Backquote|Backslash|Comma|Period|Slash|IntlBackslash|IntlRo|IntlYen',
-].join('|')})$`);
+];
+const USABLE = new RegExp(`^(${USABLE_CODES.join('|')})$`);
 
-/** Names of `KeyboardEvent.key` from a time before the standard. */
-const OLD_NAMES = { Up: 'ArrowUp', Down: 'ArrowDown', Left: 'ArrowLeft', Right: 'ArrowRight', Spacebar: 'Space', ' ': 'Space', Del: 'Delete' };
+/**
+ * Names of `KeyboardEvent.key` from before the standard.
+ * @type {Record<string, string>}
+ */
+const OLD_NAMES = {
+  ...{ Up: 'ArrowUp', Down: 'ArrowDown', Left: 'ArrowLeft', Right: 'ArrowRight' },
+  ...{ Spacebar: 'Space', ' ': 'Space', Del: 'Delete' },
+};
 
-/** Whether a key with this code may be chosen for the game. */
+/**
+ * Whether a key with this code may be chosen for the game.
+ * @param {unknown} code
+ */
 export function isUsable(code) {
-  return USABLE.test(code);
+  return USABLE.test(String(code));
 }
 
-/** Whether the event is about a key such as Ctrl, Alt or Cmd. */
+/**
+ * Whether the event is about a key such as Ctrl, Alt or Cmd.
+ * @param {KeyEvent} event
+ */
 export function isModifier(event) {
   return MODIFIERS.has(event.key) || /^(Alt|Control|Meta|OS)(Left|Right)?$/.test(event.code);
 }
 
-/** The key's code. Some phone keyboards send none: then the code that the character has on most keyboards; '' if there is
- * no telling. */
+/**
+ * Return the key's code. Some phone keyboards send none: then the code that the character has on most keyboards, or ''.
+ * @param {KeyEvent} event
+ */
 export function codeOf(event) {
   if (event.code && event.code !== 'Unidentified') return event.code;
   const key = event.key ?? '';
@@ -41,36 +65,46 @@ export function codeOf(event) {
 }
 
 /** What is printed on the keys of this keyboard, as far as it is known. */
-export class Layout {
-  /** `changed()` is called when a key turns out to have another print. */
+export class KeyboardLayout {
+  /** @param {() => void} changed is called when a key turns out to have another print */
   constructor(changed = () => {}) {
     this.changed = changed;
+    /** @type {Map<string, string>} */
     this.prints = new Map(Object.entries(readJson(local, STORE, {})));
   }
 
-  /** The print of a code, or null. */
+  /**
+   * Return the print of a code, or null.
+   * @param {string} code
+   */
   of(code) {
     return this.prints.get(code) ?? null;
   }
 
-  /** Asks the browser, where it tells. */
+  /** Ask the browser; only some answer. */
   async ask() {
     try {
-      const map = await navigator.keyboard?.getLayoutMap?.();
-      if (map) this.#take(map);
+      // Not in TypeScript's own types: https://wicg.github.io/keyboard-map/
+      const { keyboard } = /** @type {{ keyboard?: { getLayoutMap?(): Promise<Map<string, string>> } }} */ (navigator);
+      const map = await keyboard?.getLayoutMap?.();
+      if (map) this.#add(map);
     } catch {
-      // The browser keeps it to itself: key presses tell.
+      // The browser does not say: key presses will.
     }
   }
 
-  /** Learns from a key press what the key writes. */
+  /**
+   * Learn from a key press what the key writes.
+   * @param {KeyboardEvent} event
+   */
   learn(event) {
     if (!event.code || event.ctrlKey || event.metaKey || event.altKey || event.shiftKey || event.isComposing) return;
-    if (event.getModifierState?.('AltGraph')) return; // the third sign of the key: on Linux no other flag tells
-    this.#take([[event.code, event.key]]);
+    if (event.getModifierState?.('AltGraph')) return; // the third sign of the key: on Linux no other flag shows it
+    this.#add([[event.code, event.key]]);
   }
 
-  #take(found) {
+  /** @param {Iterable<[string, string]>} found */
+  #add(found) {
     let isNew = false;
     for (const [code, key] of found) {
       const print = printOf(code, key);
@@ -84,14 +118,25 @@ export class Layout {
   }
 }
 
-/** The capital that a key with one character writes; null for keys that are called by their name. */
+/**
+ * Return the capital that a key with one character writes; null for keys that are called by their name.
+ * @param {string} code
+ * @param {string} key
+ */
 function printOf(code, key) {
-  if (!isUsable(code) || /^(Numpad|Space|Arrow)/.test(code) || [...String(key)].length !== 1 || !String(key).trim()) return null;
-  const capital = key.toUpperCase();
-  return [...capital].length === 1 ? capital : key;
+  const character = String(key);
+  if (!isUsable(code) || /^(Numpad|Space|Arrow)/.test(code)) return null;
+  if ([...character].length !== 1 || !character.trim()) return null;
+  const capital = character.toUpperCase();
+  return [...capital].length === 1 ? capital : character;
 }
 
-/** What is written on a key cap for a code. `text`: the page's words; `layout`: this keyboard's prints. */
+/**
+ * Return what a key cap shows for a code.
+ * @param {string} code
+ * @param {Catalogue} text
+ * @param {KeyboardLayout | null} layout
+ */
 export function keyName(code, text, layout = null) {
   if (SIGNS[code]) return SIGNS[code];
   if (code === 'Space') return text('keys.space');

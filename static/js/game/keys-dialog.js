@@ -1,64 +1,128 @@
-// Other keys for the participant: a small dialog; the choice stays in this browser.
+// The dialog in which a participant chooses other keys. The choice stays in this browser.
 
+/** @import { Catalogue } from '../browser/texts.js' */
+/** @import { Bindings } from './input.js' */
+/** @import { KeyboardLayout } from './key-names.js' */
+
+import { find, findAll } from '../browser/dom.js';
+import { local, readJson } from '../browser/storage.js';
 import { DEFAULT_BINDINGS } from './input.js';
 import { codeOf, isModifier, isUsable, keyName } from './key-names.js';
-import { local, readJson } from '../browser/storage.js';
 
 const STORE = 'kitchenmind.keys';
 
-/** The stored keys, or the usual ones. Keys that do not work are left out; an action without any gets its usual ones. */
+/**
+ * Return the stored keys, or the default ones. Unusable keys are left out; an action without any gets its default ones.
+ * @param {Pick<Storage, 'getItem'>} storage
+ * @returns {Bindings}
+ */
 export function storedBindings(storage = local) {
   const stored = readJson(storage, STORE, {});
-  const own = Object.keys(DEFAULT_BINDINGS).map((action) => [action, Array.isArray(stored[action]) ? stored[action].filter(isUsable) : []]);
+  /** @type {[string, string[]][]} */
+  const own = Object.keys(DEFAULT_BINDINGS).map((action) => {
+    return [action, Array.isArray(stored[action]) ? stored[action].filter(isUsable) : []];
+  });
   const taken = own.flatMap(([, codes]) => codes);
-  const next = own.map(([action, codes]) => [action, codes.length ? codes : DEFAULT_BINDINGS[action].filter((code) => !taken.includes(code))]);
+  /** @type {(action: string) => string[]} */
+  const free = (action) => DEFAULT_BINDINGS[action].filter((code) => !taken.includes(code));
+  const next = own.map(([action, codes]) => /** @type {const} */ ([action, codes.length ? codes : free(action)]));
   return next.every(([, codes]) => codes.length) ? Object.fromEntries(next) : DEFAULT_BINDINGS;
 }
 
-/** The bindings with `code` as first key of `action`; no key means two things. */
+/**
+ * Return the bindings with `code` as first key of `action`. No key means two things: an action that loses its only key
+ * gets the one that `action` had.
+ * @param {Bindings} bindings
+ * @param {string} action
+ * @param {string} code
+ * @returns {Bindings}
+ */
 export function rebind(bindings, action, code) {
-  const free = Object.entries(bindings).map(([each, codes]) => [each, codes.filter((other) => other !== code)]);
-  const next = Object.fromEntries(free);
+  /** @type {(codes: string[]) => string[]} */
+  const others = (codes) => codes.filter((other) => other !== code);
+  /** @type {Bindings} */
+  const next = Object.fromEntries(Object.entries(bindings).map(([each, codes]) => [each, others(codes)]));
   next[action] = [code];
-  for (const each of Object.keys(next)) if (!next[each].length) next[each] = bindings[action].filter((other) => other !== code).slice(0, 1);
+  for (const each of Object.keys(next)) if (!next[each].length) next[each] = others(bindings[action]).slice(0, 1);
   return Object.values(next).every((codes) => codes.length) ? next : bindings;
 }
 
-/** Opens on `opener`; `changed(bindings)` is told a new choice. `layout`: what is printed on the keys. Returns `show()`, for
- * when that has become known. */
-export function keysDialog(dialog, opener, text, layout, changed) {
-  let bindings = storedBindings();
-  let asking = null; // the button that waits for a key
-  const buttons = [...dialog.querySelectorAll('[data-rebind]')];
-  const note = dialog.querySelector('#keys-note');
-  const show = (words = '') => {
-    note.textContent = words;
-    buttons.forEach((button) => {
-      const names = bindings[button.dataset.rebind].map((code) => keyName(code, text, layout)).join(' / ');
-      button.textContent = button === asking ? text('keys.press') : names;
-    });
-  };
-  const keep = (next) => {
-    bindings = next;
+export class KeysDialog {
+  /**
+   * @param {HTMLDialogElement} dialog
+   * @param {Catalogue} text
+   * @param {KeyboardLayout} layout
+   * @param {(bindings: Bindings) => void} changed is told a new choice
+   */
+  constructor(dialog, text, layout, changed) {
+    this.dialog = dialog;
+    this.text = text;
+    this.layout = layout;
+    this.changed = changed;
+    this.bindings = storedBindings();
+    /** @type {HTMLButtonElement | null} the button that waits for a key */
+    this.asking = null;
+    this.buttons = findAll('[data-rebind]', HTMLButtonElement, dialog);
+    this.note = find('#keys-note', HTMLElement, dialog);
+    for (const button of this.buttons) button.addEventListener('click', () => this.#ask(button));
+    find('#keys-reset', HTMLElement, dialog).addEventListener('click', () => this.#store(DEFAULT_BINDINGS));
+    dialog.addEventListener('keydown', (event) => this.#pressed(event));
+  }
+
+  open() {
+    this.asking = null;
+    this.#show();
+    this.dialog.showModal();
+  }
+
+  /** Write the names of the keys again: more is known about the keyboard. */
+  refresh() {
+    this.#show(this.note.textContent ?? '');
+  }
+
+  #show(note = '') {
+    this.note.textContent = note;
+    for (const button of this.buttons) {
+      const names = this.bindings[actionOf(button)].map((code) => keyName(code, this.text, this.layout)).join(' / ');
+      button.textContent = button === this.asking ? this.text('keys.press') : names;
+    }
+  }
+
+  /** @param {HTMLButtonElement} button */
+  #ask(button) {
+    this.asking = this.asking === button ? null : button;
+    this.#show();
+  }
+
+  /** @param {Bindings} next */
+  #store(next) {
+    this.asking = null;
+    this.bindings = next;
     local.setItem(STORE, JSON.stringify(next));
-    changed(next);
-    show();
-  };
-  opener.addEventListener('click', () => { asking = null; show(); dialog.showModal(); });
-  buttons.forEach((button) => button.addEventListener('click', () => { asking = asking === button ? null : button; show(); }));
-  dialog.querySelector('#keys-reset').addEventListener('click', () => { asking = null; keep(DEFAULT_BINDINGS); });
-  dialog.addEventListener('keydown', (event) => {
+    this.changed(next);
+    this.#show();
+  }
+
+  /** @param {KeyboardEvent} event */
+  #pressed(event) {
     const code = codeOf(event);
-    if (!asking || code === 'Tab') return;
+    if (!this.asking || code === 'Tab') return;
     event.preventDefault();
     if (event.repeat) return;
     const isFree = !event.ctrlKey && !event.metaKey && !event.altKey && !isModifier(event);
-    if (event.key !== 'Escape' && !(isFree && isUsable(code))) { show(text('keys.unusable')); return; }
-    const { rebind: action } = asking.dataset;
-    asking = null;
-    dialog.addEventListener('keyup', (release) => release.preventDefault(), { once: true }); // or Space would press the button again
-    if (event.key === 'Escape') show();
-    else keep(rebind(bindings, action, code));
-  });
-  return () => show(note.textContent);
+    if (event.key !== 'Escape' && !(isFree && isUsable(code))) {
+      this.#show(this.text('keys.unusable'));
+      return;
+    }
+    const action = actionOf(this.asking);
+    // Without this, Space would press the button again.
+    this.dialog.addEventListener('keyup', (release) => release.preventDefault(), { once: true });
+    if (event.key === 'Escape') this.#ask(this.asking);
+    else this.#store(rebind(this.bindings, action, code));
+  }
+}
+
+/** @param {HTMLButtonElement} button */
+function actionOf(button) {
+  return button.dataset.rebind ?? '';
 }

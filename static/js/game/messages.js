@@ -1,24 +1,36 @@
-// The messages between browser and server, as docs/reference/protocol.md describes them: what is sent is built here, what comes is
-// checked here. Knows no socket.
+// Builds the messages that the page sends and checks those that come, as docs/reference/protocol.md describes them.
 
 import { PROTOCOL } from '../browser/protocol.js';
 
+/** @typedef {(value: unknown) => boolean} Check */
+
+/** @type {Check} */
 const number = (value) => typeof value === 'number' && Number.isFinite(value);
+/** @type {Check} */
 const text = (value) => typeof value === 'string';
+/** @type {Check} */
 const flag = (value) => typeof value === 'boolean';
+/** @type {(check: Check) => Check} */
 const listOf = (check) => (value) => Array.isArray(value) && value.every(check);
+/** @type {(length: number) => Check} */
 const numbers = (length) => (value) => Array.isArray(value) && value.length === length && value.every(number);
+/** @type {(fields: Record<string, Check>) => Check} */
 const shape = (fields) => (value) => typeof value === 'object' && value !== null && wrongField(value, fields) === null;
 
+/** @type {Record<keyof Wire.Kitchen, Check>} */
 const KITCHEN = {
-  t: number, players: listOf(numbers(4)), counters: listOf(numbers(3)), pots: listOf(numbers(4)), score: number, soups: number,
+  ...{ t: number, players: listOf(numbers(4)), counters: listOf(numbers(3)), pots: listOf(numbers(4)) },
+  ...{ score: number, soups: number },
 };
 
+/** @typedef {{ [M in Wire.FromServer as M['type']]: Record<Exclude<keyof M, 'type'>, Check> }} Checks */
+
+/** @type {Checks} */
 const INCOMING = {
   welcome: {
-    protocol: number, episode: text, kind: text, number, episodes: number, layout: text, title: text, grid: listOf(text),
-    seat: number, watched_seat: number, horizon: number, tick_ms: number, steps: number, shows_predictions: flag,
-    state: shape(KITCHEN), resumed: flag, endless: flag, partner: text,
+    ...{ protocol: number, episode: text, kind: text, number, episodes: number, layout: text, title: text },
+    ...{ grid: listOf(text), seat: number, watched_seat: number, horizon: number, tick_ms: number, steps: number },
+    ...{ shows_predictions: flag, state: shape(KITCHEN), resumed: flag, endless: flag, partner: text },
   },
   waiting: { left_s: number },
   countdown: { seconds: number },
@@ -32,25 +44,48 @@ const INCOMING = {
   superseded: {},
 };
 
-/** The first field of `value` that is missing or of the wrong type; null if all are well. */
+/**
+ * Return the first field of `value` that is missing or of the wrong type; null if all are well.
+ * @param {object} value
+ * @param {Record<string, Check>} fields
+ */
 function wrongField(value, fields) {
-  for (const [name, check] of Object.entries(fields)) if (!check(value[name])) return name;
-  return null;
+  const given = /** @type {Record<string, unknown>} */ (value);
+  return Object.keys(fields).find((name) => !fields[name](given[name])) ?? null;
 }
 
-/** The message in a frame of the server. Throws TypeError that names what is wrong. */
+/**
+ * Return the message in a frame of the server. Throws a TypeError that names what is wrong.
+ * @param {string} frame
+ * @returns {Wire.FromServer}
+ */
 export function parse(frame) {
   const message = JSON.parse(frame);
-  const fields = Object.keys(INCOMING).includes(message?.type) ? INCOMING[message.type] : null;
+  /** @type {Record<string, Record<string, Check>>} */
+  const known = INCOMING;
+  const fields = Object.keys(known).includes(message?.type) ? known[message.type] : null;
   if (!fields) throw new TypeError(`unknown message ${String(message?.type)}`);
   const wrong = wrongField(message, fields);
   if (wrong !== null) throw new TypeError(`${message.type}: bad field ${wrong}`);
   return message;
 }
 
+/** @type {(tab: string, lastTimestep: number) => Wire.Hello} */
 export const hello = (tab, lastTimestep) => ({ type: 'hello', protocol: PROTOCOL, tab, last_timestep: lastTimestep });
+
+/** @type {() => Wire.Ready} */
 export const ready = () => ({ type: 'ready' });
-export const input = (seq, held, tap, clientMs) => ({ type: 'input', seq, held, tap, client_ms: clientMs });
+
+/** @type {(seq: number, held: number | null, tap: number | null, clientMs: number) => Wire.Input} */
+export const input = (seq, held, tap, clientMs) => {
+  return { type: 'input', seq, held, tap: /** @type {Wire.Input['tap']} */ (tap), client_ms: clientMs };
+};
+
+/** @type {(reason: Wire.Away['reason']) => Wire.Away} */
 export const away = (reason) => ({ type: 'away', reason });
+
+/** @type {(id: number) => Wire.Pong} */
 export const pong = (id) => ({ type: 'pong', id });
-export const trouble = (problem) => ({ type: 'trouble', text: String(problem).slice(0, 500) });
+
+/** @type {(problem: unknown) => Wire.Trouble} */
+export const clientError = (problem) => ({ type: 'trouble', text: String(problem).slice(0, 500) });

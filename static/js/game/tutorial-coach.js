@@ -1,23 +1,41 @@
-// The tutorial's coach: the list of what to do, the bubble that says how, and the place in the kitchen that it points at.
+// The tutorial's coach: the list of lessons, the bubble that explains one, and the cell that it points at.
 
-import { COOK_TIME, SOUP, cellsOf, isFloor } from '../board/kitchen.js';
+/** @import { Cell } from '../board/kitchen.js' */
+/** @import { StartedState, State } from '../board/state.js' */
+/** @import { Catalogue } from '../browser/texts.js' */
 
-const DISH = 2;
+import { COOK_TIME, DISH, SOUP, cellsOf, isFloor } from '../board/kitchen.js';
+import { isStarted } from '../board/state.js';
+import { find } from '../browser/dom.js';
 
-/** The cell [x, y] a lesson points at now; null where it points at nothing. A function of the lesson and what is seen. */
+/** @typedef {{ width: number, height: number }} Size */
+/** @typedef {{ left: number, top: number, cell: number }} BoardBox the board in the stage's pixels; cell: its side */
+/** @typedef {{ side: 'below' | 'above' | 'free', left: number, top: number }} Place */
+
+const GAP = 14;
+const MARGIN = 8;
+
+/**
+ * Return the cell that a lesson points at now, as a function of the lesson and what is on screen; null for none.
+ * @param {string} key of the lesson
+ * @param {StartedState} state
+ * @returns {Cell | null}
+ */
 export function target(key, state) {
   const { grid, seat, watched_seat: watched } = state.game;
   const { players, pots } = state.current;
   const own = players[seat];
+  /** @type {(cells: [number, number, ...number[]][]) => [number, number, ...number[]] | null} */
   const nearest = (cells) => [...cells].sort((a, b) => distance(a, own) - distance(b, own))[0] ?? null;
-  const full = pots.filter(([, , , tick]) => tick >= 0);
-  const ready = nearest(full.filter(([, , , tick]) => tick >= COOK_TIME));
-  const filling = nearest(pots.filter(([, , onions, tick]) => tick < 0 && onions > 0)) ?? nearest(cellsOf(grid, 'P'));
+  const cooking = pots.filter(([, , , time]) => time >= 0);
+  const ready = nearest(cooking.filter(([, , , time]) => time >= COOK_TIME));
+  const filling = nearest(pots.filter(([, , onions, time]) => time < 0 && onions > 0)) ?? nearest(cellsOf(grid, 'P'));
+  /** @type {Record<string, () => readonly number[] | null>} */
   const places = {
     fetch: () => nearest(cellsOf(grid, 'O')),
     fill: () => (own[3] === 0 ? nearest(cellsOf(grid, 'O')) : filling),
-    wait: () => nearest(full) ?? filling,
-    plate: () => (own[3] === DISH ? ready ?? nearest(full) : nearest(cellsOf(grid, 'D'))),
+    wait: () => nearest(cooking) ?? filling,
+    plate: () => (own[3] === DISH ? (ready ?? nearest(cooking)) : nearest(cellsOf(grid, 'D'))),
     deliver: () => (own[3] === SOUP ? nearest(cellsOf(grid, 'S')) : null),
     marks: () => players[watched],
   };
@@ -25,98 +43,161 @@ export function target(key, state) {
   return place ? [place[0], place[1]] : null;
 }
 
+/** @type {(a: readonly number[], b: readonly number[]) => number} */
 function distance([x, y], [otherX, otherY]) {
   return Math.abs(x - otherX) + Math.abs(y - otherY);
 }
 
-/** Where a bubble of width x height hides least: {left, top, side, tip}. `board`: {left, top, cell} in the stage's pixels. */
+/**
+ * Return where a bubble hides least of the kitchen; `tip` is where its arrow points, from its left edge.
+ * @param {Cell | null} cell
+ * @param {StartedState} state
+ * @param {BoardBox} board
+ * @param {Size} size of the bubble
+ * @param {Size} stage
+ * @returns {Place & { tip: number }}
+ */
 export function bubblePlace(cell, state, board, size, stage) {
   const centre = cell ? board.left + (cell[0] + 0.5) * board.cell : stage.width / 2;
-  const left = clamp(centre - size.width / 2, 8, stage.width - size.width - 8);
-  const gap = 14;
+  const left = clamp(centre - size.width / 2, MARGIN, stage.width - size.width - MARGIN);
+  const lowest = stage.height - size.height - MARGIN;
+  const above = board.top + (cell?.[1] ?? -1) * board.cell; // the upper edge of the cell
+  const top = cell ? above : board.top + state.game.grid.length * board.cell;
+  /** @type {Place[]} */
   const options = [
-    { side: 'below', left, top: board.top + ((cell?.[1] ?? -1) + 1) * board.cell + gap },
-    { side: 'above', left, top: board.top + (cell?.[1] ?? state.game.grid.length) * board.cell - size.height - gap },
+    { side: 'below', left, top: above + board.cell + GAP },
+    { side: 'above', left, top: top - size.height - GAP },
   ];
-  if (!cell) options.push({ side: 'free', left, top: 8 }, { side: 'free', left, top: stage.height - size.height - 8 });
-  const scored = options.map((option) => ({ ...option, cost: hidden(option, size, state, board) + 1000 * outside(option, size, stage) }));
-  const best = scored.reduce((a, b) => (b.cost < a.cost ? b : a));
-  const top = clamp(best.top, 8, stage.height - size.height - 8);
-  return { left: best.left, top, side: cell ? best.side : 'free', tip: clamp(centre - best.left, 22, size.width - 22) };
+  if (!cell) options.push({ side: 'free', left, top: MARGIN }, { side: 'free', left, top: lowest });
+  /** @type {(place: Place) => number} */
+  const cost = (place) => hiddenCost(place, size, state, board) + 1000 * outside(place, size, stage);
+  const best = options.reduce((a, b) => (cost(b) < cost(a) ? b : a));
+  const tip = clamp(centre - best.left, 22, size.width - 22);
+  return { left: best.left, top: clamp(best.top, MARGIN, lowest), side: cell ? best.side : 'free', tip };
 }
 
+/** @type {(value: number, low: number, high: number) => number} */
 function clamp(value, low, high) {
   return Math.max(low, Math.min(high, value));
 }
 
+/** @type {(place: Place, size: Size, stage: Size) => number} */
 function outside({ top }, { height }, stage) {
   return Number(top < 0 || top + height > stage.height);
 }
 
-/** How much of use lies below the bubble: floor 1, stations 2, chefs 4. */
-function hidden({ left, top }, size, state, board) {
-  let cost = 0;
+/**
+ * Return how much of use lies below the bubble: a floor cell costs 1, a station 2, a chef 4.
+ * @type {(place: Place, size: Size, state: StartedState, board: BoardBox) => number}
+ */
+function hiddenCost({ left, top }, size, state, board) {
+  /** @type {(x: number, y: number) => boolean} */
   const covers = (x, y) => {
-    const cellLeft = board.left + x * board.cell, cellTop = board.top + y * board.cell;
-    return cellLeft < left + size.width && cellLeft + board.cell > left && cellTop < top + size.height && cellTop + board.cell > top;
+    const cellLeft = board.left + x * board.cell;
+    const cellTop = board.top + y * board.cell;
+    const overlapsX = cellLeft < left + size.width && cellLeft + board.cell > left;
+    return overlapsX && cellTop < top + size.height && cellTop + board.cell > top;
   };
-  state.game.grid.forEach((row, y) => [...row].forEach((tile, x) => {
-    if (covers(x, y)) cost += isFloor(state.game.grid, x, y) ? 1 : tile === 'X' ? 0 : 2;
-  }));
+  const { grid } = state.game;
+  let cost = 0;
+  grid.forEach((row, y) =>
+    [...row].forEach((tile, x) => {
+      if (covers(x, y)) cost += isFloor(grid, x, y) ? 1 : tile === 'X' ? 0 : 2;
+    }),
+  );
   for (const [x, y] of state.current.players) if (covers(x, y)) cost += 4;
   return cost;
 }
 
-export class Coach {
-  /** `keyCaps()` gives the elements for {walk} and {use} in the texts. */
+export class TutorialCoach {
+  /**
+   * @param {HTMLElement} stage
+   * @param {HTMLElement} bubble
+   * @param {HTMLElement} panel has the list of lessons
+   * @param {string[]} keys of the lessons, where the server told them
+   * @param {Catalogue} text
+   * @param {() => Record<string, string | Node>} keyCaps gives the elements for {walk} and {use} in the texts
+   */
   constructor(stage, bubble, panel, keys, text, keyCaps) {
-    Object.assign(this, { stage, bubble, list: panel.querySelector('ol'), how: panel.querySelector('.how'), keys, text, keyCaps, shown: '', placed: '' });
+    this.stage = stage;
+    this.bubble = bubble;
+    this.list = find('ol', HTMLElement, panel);
+    this.explanations = [bubble, panel].map((part) => find('.how', HTMLElement, part));
+    this.title = find('.t', HTMLElement, bubble);
+    this.keys = keys;
+    this.text = text;
+    this.keyCaps = keyCaps;
+    this.shown = '';
+    this.placed = '';
   }
 
-  /** Shows the lesson; returns the cell to point at. `board`: {left, top, cell} in the stage's pixels. */
+  /**
+   * Show the lesson; return the cell to highlight.
+   * @param {State} state
+   * @param {BoardBox | null} board
+   */
   show(state, board) {
     const { lesson } = state;
     const playing = ['playing', 'countdown'].includes(state.phase) && state.link === 'open';
     this.bubble.hidden = !lesson || !playing;
     if (!lesson) return null;
     this.#write(lesson, state);
-    if (!playing || !board) return null;
+    if (!playing || !board || !isStarted(state)) return null;
     const cell = lesson.done ? null : target(lesson.key, state);
-    const place = `${lesson.index}:${lesson.done}:${lesson.key === 'marks' ? '' : cell}:${board.cell}:${board.left}`;
+    const pointsAt = lesson.key === 'marks' ? '' : cell; // the watched chef moves, and the bubble does not follow it
+    const place = `${lesson.index}:${lesson.done}:${pointsAt}:${board.cell}:${board.left}`;
     if (place !== this.placed) this.#move(cell, state, board);
     this.placed = place;
     return lesson.key === 'walk' ? null : cell;
   }
 
-  /** Puts the bubble where it belongs again: the stage has another size. */
+  /** Place the bubble again: the stage has another size. */
   moved() {
     this.placed = '';
   }
 
-  /** Writes the words again at the next chance: other keys are meant. */
+  /** Write the texts again at the next chance: they name other keys. */
   rewrite() {
     this.shown = '';
   }
 
+  /**
+   * @param {Wire.Lesson} lesson
+   * @param {State} state
+   */
   #write(lesson, state) {
     const same = `${lesson.key}:${lesson.index}:${lesson.done}`;
     if (same === this.shown) return;
     this.shown = same;
     this.placed = '';
     const key = lesson.done ? 'done' : lesson.key;
-    this.bubble.querySelector('.t').textContent = this.text(`lesson.${key}.title`);
-    for (const how of [this.bubble.querySelector('.how'), this.how]) how.replaceChildren(...this.text.nodes(`lesson.${key}.text`, this.keyCaps()));
+    this.title.textContent = this.text(`lesson.${key}.title`);
+    for (const place of this.explanations) {
+      place.replaceChildren(...this.text.nodes(`lesson.${key}.text`, this.keyCaps()));
+    }
     const keys = (this.keys.length ? this.keys : state.lessons).slice(0, lesson.steps);
-    this.list.replaceChildren(...keys.map((each, index) => {
-      const item = document.createElement('li');
-      item.textContent = this.text(`lesson.${each}.todo`);
-      item.dataset.number = index + 1;
-      item.className = lesson.done || index < lesson.index ? 'done' : index === lesson.index ? 'now' : '';
-      if (item.className === 'now') item.setAttribute('aria-current', 'step');
-      return item;
-    }));
+    this.list.replaceChildren(...keys.map((each, index) => this.#item(each, index, lesson)));
   }
 
+  /**
+   * @param {string} key
+   * @param {number} index
+   * @param {Wire.Lesson} lesson
+   */
+  #item(key, index, lesson) {
+    const item = document.createElement('li');
+    item.textContent = this.text(`lesson.${key}.todo`);
+    item.dataset.number = String(index + 1);
+    item.className = lesson.done || index < lesson.index ? 'done' : index === lesson.index ? 'now' : '';
+    if (item.className === 'now') item.setAttribute('aria-current', 'step');
+    return item;
+  }
+
+  /**
+   * @param {Cell | null} cell
+   * @param {StartedState} state
+   * @param {BoardBox} board
+   */
   #move(cell, state, board) {
     const size = { width: this.bubble.offsetWidth, height: this.bubble.offsetHeight };
     const stage = { width: this.stage.clientWidth, height: this.stage.clientHeight };

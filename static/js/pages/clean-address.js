@@ -1,11 +1,12 @@
-// A recruiter's parameters are in the page already: out of the address bar, where a shared link or a screenshot would
-// tell who somebody is. A reload of this tab puts them back; nothing is kept anywhere else.
+// Takes a recruiter's parameters out of the address bar, where a shared link or a screenshot would identify the
+// participant. The page has them already. A reload of this tab puts them back; they are stored nowhere else.
 
 const query = new URLSearchParams(location.search);
 const names = [...query.keys()].filter((name) => name !== 'lang');
 if (names.length > 0) {
   names.forEach((name) => query.delete(name));
-  history.replaceState({ query: location.search }, '', location.pathname + (String(query) ? `?${query}` : ''));
+  const rest = String(query) ? `?${query}` : '';
+  history.replaceState({ query: location.search }, '', location.pathname + rest);
 } else if (history.state?.query) {
   location.replace(location.pathname + history.state.query);
 }

@@ -1,40 +1,63 @@
-// Checks before consent whether the game will run on this device. The page alone decides; the server only counts, and
-// learns nothing about who came.
+// Checks before consent whether the game will run on this device. The page alone decides. The server only counts, and
+// does not learn who came.
+
+import { find } from '../browser/dom.js';
+import { fillIn } from '../browser/texts.js';
 
 document.documentElement.dataset.runs = 'yes';
 
-const TRIES = 7, PATIENCE_MS = 8000;
-const box = document.getElementById('entry');
-const [text, faults, agree, again, unsuitable, decline] = ['entry-text', 'entry-faults', 'agree', 'again', 'unsuitable', 'decline'].map((id) => document.getElementById(id));
-const wanted = JSON.parse(box.dataset.checks);
-const words = JSON.parse(box.dataset.words);
+const ECHOES = 7;
+const TIMEOUT_MS = 8000;
+const box = find('#entry', HTMLElement);
+const text = find('#entry-text', HTMLElement);
+const faults = find('#entry-faults', HTMLElement);
+const agree = find('#agree', HTMLButtonElement);
+const again = find('#again', HTMLElement);
+const unsuitable = find('#unsuitable', HTMLElement);
+const decline = find('#decline', HTMLElement);
+const { checks, words: texts, count: countAddress = '', socket: echoAddress = '' } = box.dataset;
+/** @type {{ width: number, height: number, input: boolean, websocket: boolean, latency_ms: number | null }} */
+const wanted = JSON.parse(checks ?? '{}');
+/** @type {Record<string, string>} */
+const words = JSON.parse(texts ?? '{}');
 
-const counting = `arrival ${box.dataset.count}`;
+const countedKey = `arrival ${countAddress}`;
 
-/** How this tab was counted last; a browser that keeps nothing is counted anew at each visit. */
+/**
+ * Return how this tab was counted last, and store how it is counted now. A browser that stores nothing is counted again
+ * at each visit.
+ * @param {string} now
+ */
 function counted(now) {
   try {
-    const before = sessionStorage.getItem(counting);
-    if (now) sessionStorage.setItem(counting, now);
+    const before = sessionStorage.getItem(countedKey);
+    if (now) sessionStorage.setItem(countedKey, now);
     return before;
   } catch {
     return null;
   }
 }
 
-/** Reports a count. The check goes on without it: some privacy settings take `sendBeacon` away, and the game needs neither. */
+/**
+ * @param {'opened' | 'unsuitable' | 'suitable' | 'declined'} kind
+ * @param {string} reason
+ * Some privacy settings remove `sendBeacon`; neither the check nor the game needs it.
+ */
 function count(kind, reason = '') {
-  const token = document.querySelector('#consent [name=form_token]').value;
+  const token = find('#consent [name=form_token]', HTMLInputElement).value;
   try {
     const body = new URLSearchParams({ form_token: token, kind, reason });
-    if (navigator.sendBeacon?.(box.dataset.count, body)) return;
-    fetch(box.dataset.count, { method: 'POST', body, keepalive: true }).catch(() => {});
+    if (navigator.sendBeacon?.(countAddress, body)) return;
+    fetch(countAddress, { method: 'POST', body, keepalive: true }).catch(() => {});
   } catch (error) {
     console.info(String(error));
   }
 }
 
-/** Each tab counts once as opened, and as unsuitable for one reason as long as it is. */
+/**
+ * Count each tab once as opened, and once as unsuitable for as long as it is.
+ * @param {string} reason '' if the device is suitable
+ */
 function countCheck(reason) {
   const before = counted(reason || 'good');
   if (before === null) count('opened');
@@ -43,12 +66,11 @@ function countCheck(reason) {
   if (!reason && failed) count('suitable', before);
 }
 
-const fill = (key, numbers) => words[key].replace(/\{(\w+)\}/g, (_, name) => numbers[name]);
-
 function screenFault() {
-  const sides = [window.innerWidth, window.innerHeight], needed = [wanted.width, wanted.height];
-  const fits = (a, b) => a[0] >= b[0] && a[1] >= b[1];
-  return fits(sides, needed) || fits(sides, [...needed].reverse()) ? null : fill('screen', wanted);
+  const { innerWidth: width, innerHeight: height } = window;
+  const upright = width >= wanted.width && height >= wanted.height;
+  const turned = width >= wanted.height && height >= wanted.width;
+  return upright || turned ? null : fillIn(words.screen, wanted);
 }
 
 function inputFault() {
@@ -58,7 +80,10 @@ function inputFault() {
   return touch || keyboard ? null : words.input;
 }
 
-/** What a check finds; a check that this browser cannot even run shows that the browser is too old. */
+/**
+ * Run one check. If the browser cannot even run it, the browser is too old.
+ * @param {() => string | null} fault
+ */
 function foundBy(fault) {
   try {
     return fault();
@@ -68,11 +93,11 @@ function foundBy(fault) {
   }
 }
 
-/** Tries the game's own code. Loaded late: in a browser that cannot even read it, this page goes on and says so. */
+/** Try the game's own code. It is imported only here, so that this page runs where that code cannot be parsed. */
 async function browserFault() {
   if (!navigator.cookieEnabled) return words.cookies;
   try {
-    (await import('./game-self-test.js')).rehearse();
+    (await import('./game-self-test.js')).runSelfTest();
     return null;
   } catch (error) {
     console.info(String(error));
@@ -80,35 +105,51 @@ async function browserFault() {
   }
 }
 
-/** Round trips over a websocket in ms; rejects when none can be opened. */
+/**
+ * Return round trips over a websocket in ms. Rejects if none can be opened.
+ * @returns {Promise<number[]>}
+ */
 function roundTrips() {
   return new Promise((resolve, reject) => {
-    const socket = new WebSocket(new URL(box.dataset.socket, location.href.replace(/^http/, 'ws')));
+    const socket = new WebSocket(new URL(echoAddress, location.href.replace(/^http/, 'ws')));
+    /** @type {number[]} */
     const times = [];
     let sent = 0;
-    const stop = setTimeout(() => { socket.close(); reject(new Error('timeout')); }, PATIENCE_MS);
-    const send = () => { sent = performance.now(); socket.send(String(times.length)); };
+    const timer = setTimeout(() => finish(() => reject(new Error('timeout'))), TIMEOUT_MS);
+    const send = () => {
+      sent = performance.now();
+      socket.send(String(times.length));
+    };
+    /** @param {() => void} settle */
+    const finish = (settle) => {
+      clearTimeout(timer);
+      socket.close();
+      settle();
+    };
     socket.onopen = send;
     socket.onmessage = () => {
       times.push(performance.now() - sent);
-      if (times.length < TRIES) { send(); return; }
-      clearTimeout(stop);
-      socket.close();
-      resolve(times);
+      if (times.length < ECHOES) send();
+      else finish(() => resolve(times));
     };
-    socket.onerror = () => { clearTimeout(stop); reject(new Error('refused')); };
-    socket.onclose = () => { clearTimeout(stop); reject(new Error('closed')); };
+    socket.onerror = () => finish(() => reject(new Error('refused')));
+    socket.onclose = () => finish(() => reject(new Error('closed')));
   });
 }
 
-/** What is wrong with the connection, as [reason, words]; no words where nothing is. */
+/** @typedef {[reason: string, words: string | null]} Fault no words: nothing is wrong */
+
+/**
+ * Check the connection.
+ * @returns {Promise<Fault>}
+ */
 async function connectionFault() {
   if (!wanted.websocket && !wanted.latency_ms) return ['latency', null];
   try {
     const times = (await roundTrips()).sort((a, b) => a - b);
     const latency = Math.round(times[times.length >> 1]);
     const slow = wanted.latency_ms && latency > wanted.latency_ms;
-    return ['latency', slow ? fill('latency', { latency, limit: wanted.latency_ms }) : null];
+    return ['latency', slow ? fillIn(words.latency, { latency, limit: wanted.latency_ms }) : null];
   } catch {
     return ['websocket', words.websocket];
   }
@@ -118,12 +159,23 @@ async function check() {
   box.dataset.state = 'waiting';
   text.textContent = words.wait;
   faults.hidden = true;
-  const found = [['browser', await browserFault()], ['screen', foundBy(screenFault)], ['input', foundBy(inputFault)], await connectionFault()].filter(([, fault]) => fault);
+  /** @type {Fault[]} */
+  const all = [
+    ['browser', await browserFault()],
+    ['screen', foundBy(screenFault)],
+    ['input', foundBy(inputFault)],
+    await connectionFault(),
+  ];
+  show(all.filter(([, fault]) => fault));
+}
+
+/** @param {Fault[]} found */
+function show(found) {
   const good = found.length === 0;
   countCheck(good ? '' : found[0][0]);
   box.dataset.state = good ? 'good' : 'bad';
   text.textContent = good ? words.good : words.unsuitable_title;
-  faults.textContent = ''; // only what every browser with modules has: this page speaks to old ones
+  faults.textContent = ''; // no replaceChildren here: this page must also run in old browsers
   for (const [, fault] of found) faults.appendChild(document.createElement('li')).textContent = fault;
   faults.hidden = good;
   agree.disabled = !good;
@@ -134,5 +186,7 @@ async function check() {
 }
 
 again.addEventListener('click', check);
-decline.addEventListener('click', () => { if (counted('declined') !== 'declined') count('declined'); });
+decline.addEventListener('click', () => {
+  if (counted('declined') !== 'declined') count('declined');
+});
 await check();

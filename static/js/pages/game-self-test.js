@@ -1,32 +1,48 @@
-// Whether this browser can run the game, tried with the game's own code: every module is loaded, and a few moments of a
-// game are parsed, drawn and played on a canvas that nobody sees. What cannot be tried here is looked up by name.
+// Tries whether this browser can run the game, with the game's own code: every module is loaded, and a few moments of a
+// game are parsed, drawn and played on an invisible canvas. What cannot be tried here is looked up by name.
 
-import { Announcer } from '../game/announcer.js';
-import { Hud } from '../game/hud.js';
-import { Keys, Pace } from '../game/input.js';
-import { keyName } from '../game/key-names.js';
-import { rebind } from '../game/keys-dialog.js';
-import { bubblePlace, target } from '../game/tutorial-coach.js';
+/** @import { State } from '../board/state.js' */
+/** @import { Catalogue } from '../browser/texts.js' */
+/** @import { Change } from '../game/input.js' */
+
 import { drawLegend } from '../board/draw-marks.js';
-import { parse } from '../game/messages.js';
-import { Overlay } from '../game/dialogs.js';
 import { Renderer } from '../board/renderer.js';
-import { Connection, retryDelay, tabName } from '../game/connection.js';
-import { Sound } from '../game/sound.js';
 import { Sprites, blank } from '../board/sprites.js';
-import { apply, applyLink, applyTurn, defaults, secondsLeft } from '../board/state.js';
+import { apply, applyLink, applyTurn, defaults, isStarted, secondsLeft } from '../board/state.js';
 import { session } from '../browser/storage.js';
 import { catalogue } from '../browser/texts.js';
+import { Announcer } from '../game/announcer.js';
+import { chooseDialog } from '../game/choose-dialog.js';
+import { reportClientErrors } from '../game/client-errors.js';
+import { Connection, retryDelay, tabName } from '../game/connection.js';
+import { Dialogs } from '../game/dialogs.js';
+import { Hud } from '../game/hud.js';
+import { DEFAULT_BINDINGS, InputPacer, Keys } from '../game/input.js';
+import { walkAndUseCaps } from '../game/key-caps.js';
+import { KeyboardLayout } from '../game/key-names.js';
+import { listenToKeyboard } from '../game/keyboard.js';
+import { rebind } from '../game/keys-dialog.js';
+import { parse } from '../game/messages.js';
+import { Sound } from '../game/sound.js';
 import { listenTouch } from '../game/touch.js';
-import { reportTrouble } from '../game/client-errors.js';
-import { viewOf } from '../game/choose-dialog.js';
+import { bubblePlace, target } from '../game/tutorial-coach.js';
 
 const GRID = ['XPXX', 'O12D', 'X  X', 'XXSX'];
 const LESSONS = ['walk', 'fetch', 'fill', 'wait', 'plate', 'deliver', 'marks'];
-const FORMS = [[[0, 95], [1, 80], [2, 60]], [[3, 95], [4, 80], [5, 60]], [[6, 95], [6, 80], [6, 60]]]; // every action
-const ONION = 1, SOUP = 3;
+/** @type {[number, number][][]} every action */
+const PREDICTIONS = [
+  [0, 1, 2],
+  [3, 4, 5],
+  [6, 6, 6],
+].map((actions) => actions.map((action, step) => [action, [95, 80, 60][step]]));
+const ONION = 1;
+const SOUP = 3;
+const MODULES = [Hud, Dialogs, Connection, Sound, Sprites, listenToKeyboard, listenTouch, reportClientErrors];
 
-/** What the game and the other pages use and the rehearsal does not: name -> whether the browser has it. */
+/**
+ * What the game and the other pages use and the self-test does not try: name -> whether the browser has it.
+ * @type {Record<string, () => boolean>}
+ */
 const NEEDS = {
   WebSocket: () => typeof WebSocket === 'function' && WebSocket.OPEN === 1, // whatever the study file leaves unchecked
   dialog: () => typeof HTMLDialogElement.prototype.showModal === 'function',
@@ -43,28 +59,33 @@ const NEEDS = {
   PointerEvent: () => typeof PointerEvent === 'function',
   FormData: () => [...new FormData()].length === 0,
   URL: () => new URL('/a', location.href).pathname === '/a' && [...new URLSearchParams('a=1').keys()].length === 1,
-  MODULES: () => [Hud, Overlay, Connection, Sound, Sprites, listenTouch, reportTrouble].every((part) => typeof part === 'function'),
+  modules: () => MODULES.every((part) => typeof part === 'function'),
 };
 
 /** Throws an Error that names what is missing or went wrong. */
-export function rehearse() {
+export function runSelfTest() {
   for (const [name, has] of Object.entries(NEEDS)) if (!has()) throw new Error(`this browser has no ${name}`);
-  words();
-  keys();
-  game(new Renderer(blank(4, 4), new Drawings(), 'YOU'));
+  tryTexts();
+  tryKeys();
+  tryGame(new Renderer(blank(4, 4), new EmptySprites(''), 'YOU'));
 }
 
 /** Drawings without pictures: nothing is fetched. */
-class Drawings extends Sprites {
+class EmptySprites extends Sprites {
+  /**
+   * @param {string} name
+   * @param {number} pixels
+   */
   at(name, pixels) {
     return this.raster(`${name}@${pixels}`, pixels, pixels, () => {});
   }
 }
 
-function words() {
+function tryTexts() {
+  /** @type {Catalogue} */
   const text = catalogue({ 'keys.space': 'Space', 'say.seconds': '{seconds} s' });
   text.nodes('say.seconds', { seconds: document.createElement('kbd') });
-  keyName('KeyW', text);
+  walkAndUseCaps(DEFAULT_BINDINGS, text, new KeyboardLayout());
   new Announcer(document.createElement('p'), document.createElement('p'), text).time(9);
   session.getItem('kitchenmind.tab');
   tabName({ getItem: () => null, removeItem() {} }, { addEventListener() {} });
@@ -74,41 +95,87 @@ function words() {
   drawLegend(place);
 }
 
-function keys() {
-  const all = new Keys(), sent = [];
-  all.bind(rebind({ 0: ['ArrowUp'], 1: ['ArrowDown'], 2: ['ArrowRight'], 3: ['ArrowLeft'], 5: ['Space'] }, '0', 'KeyI'));
-  const pace = new Pace((move) => sent.push(move), 1);
-  for (const code of ['KeyI', 'ArrowLeft', 'Space']) pace.change(all.press(code));
-  all.release('ArrowLeft');
-  all.clear();
-  pace.tick();
+function tryKeys() {
+  const keys = new Keys();
+  /** @type {Change[]} */
+  const sent = [];
+  const bindings = { 0: ['ArrowUp'], 1: ['ArrowDown'], 2: ['ArrowRight'], 3: ['ArrowLeft'], 5: ['Space'] };
+  keys.bind(rebind(bindings, '0', 'KeyI'));
+  const pacer = new InputPacer((change) => sent.push(change), 1);
+  for (const code of ['KeyI', 'ArrowLeft', 'Space']) {
+    const change = keys.press(code);
+    if (change) pacer.change(change);
+  }
+  keys.release('ArrowLeft');
+  keys.clear();
+  pacer.tick();
   if (sent.length < 2 || sent[0].held !== 0) throw new Error('keys do not work');
 }
 
-function game(renderer) {
-  let now = 1000, state = { ...defaults(), awayLimitS: 30 };
-  const receive = (message) => { now += 200; state = apply(state, parse(JSON.stringify(message)), now); };
-  receive({
-    type: 'welcome', protocol: 1, episode: 'rehearsal', kind: 'tutorial', number: 1, episodes: 1, layout: 'rehearsal', title: 'Rehearsal', grid: GRID,
-    seat: 0, watched_seat: 1, horizon: 400, tick_ms: 200, steps: 3, shows_predictions: true, state: kitchen(0, ONION), resumed: false, endless: false, partner: 'agent',
-  });
+/** @type {Wire.Welcome} */
+const WELCOME = {
+  ...{ type: 'welcome', protocol: 1, episode: 'self-test', kind: 'tutorial', number: 1, episodes: 1, layout: 'test' },
+  ...{ title: 'Test', grid: GRID, seat: 0, watched_seat: 1, horizon: 400, tick_ms: 200, steps: 3, resumed: false },
+  ...{ shows_predictions: true, state: kitchen(0, ONION), endless: false, partner: 'agent' },
+};
+
+/** @param {Renderer} renderer */
+function tryGame(renderer) {
+  let now = 1000;
+  /** @type {State} */
+  let state = { ...defaults(), awayLimitS: 30 };
+  /** @param {Wire.FromServer} message */
+  const receive = (message) => {
+    now += 200;
+    state = apply(state, parse(JSON.stringify(message)), now);
+  };
+  receive(WELCOME);
   renderer.fit(GRID, 128, 128);
   receive({ type: 'countdown', seconds: 3 });
   receive({ type: 'paused', reason: 'blur', left_s: 3 });
-  FORMS.forEach((prediction, step) => {
-    receive({ type: 'tick', state: kitchen(step + 1, step % 2 ? 0 : SOUP), prediction, actions: [step, 5], applied: -1, late: false });
-    renderer.took(state, now);
+  PREDICTIONS.forEach((prediction, step) => {
+    const after = kitchen(step + 1, step % 2 ? 0 : SOUP);
+    receive({ type: 'tick', state: after, prediction, actions: [step, 5], applied: -1, late: false });
+    renderer.applyEvents(state, now);
     for (const still of [false, true]) renderer.draw(applyTurn(state, 2, 1), now + 50, still);
   });
-  for (const key of LESSONS) {
-    renderer.spot = target(key, state);
-    renderer.draw(state, now, false);
-    bubblePlace(renderer.spot, state, { left: 0, top: 0, cell: 32 }, { width: 40, height: 20 }, { width: 128, height: 128 });
-  }
+  tryLessons(renderer, state, now);
   receive({ type: 'ended', score: 20, soups: 1, progress: 0, passed: true, next: '/', reason: 'horizon' });
-  if (secondsLeft(state) === undefined || !viewOf(applyLink(state, 'lost', now), now).name) throw new Error('the game does not end');
+  if (secondsLeft(state) === undefined || !chooseDialog(applyLink(state, 'lost', now), now).name) {
+    throw new Error('the game does not end');
+  }
 }
 
+/**
+ * @param {Renderer} renderer
+ * @param {State} state
+ * @param {number} now
+ */
+function tryLessons(renderer, state, now) {
+  if (!isStarted(state)) throw new Error('the game does not start');
+  const board = { left: 0, top: 0, cell: 32 };
+  for (const key of LESSONS) {
+    renderer.highlight = target(key, state);
+    renderer.draw(state, now, false);
+    bubblePlace(renderer.highlight, state, board, { width: 40, height: 20 }, { width: 128, height: 128 });
+  }
+}
+
+/**
+ * @param {number} t
+ * @param {number} held
+ * @returns {Wire.Kitchen}
+ */
 function kitchen(t, held) {
-  return { t, players: [[1, 1, 0, held], [2, 1, 1, 0]], counters: [[0, 2, 1]], pots: [[1, 0, 3, 19 + t]], score: t * 20, soups: t };
+  return {
+    t,
+    players: [
+      [1, 1, 0, held],
+      [2, 1, 1, 0],
+    ],
+    counters: [[0, 2, 1]],
+    pots: [[1, 0, 3, 19 + t]],
+    score: t * 20,
+    soups: t,
+  };
 }

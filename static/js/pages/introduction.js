@@ -1,83 +1,129 @@
-// The introduction one slide at a time, each with a small kitchen. Without this script all slides stand below each other.
+// Shows the introduction one slide at a time, each with a small kitchen. Without this script all slides are visible.
 
-import { EAST, INTERACT, NORTH, SOUTH, WEST } from '../board/kitchen.js';
-import { Layout } from '../game/key-names.js';
+/** @import { Cell, Player } from '../board/kitchen.js' */
+/** @import { Moment } from '../board/scene.js' */
+
+import { DISH, EAST, INTERACT, NORTH, SOUP, SOUTH, WEST } from '../board/kitchen.js';
 import { Scene } from '../board/scene.js';
+import { find, findAll } from '../browser/dom.js';
 import { session } from '../browser/storage.js';
+import { KeyboardLayout } from '../game/key-names.js';
 
 const GRID = ['XXPXXXX', 'X     D', 'O     X', 'X     S', 'XXXXXXX'];
-const CRATE = [0, 2], POT = [2, 0], HATCH = [6, 3];
-const NOTHING = 0, ONION = 1, DISH = 2, SOUP = 3;
+/** @type {Cell} */
+const CRATE = [0, 2];
+/** @type {Cell} */
+const POT = [2, 0];
+/** @type {Cell} */
+const HATCH = [6, 3];
+const NOTHING = 0;
+const ONION = 1;
+const OPACITIES = [95, 80, 60];
 const FRAME_MS = 1000;
 
-/** Every moment: own chef, AI chef as [x, y, facing, held]; pots as [x, y, onions, tick]. */
-const moment = (me, ai, more = {}) => ({ players: [me, ai], ...more });
-const pot = (onions, tick = -1) => ({ pots: [[...POT, onions, tick]] });
-const far = [5, 3, NORTH, NOTHING], near = [5, 2, NORTH, NOTHING];
+/** @type {(own: Player, ai: Player, more?: Partial<Moment>) => Moment} */
+const moment = (own, ai, more = {}) => ({ ...more, players: [own, ai] });
+/** @type {(onions: number, cooking?: number) => Partial<Moment>} */
+const pot = (onions, cooking = -1) => ({ pots: [[...POT, onions, cooking]] });
+/** @type {(own: Player, steps: number[]) => Moment} */
+const predicted = (ai, steps) => {
+  return moment([2, 3, EAST, NOTHING], ai, { ...pot(2), prediction: steps.map((step, k) => [step, OPACITIES[k]]) });
+};
+/** @type {Player} */
+const FAR = [5, 3, NORTH, NOTHING];
+/** @type {Player} */
+const NEAR = [5, 2, NORTH, NOTHING];
 
+/** @type {Record<string, Moment[]>} */
 const SCENES = {
   team: [moment([2, 2, SOUTH, NOTHING], [4, 2, SOUTH, NOTHING])],
   fetch: [
-    moment([3, 2, WEST, NOTHING], far, { mark: CRATE }), moment([2, 2, WEST, NOTHING], far, { mark: CRATE }),
-    moment([1, 2, WEST, NOTHING], far, { mark: CRATE }), moment([1, 2, WEST, ONION], far),
+    moment([3, 2, WEST, NOTHING], FAR, { mark: CRATE }),
+    moment([2, 2, WEST, NOTHING], FAR, { mark: CRATE }),
+    moment([1, 2, WEST, NOTHING], FAR, { mark: CRATE }),
+    moment([1, 2, WEST, ONION], FAR),
   ],
-  fill: [moment([2, 1, NORTH, ONION], near, { ...pot(2), mark: POT }), moment([2, 1, NORTH, NOTHING], near, pot(3, 1))],
-  wait: [4, 9, 14, 20].map((tick) => moment([2, 1, NORTH, NOTHING], near, pot(3, tick))),
+  fill: [moment([2, 1, NORTH, ONION], NEAR, { ...pot(2), mark: POT }), moment([2, 1, NORTH, NOTHING], NEAR, pot(3, 1))],
+  wait: [4, 9, 14, 20].map((cooking) => moment([2, 1, NORTH, NOTHING], NEAR, pot(3, cooking))),
   deliver: [
-    moment([5, 1, EAST, DISH], [3, 3, WEST, NOTHING], pot(3, 20)), moment([2, 1, NORTH, SOUP], [3, 3, WEST, NOTHING]),
-    moment([4, 3, EAST, SOUP], [2, 3, WEST, NOTHING], { mark: HATCH }), moment([5, 3, EAST, SOUP], [2, 3, WEST, NOTHING], { mark: HATCH }),
+    moment([5, 1, EAST, DISH], [3, 3, WEST, NOTHING], pot(3, 20)),
+    moment([2, 1, NORTH, SOUP], [3, 3, WEST, NOTHING]),
+    moment([4, 3, EAST, SOUP], [2, 3, WEST, NOTHING], { mark: HATCH }),
+    moment([5, 3, EAST, SOUP], [2, 3, WEST, NOTHING], { mark: HATCH }),
   ],
   marks: [
-    [[4, 3, WEST, ONION], [NORTH, NORTH, WEST]], [[4, 2, NORTH, ONION], [NORTH, WEST, WEST]],
-    [[4, 1, NORTH, ONION], [WEST, WEST, NORTH]], [[3, 1, WEST, ONION], [WEST, NORTH, INTERACT]],
-  ].map(([ai, steps]) => moment([2, 3, EAST, NOTHING], ai, { ...pot(2), prediction: steps.map((action, k) => [action, [95, 80, 60][k]]) })),
+    predicted([4, 3, WEST, ONION], [NORTH, NORTH, WEST]),
+    predicted([4, 2, NORTH, ONION], [NORTH, WEST, WEST]),
+    predicted([4, 1, NORTH, ONION], [WEST, WEST, NORTH]),
+    predicted([3, 1, WEST, ONION], [WEST, NORTH, INTERACT]),
+  ],
 };
 
-const form = document.getElementById('slides');
-const slides = [...form.querySelectorAll('.slide')];
-const [back, next, finish, dots, canvas] = ['back', 'next', 'finish', 'dots', 'scene'].map((id) => document.getElementById(id));
+const form = find('#slides', HTMLFormElement);
+const slides = findAll('.slide', HTMLElement, form);
+const back = find('#back', HTMLButtonElement);
+const next = find('#next', HTMLButtonElement);
+const finish = find('#finish', HTMLButtonElement);
+const dots = find('#dots', HTMLElement);
+const dotButtons = findAll('button', HTMLButtonElement, dots);
+const canvas = find('#scene', HTMLCanvasElement);
 const still = matchMedia('(prefers-reduced-motion: reduce)');
 const key = `slide:${form.dataset.key}`;
 let here = Math.min(slides.length - 1, Number(session.getItem(key)) || 0);
-let timer = 0;
+/** @type {ReturnType<typeof setInterval> | undefined} */
+let timer = undefined;
+/** @type {Scene | null} */
 let scene = null;
 
+/**
+ * @param {number} index
+ * @param {boolean} focus
+ */
 function show(index, focus = false) {
   here = index;
   session.setItem(key, index);
-  slides.forEach((slide, k) => { slide.hidden = k !== index; });
+  slides.forEach((slide, k) => {
+    slide.hidden = k !== index;
+  });
   back.hidden = index === 0;
   next.hidden = index === slides.length - 1;
   finish.hidden = !next.hidden;
-  [...dots.querySelectorAll('button')].forEach((dot, k) => (k === index ? dot.setAttribute('aria-current', 'step') : dot.removeAttribute('aria-current')));
+  dotButtons.forEach((dot, k) => {
+    if (k === index) dot.setAttribute('aria-current', 'step');
+    else dot.removeAttribute('aria-current');
+  });
   if (focus) (next.hidden ? finish : next).focus();
   play();
 }
 
-/** One moment a second; with reduced motion only the last one, which shows the outcome. */
+/** Show one moment a second; with reduced motion only the last one, which shows the outcome. */
 function play() {
   clearInterval(timer);
   if (!scene) return;
-  const frames = SCENES[slides[here].dataset.slide];
-  canvas.setAttribute('aria-label', slides[here].querySelector('h1, h2').textContent);
+  const shown = scene;
+  const frames = SCENES[slides[here].dataset.slide ?? ''];
+  canvas.setAttribute('aria-label', find('h1, h2', HTMLElement, slides[here]).textContent ?? '');
   let frame = still.matches ? frames.length - 1 : 0;
-  scene.show(GRID, frames[frame]);
+  shown.show(GRID, frames[frame]);
   if (still.matches || frames.length === 1) return;
   timer = setInterval(() => {
     frame = (frame + 1) % frames.length;
-    scene.show(GRID, frames[frame]);
+    shown.show(GRID, frames[frame]);
   }, FRAME_MS);
 }
 
-/** The letters to walk with as they are printed on this keyboard: ZQSD in France. */
 let letters = 'WASD';
+
+/** Name the letters to walk with as they are printed on this keyboard: ZQSD in France. */
 function showLetters() {
   const printed = [...'WASD'].map((letter) => layout.of(`Key${letter}`) ?? letter).join('');
-  for (const text of form.querySelectorAll('#slide-fetch .text')) text.textContent = text.textContent.replace(letters, printed);
+  for (const text of findAll('#slide-fetch .text', HTMLElement, form)) {
+    text.textContent = (text.textContent ?? '').replace(letters, printed);
+  }
   letters = printed;
 }
 
-const layout = new Layout(showLetters);
+const layout = new KeyboardLayout(showLetters);
 showLetters();
 layout.ask();
 document.addEventListener('keydown', (event) => layout.learn(event));
@@ -86,9 +132,9 @@ form.classList.add('one');
 dots.hidden = false;
 next.addEventListener('click', () => show(here + 1, true));
 back.addEventListener('click', () => show(here - 1, true));
-[...dots.querySelectorAll('button')].forEach((dot, k) => dot.addEventListener('click', () => show(k)));
+dotButtons.forEach((dot, k) => dot.addEventListener('click', () => show(k)));
 form.addEventListener('submit', () => session.removeItem(key));
 still.addEventListener('change', play);
 show(here);
-scene = await Scene.open(canvas, form.dataset.you);
+scene = await Scene.open(canvas, form.dataset.you ?? '');
 play();

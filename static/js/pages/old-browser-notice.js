@@ -1,29 +1,35 @@
-// For browsers too old for the page's modules: says so, where the page would wait for ever. In the JavaScript of 2009, as
-// what reads it may know no other. The modules say that they run by data-runs at the root of the page.
+// Tells a browser that is too old for the page's modules, instead of letting the page wait for ever. It is written in
+// the JavaScript of 2009 because such a browser may read no other. The modules set data-runs at the root of the page.
 (function () {
   'use strict';
-  var script = document.currentScript || document.querySelector('script[data-show]');
+  var current = document.currentScript || document.querySelector('script[data-show]');
+  if (!current) return;
+  var script = current;
 
-  function each(names, does) {
+  /** @type {(names: string | null, hide: boolean) => void} */
+  function setHidden(names, hide) {
     for (var i = 0, all = (names || '').split(' '); i < all.length; i += 1) {
-      var found = all[i] && document.getElementById(all[i]);
-      if (found) does(found);
+      var found = all[i] ? document.getElementById(all[i]) : null;
+      if (found) found.hidden = hide;
     }
   }
 
-  function count(kind, reason) {
-    var token = document.querySelector('[name=form_token]'), request = new XMLHttpRequest();
-    request.open('POST', script.getAttribute('data-count'));
+  /** @type {(address: string, kind: string, reason: string) => void} */
+  function count(address, kind, reason) {
+    var token = /** @type {HTMLInputElement | null} */ (document.querySelector('[name=form_token]'));
+    var request = new XMLHttpRequest();
+    request.open('POST', address);
     request.setRequestHeader('Content-Type', 'application/x-www-form-urlencoded');
-    request.send('form_token=' + encodeURIComponent(token.value) + '&kind=' + kind + '&reason=' + reason);
+    request.send('form_token=' + encodeURIComponent(token ? token.value : '') + '&kind=' + kind + '&reason=' + reason);
   }
 
   window.addEventListener('load', function () {
     if (document.documentElement.getAttribute('data-runs')) return;
-    each(script.getAttribute('data-hide'), function (element) { element.hidden = true; });
-    each(script.getAttribute('data-show'), function (element) { element.hidden = false; });
-    if (!script.getAttribute('data-count')) return;
-    count('opened', '');
-    count('unsuitable', 'browser');
+    setHidden(script.getAttribute('data-hide'), true);
+    setHidden(script.getAttribute('data-show'), false);
+    var address = script.getAttribute('data-count');
+    if (!address) return;
+    count(address, 'opened', '');
+    count(address, 'unsuitable', 'browser');
   });
 })();

@@ -1,169 +1,263 @@
-// A page of questions: keys 1-9 answer a scale, the first open question gets the focus, answers survive a reload of this tab.
+// A page of questions: keys 1-9 answer a scale, the first open question gets the focus, and answers survive a reload.
 
-import { readNumber } from './read-number.js';
+import { find, findAll } from '../browser/dom.js';
 import { readJson, session } from '../browser/storage.js';
+import { fillIn } from '../browser/texts.js';
+import { readNumber } from './read-number.js';
 
-const form = document.getElementById('questions');
-const words = JSON.parse(form.dataset.words), reasons = JSON.parse(form.dataset.faults);
+/** @typedef {HTMLInputElement | HTMLTextAreaElement | HTMLSelectElement} Control */
+/** @typedef {{ reason: string, [value: string]: string | number }} Fault reason: a key of the words in data-faults */
+
+const form = find('#questions', HTMLFormElement);
+/** @type {Record<string, string>} */
+const words = JSON.parse(form.dataset.words ?? '{}');
+/** @type {Record<string, string>} */
+const reasons = JSON.parse(form.dataset.faults ?? '{}');
 const draftKey = `answers:${form.dataset.step}`;
-const fields = [...form.querySelectorAll('.q')];
-const [alertBox, left, go] = ['alert', 'left', 'go'].map((id) => document.getElementById(id));
+const fields = findAll('.q', HTMLElement, form);
+const alertBox = find('#alert', HTMLElement);
+const left = find('#left', HTMLElement);
+const go = find('#go', HTMLButtonElement);
+const NOT_DRAFTED = ['step', 'attempt', 'form_token'];
+const CONTEXT_LENGTH = 20;
 
 const CONTROL = /[\u0000-\u0008\u000b\u000c\u000e-\u001f\u007f-\u009f]/; // as in server/study/questionnaire.py
 
-const fillIn = (text, values) => text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
-const fill = (key, numbers = {}) => fillIn(words[key], numbers);
-const controls = (field) => [...field.querySelectorAll('input, textarea, select')];
+/** @type {(field: HTMLElement) => Control[]} */
+const controls = (field) => [...field.querySelectorAll('input, textarea, select')].filter(isControl);
+/** @type {(field: HTMLElement) => boolean} */
 const required = (field) => 'required' in field.dataset;
 
-/** Whether a question has an answer that the server can take; what it means is checked there. */
+/**
+ * @param {unknown} element
+ * @returns {element is Control}
+ */
+function isControl(element) {
+  return [HTMLInputElement, HTMLTextAreaElement, HTMLSelectElement].some((type) => element instanceof type);
+}
+
+/** @type {(control: Control) => boolean} */
+const isBox = (control) => /radio|checkbox/.test(control.type);
+/** @type {(control: Control) => boolean} */
+const isChecked = (control) => control instanceof HTMLInputElement && control.checked;
+
+/**
+ * Whether a question has an answer of the right form; the server checks what it means.
+ * @param {HTMLElement} field
+ */
 function answered(field) {
   const all = controls(field);
   switch (field.dataset.type) {
-    case 'scale': case 'choice': case 'multiple': return all.some((each) => each.checked);
-    case 'ranking': return new Set(all.map((each) => each.value).filter(Boolean)).size === all.length;
-    default: return all[0].value.trim() !== '' && written(field) === null;
+    case 'scale':
+    case 'choice':
+    case 'multiple':
+      return all.some(isChecked);
+    case 'ranking':
+      return new Set(all.map((each) => each.value).filter(Boolean)).size === all.length;
+    default:
+      return all[0].value.trim() !== '' && faultOf(field) === null;
   }
 }
 
-/** Why what is written in a field cannot be taken: {reason, ...values}, a key of the words' `faults`; null if it can. */
-function written(field) {
+/**
+ * Return why the text in a field cannot be taken; null if it can.
+ * @param {HTMLElement} field
+ * @returns {Fault | null}
+ */
+function faultOf(field) {
   const [input] = controls(field);
   if (field.dataset.type === 'number') return numberFault(input);
-  const found = input.value.match(CONTROL);
-  return found && { reason: 'control', before: input.value.slice(Math.max(0, found.index - 20), found.index) };
+  const index = input.value.search(CONTROL);
+  if (index < 0) return null;
+  return { reason: 'control', before: input.value.slice(Math.max(0, index - CONTEXT_LENGTH), index) };
 }
 
+/**
+ * @param {Control} input
+ * @returns {Fault | null}
+ */
 function numberFault(input) {
-  const { low, high, whole } = input.dataset;
+  const range = { low: Number(input.dataset.low), high: Number(input.dataset.high) };
   const { value, reason } = readNumber(input.value);
-  if (reason) return reason === 'missing_number' ? { reason, ...range(input) } : { reason, given: input.value.trim() };
-  if (!(value >= Number(low) && value <= Number(high))) return { reason: 'missing_number', ...range(input) };
-  return whole !== undefined && value % 1 !== 0 ? { reason: 'whole' } : null;
+  if (reason === 'missing_number') return { reason, ...range };
+  if (reason) return { reason, given: input.value.trim() };
+  if (!(value >= range.low && value <= range.high)) return { reason: 'missing_number', ...range };
+  return input.dataset.whole !== undefined && value % 1 !== 0 ? { reason: 'whole' } : null;
 }
 
-const range = ({ dataset: { low, high } }) => ({ low: Number(low), high: Number(high) });
+/** @type {(control: Control) => boolean} */
+const isFilled = (control) => isChecked(control) || (!isBox(control) && control.value.trim() !== '');
+/** @type {(field: HTMLElement) => boolean} */
+const begun = (field) => controls(field).some(isFilled);
+const openFields = () => fields.filter((field) => (required(field) || begun(field)) && !answered(field));
 
-const begun = (field) => controls(field).some((each) => each.checked || (!/radio|checkbox/.test(each.type) && each.value.trim() !== ''));
-const open = () => fields.filter((field) => (required(field) || begun(field)) && !answered(field));
-
-function tell() {
-  left.textContent = fill('answered', { done: fields.filter(answered).length, count: fields.length });
+function showProgress() {
+  left.textContent = fillIn(words.answered, { done: fields.filter(answered).length, count: fields.length });
 }
 
+/** @param {HTMLElement[]} missing */
 function markFields(missing) {
   for (const field of fields) {
     const wrong = missing.includes(field);
     if (wrong) explain(field);
     field.classList.toggle('missing', wrong);
-    for (const each of controls(field)) wrong ? each.setAttribute('aria-invalid', 'true') : each.removeAttribute('aria-invalid');
+    for (const each of controls(field)) {
+      if (wrong) each.setAttribute('aria-invalid', 'true');
+      else each.removeAttribute('aria-invalid');
+    }
   }
 }
 
-/** Says below a field with something written in it what is the matter with that. */
+/**
+ * Say below a field what is wrong with the text in it.
+ * @param {HTMLElement} field
+ */
 function explain(field) {
-  const [input] = controls(field), message = field.querySelector('.msg');
-  if (!/^(text|number)$/.test(field.dataset.type)) return;
-  const fault = input.value.trim() === '' ? null : written(field);
-  message.textContent = fault ? fillIn(reasons[fault.reason], fault) : message.dataset.usual;
-  if (fault && fault.reason === 'control') selectControl(input);
+  if (!/^(text|number)$/.test(field.dataset.type ?? '')) return;
+  const [input] = controls(field);
+  const message = find('.msg', HTMLElement, field);
+  const fault = input.value.trim() === '' ? null : faultOf(field);
+  message.textContent = fault ? fillIn(reasons[fault.reason], fault) : (message.dataset.usual ?? '');
+  if (fault?.reason === 'control' && !(input instanceof HTMLSelectElement)) selectControl(input);
 }
 
-/** Shows where the character is that cannot be seen. */
+/**
+ * Select the character that is invisible.
+ * @param {HTMLInputElement | HTMLTextAreaElement} input
+ */
 function selectControl(input) {
-  const { index } = input.value.match(CONTROL);
-  setTimeout(() => input.setSelectionRange(index, index + 1)); // after the focus has come
+  const index = input.value.search(CONTROL);
+  setTimeout(() => input.setSelectionRange(index, index + 1)); // after the field has got the focus
 }
 
-function summary(missing) {
-  const bold = Object.assign(document.createElement('b'), { textContent: fill(missing.length === 1 ? 'open_one' : 'open_many', { count: missing.length }) });
-  const links = missing.flatMap((field, k) => [k ? ', ' : ' ', Object.assign(document.createElement('a'), {
-    href: `#${field.id}`, textContent: fill('question', { number: fields.indexOf(field) + 1 }),
-  })]);
-  alertBox.querySelector('p').replaceChildren(bold, ...links);
+/** @param {HTMLElement[]} missing */
+function showSummary(missing) {
+  const key = missing.length === 1 ? 'open_one' : 'open_many';
+  const bold = Object.assign(document.createElement('b'), {
+    textContent: fillIn(words[key], { count: missing.length }),
+  });
+  const links = missing.flatMap((field, k) => [k ? ', ' : ' ', linkTo(field)]);
+  find('p', HTMLElement, alertBox).replaceChildren(bold, ...links);
   alertBox.hidden = missing.length === 0;
 }
 
-function focusOn(field) {
-  const first = controls(field).find((each) => each.checked) ?? controls(field)[0];
-  first.focus();
+/** @param {HTMLElement} field */
+function linkTo(field) {
+  const textContent = fillIn(words.question, { number: fields.indexOf(field) + 1 });
+  return Object.assign(document.createElement('a'), { href: `#${field.id}`, textContent });
 }
 
-function save() {
-  const draft = [...new FormData(form)].filter(([name]) => !['step', 'attempt', 'form_token'].includes(name));
+/** @param {HTMLElement} field */
+function focusOn(field) {
+  const all = controls(field);
+  (all.find(isChecked) ?? all[0]).focus();
+}
+
+function saveDraft() {
+  const draft = [...new FormData(form)].filter(([name]) => !NOT_DRAFTED.includes(name));
   session.setItem(draftKey, JSON.stringify(draft));
 }
 
-/** Puts a draft of this tab back, unless the server has sent the answers with the page. */
-function restore() {
-  const draft = readJson(session, draftKey, []);
+/** Put a draft of this tab back, unless the server has sent the answers with the page. */
+function restoreDraft() {
   if (fields.some(begun)) return;
-  for (const [name, value] of draft) {
-    for (const each of form.elements) {
+  for (const [name, value] of readJson(session, draftKey, [])) {
+    for (const each of [...form.elements].filter(isControl)) {
       if (each.name !== name) continue;
-      if (/radio|checkbox/.test(each.type)) each.checked = each.checked || each.value === value;
+      if (each instanceof HTMLInputElement && isBox(each)) each.checked = each.checked || each.value === value;
       else each.value = value;
     }
   }
 }
 
+/** @param {Event} event */
 function changed(event) {
-  const field = event.target.closest('.q');
+  /** @type {HTMLElement | null} */
+  const field = event.target instanceof Element ? event.target.closest('.q') : null;
   if (!field) return;
   if (answered(field)) {
     field.classList.remove('missing');
     controls(field).forEach((each) => each.removeAttribute('aria-invalid'));
   }
   if (!alertBox.hidden && !form.querySelector('.missing')) alertBox.hidden = true;
-  save();
-  tell();
+  saveDraft();
+  showProgress();
 }
 
-/** The digit 1-9 that a key writes, also where a keyboard wants Shift for digits or writes those of another script; 0: none. */
+/**
+ * Return the digit 1-9 that a key writes, also where a keyboard wants Shift for digits or writes those of another
+ * script; 0 for any other key.
+ * @param {KeyboardEvent} event
+ */
 function digitOf(event) {
   if (/^[1-9]$/.test(event.key)) return Number(event.key);
   const place = /^Digit([1-9])$/.exec(event.code);
   return place && !event.shiftKey ? Number(place[1]) : 0;
 }
 
-/** A digit answers the scale in focus, or else the first open one, and moves on. */
-function digit(event) {
+/**
+ * A digit answers the scale in focus, or else the first open one, and moves on.
+ * @param {KeyboardEvent} event
+ */
+function digitPressed(event) {
   const number = digitOf(event);
   if (!number || event.repeat || event.ctrlKey || event.metaKey || event.altKey || event.isComposing) return;
-  if (/^(text|number|textarea|select-one)$/.test(document.activeElement?.type)) return;
-  const isScale = (field) => field?.dataset.type === 'scale';
-  const here = document.activeElement?.closest('.q');
-  const field = isScale(here) ? here : fields.find((each) => isScale(each) && !answered(each));
+  const focused = document.activeElement;
+  if (isControl(focused) && /^(text|number|textarea|select-one)$/.test(focused.type)) return;
+  const field = scaleToAnswer(focused);
   const radio = field && controls(field)[number - 1];
-  if (!radio) return;
+  if (!field || !(radio instanceof HTMLInputElement)) return;
   event.preventDefault();
   radio.checked = true;
   radio.dispatchEvent(new Event('change', { bubbles: true }));
   const next = fields[fields.indexOf(field) + 1];
-  next ? focusOn(next) : go.focus();
+  if (next) focusOn(next);
+  else go.focus();
 }
 
+/**
+ * @param {Element | null} focused
+ * @returns {HTMLElement | undefined}
+ */
+function scaleToAnswer(focused) {
+  /** @type {(field: HTMLElement) => boolean} */
+  const isScale = (field) => field.dataset.type === 'scale';
+  /** @type {HTMLElement | null} */
+  const here = focused?.closest('.q') ?? null;
+  return here && isScale(here) ? here : fields.find((each) => isScale(each) && !answered(each));
+}
+
+/** @param {SubmitEvent} event */
 function submitted(event) {
-  const missing = open();
+  const missing = openFields();
   markFields(missing);
-  summary(missing);
-  if (missing.length === 0) { go.disabled = true; return; }
+  showSummary(missing);
+  if (missing.length === 0) {
+    go.disabled = true;
+    return;
+  }
   event.preventDefault();
   focusOn(missing[0]);
 }
 
 form.noValidate = true;
-restore();
-tell();
+restoreDraft();
+showProgress();
 form.addEventListener('input', changed);
 form.addEventListener('change', changed);
 form.addEventListener('submit', submitted);
-document.addEventListener('keydown', digit);
-// Back from the browser's cache the button must work again.
-addEventListener('pageshow', () => { go.disabled = false; });
-alertBox.addEventListener('click', (event) => {
-  const field = fields.find((each) => `#${each.id}` === event.target.getAttribute('href'));
-  if (field) { event.preventDefault(); focusOn(field); }
+document.addEventListener('keydown', digitPressed);
+// When the browser shows the page again from its cache, the button must work again.
+addEventListener('pageshow', () => {
+  go.disabled = false;
 });
+alertBox.addEventListener('click', (event) => {
+  const href = event.target instanceof Element ? event.target.getAttribute('href') : null;
+  const field = fields.find((each) => `#${each.id}` === href);
+  if (!field) return;
+  event.preventDefault();
+  focusOn(field);
+});
+/** @type {HTMLElement | null} */
 const faulty = form.querySelector('.q.missing');
 if (faulty) focusOn(faulty);

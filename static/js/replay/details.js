@@ -1,66 +1,148 @@
-// What is said beside the kitchen: probabilities of the next steps, how often they were right, whether the record is sound.
+// Shows what belongs to one timestep: predicted probabilities and inputs; and to the game: accuracy and verification.
 
-import { make, percent } from '../admin/admin-page.js';
+import { make, percent } from '../admin/elements.js';
 
 export const SIGNS = ['↑', '↓', '→', '←', '○', '◆'];
 export const NAMES = ['up', 'down', 'right', 'left', 'wait', 'use'];
+const STEPS = [0, 1, 2];
 const SVG = 'http://www.w3.org/2000/svg';
 
-/** What the watched chef did in timestep t; null where it is not known (yet). */
-export function done(record, t) {
+/**
+ * Return what the watched chef did in timestep t; null while that is unknown.
+ * @param {Researcher.EpisodeRecord} record
+ * @param {number} t
+ */
+export function actionAt(record, t) {
   return record.rows[t + 1]?.actions?.[record.game.watched_seat] ?? null;
 }
 
-/** The likeliest action of a step of the prediction on state t; null: nothing was predicted. */
-export function said(record, t, step) {
-  const chances = record.rows[t]?.prediction?.[step];
-  return chances ? chances.indexOf(Math.max(...chances)) : null;
+/**
+ * Return the likeliest action of a step of the prediction on state t; null if nothing was predicted.
+ * @param {Researcher.EpisodeRecord} record
+ * @param {number} t
+ * @param {number} step
+ */
+export function predictedAt(record, t, step) {
+  const probabilities = record.rows[t]?.prediction?.[step];
+  return probabilities ? probabilities.indexOf(Math.max(...probabilities)) : null;
 }
 
+/**
+ * @param {HTMLElement} table
+ * @param {HTMLElement} place where the timestep is written
+ * @param {Researcher.EpisodeRecord} record
+ * @param {number} t
+ */
 export function showPrediction(table, place, record, t) {
-  place.textContent = t;
-  const { prediction } = record.rows[t];
-  const head = make('tr', {}, make('td'), ...[0, 1, 2].map((step) => make('th', { scope: 'col' }, make('b', { text: `step ${step + 1}` }), `t ${t + step}`)));
-  const rows = NAMES.map((name, action) => make('tr', {}, make('th', { scope: 'row' }, make('span', {}, make('span', { text: SIGNS[action], 'aria-hidden': 'true' }), name)),
-    ...[0, 1, 2].map((step) => make('td', {}, chance(prediction[step]?.[action], said(record, t, step) === action, done(record, t + step) === action)))));
+  place.textContent = String(t);
+  const heads = STEPS.map((step) => {
+    return make('th', { scope: 'col' }, make('b', { text: `step ${step + 1}` }), `t ${t + step}`);
+  });
+  const rows = NAMES.map((_, action) => predictionRow(record, t, action));
+  const head = make('tr', {}, make('td'), ...heads);
   table.replaceChildren(make('thead', {}, head), make('tbody', {}, ...rows));
 }
 
-function chance(share, lead, was) {
+/**
+ * @param {Researcher.EpisodeRecord} record
+ * @param {number} t
+ * @param {number} action
+ */
+function predictionRow(record, t, action) {
+  const sign = make('span', { text: SIGNS[action], 'aria-hidden': 'true' });
+  const cells = STEPS.map((step) => {
+    const isLikeliest = predictedAt(record, t, step) === action;
+    const wasTaken = actionAt(record, t + step) === action;
+    const share = record.rows[t].prediction[step]?.[action];
+    return make('td', {}, probabilityBar(share, isLikeliest, wasTaken));
+  });
+  return make('tr', {}, make('th', { scope: 'row' }, make('span', {}, sign, NAMES[action])), ...cells);
+}
+
+/**
+ * @param {number | undefined} share
+ * @param {boolean} isLikeliest
+ * @param {boolean} wasTaken
+ */
+function probabilityBar(share, isLikeliest, wasTaken) {
   const bar = document.createElementNS(SVG, 'svg');
   const fill = document.createElementNS(SVG, 'rect');
   bar.setAttribute('aria-hidden', 'true');
   fill.setAttribute('height', '12');
   fill.setAttribute('width', `${100 * (share ?? 0)}%`);
   bar.append(fill);
-  return make('span', { className: `pb${lead ? ' lead' : ''}` }, make('span', { className: `tr${was ? ' was' : ''}` }, bar),
-    make('span', { text: share === undefined ? '–' : Math.round(100 * share) }, ...(was ? [make('span', { className: 'sr', text: ', done' })] : [])));
+  const note = wasTaken ? [make('span', { className: 'sr', text: ', done' })] : [];
+  const value = make('span', { text: share === undefined ? '–' : Math.round(100 * share) });
+  const track = make('span', { className: `tr${wasTaken ? ' was' : ''}` }, bar);
+  return make('span', { className: `pb${isLikeliest ? ' lead' : ''}` }, track, value, ...note);
 }
 
+/** @type {Record<string, string>} */
 const OUTCOMES = {
-  applied: 'done', released: 'keys let go', replaced: 'not done: a later key took its place', forgotten: 'not done: the game was paused', stood_still: 'not done: the game stood still',
-  unchanged: 'nothing new', repeated: 'not done: a repeat', ended: 'not done: the game was over',
+  applied: 'done',
+  released: 'keys released',
+  replaced: 'not done: a later key replaced it',
+  forgotten: 'not done: the game was paused',
+  stood_still: 'not done: the game stood still',
+  unchanged: 'nothing new',
+  repeated: 'not done: a repeat',
+  ended: 'not done: the game was over',
 };
 
-/** Whether an input was sent without effect. */
-export const wasDropped = ({ outcome }) => OUTCOMES[outcome]?.startsWith('not done') ?? false;
+/**
+ * Whether an input was sent without effect.
+ * @param {Researcher.Input} input
+ */
+export function wasDropped({ outcome }) {
+  return OUTCOMES[outcome]?.startsWith('not done') ?? false;
+}
 
-/** The inputs of timestep t, used or not: number, keys, what became of them. */
+/**
+ * Show the inputs of timestep t, used or not: number, keys and outcome.
+ * @param {HTMLElement} list
+ * @param {HTMLElement} place where the timestep is written
+ * @param {Researcher.EpisodeRecord} record
+ * @param {number} t
+ */
 export function showInputs(list, place, record, t) {
-  place.textContent = t;
-  const here = record.inputs.filter((input) => input.t === t);
-  list.replaceChildren(...(here.length ? here.map((input) => {
-    const keys = [...(input.tap === null ? [] : [`${NAMES[input.tap]} pressed`]), ...(input.held === null ? [] : [`${NAMES[input.held]} held`])];
-    return make('li', { 'data-outcome': input.outcome }, make('b', { text: `#${input.seq}` }), ` ${keys.join(', ') || 'no key held'}: `, make('span', { className: wasDropped(input) ? 'flag warn' : '', text: OUTCOMES[input.outcome] ?? input.outcome }));
-  }) : [make('li', { className: 'soft', text: 'None.' })]));
+  place.textContent = String(t);
+  const items = record.inputs.filter((input) => input.t === t).map(inputItem);
+  list.replaceChildren(...(items.length ? items : [make('li', { className: 'soft', text: 'None.' })]));
 }
 
+/** @param {Researcher.Input} input */
+function inputItem(input) {
+  const keys = [];
+  if (input.tap !== null) keys.push(`${NAMES[input.tap]} pressed`);
+  if (input.held !== null) keys.push(`${NAMES[input.held]} held`);
+  const className = wasDropped(input) ? 'flag warn' : '';
+  const outcome = make('span', { className, text: OUTCOMES[input.outcome] ?? input.outcome });
+  const number = make('b', { text: `#${input.seq}` });
+  return make('li', { 'data-outcome': input.outcome }, number, ` ${keys.join(', ') || 'no key held'}: `, outcome);
+}
+
+/**
+ * @param {HTMLElement} list
+ * @param {Researcher.EpisodeRecord['accuracy']} steps
+ */
 export function showAccuracy(list, steps) {
-  list.replaceChildren(...steps.flatMap(({ share, low, high, n }, step) => [
-    make('dt', { text: `Right, step ${step + 1} (n = ${n})` }), make('dd', { text: n ? `${percent(share)} % (${percent(low)}–${percent(high)})` : '–' })]));
+  const cells = steps.flatMap(({ share, low, high, n }, step) => [
+    make('dt', { text: `Right, step ${step + 1} (n = ${n})` }),
+    make('dd', { text: n ? `${percent(share)} % (${percent(low)}–${percent(high)})` : '–' }),
+  ]);
+  list.replaceChildren(...cells);
 }
 
-export function showChecked(place, { checked }) {
-  const words = checked.equal ? `${checked.states} of ${checked.states} states are equal to the stored hashes` : checked.difference;
-  place.replaceChildren(make('span', { className: `badge ${checked.equal ? 'good' : 'bad'}`, text: checked.equal ? 'equal' : 'different' }), ` ${words}`);
+/**
+ * Show whether the re-simulated states are equal to the stored ones.
+ * @param {HTMLElement} place
+ * @param {Researcher.EpisodeRecord} record
+ */
+export function showVerification(place, { checked }) {
+  const { equal, states, difference } = checked;
+  const badge = make('span', { className: `badge ${equal ? 'good' : 'bad'}`, text: equal ? 'equal' : 'different' });
+  place.replaceChildren(
+    badge,
+    ` ${equal ? `${states} of ${states} states are equal to the stored hashes` : difference}`,
+  );
 }

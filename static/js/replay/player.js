@@ -1,28 +1,51 @@
-// Which timestep is shown, and when the next one is. Knows no picture.
+// Decides which timestep of a replay is shown, and when the next one is.
+
+/** @typedef {'step' | 'jump'} Move step: the timestep after the last one shown */
 
 export class Player {
-  /** `show(t, by)`: 'step' for the one after the last shown, else 'jump'. */
+  /** @param {(t: number, by: Move) => void} show */
   constructor(show) {
-    Object.assign(this, { showing: show, t: 0, speed: 1, playing: false, timer: 0 });
+    this.show = show;
+    this.t = 0;
+    this.speed = 1;
+    this.playing = false;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.timer = undefined;
   }
 
+  /**
+   * @param {number} t
+   * @param {number} last
+   */
   go(t, last) {
     this.#show(Math.max(0, Math.min(last, t)));
   }
 
-  /** A new last timestep of a game that is followed. */
+  /**
+   * Show a new last timestep of a running game.
+   * @param {number} t
+   */
   follow(t) {
     this.#show(t);
   }
 
-  /** Plays on to the end (from the start, if it stands there). `last()`: the last timestep; `stopped()` is told of the end. */
+  /**
+   * Play to the end, or from the start if the end is shown.
+   * @param {() => number} last the last timestep
+   * @param {number} tickMs
+   * @param {() => void} stopped is called at the end
+   */
   play(last, tickMs, stopped) {
     this.stop();
     if (this.t >= last()) this.#show(0);
     this.playing = true;
     const next = () => {
       if (!this.playing) return;
-      if (this.t >= last()) { this.stop(); stopped(); return; }
+      if (this.t >= last()) {
+        this.stop();
+        stopped();
+        return;
+      }
       this.#show(this.t + 1);
       this.timer = setTimeout(next, tickMs / this.speed);
     };
@@ -34,9 +57,10 @@ export class Player {
     clearTimeout(this.timer);
   }
 
+  /** @param {number} t */
   #show(t) {
     const by = t === this.t + 1 ? 'step' : 'jump';
     this.t = t;
-    this.showing(t, by);
+    this.show(t, by);
   }
 }

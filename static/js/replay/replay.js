@@ -1,99 +1,154 @@
-// One game for researchers: plays what is stored, and follows what goes on. Wires player, time line, probabilities and downloads.
+// One game for researchers: plays what is stored and follows a running game.
 
-import { heard, listen } from '../admin/admin-page.js';
-import { Film, canFilm } from './video.js';
-import { showAccuracy, showChecked, showInputs, showPrediction } from './details.js';
-import { Player } from './player.js';
-import { TimeLine } from './timeline.js';
+/** @import { State } from '../board/state.js' */
+/** @import { Move } from './player.js' */
+
+import { listen } from '../admin/live-socket.js';
 import { Renderer } from '../board/renderer.js';
 import { Sprites } from '../board/sprites.js';
-import { apply, defaults } from '../board/state.js';
+import { apply, boardState } from '../board/state.js';
+import { find, findAll } from '../browser/dom.js';
+import { showAccuracy, showInputs, showPrediction, showVerification } from './details.js';
+import { Player } from './player.js';
+import { TimeLine } from './timeline.js';
+import { VideoExport, canRecordVideo } from './video.js';
 
-const page = document.querySelector('#game').dataset;
-const find = (name) => document.querySelector(`#${name}`);
-const canvas = find('kitchen');
-const renderer = new Renderer(canvas, new Sprites('/static/sprites/'), page.who);
+const REST_MS = 1200; // after this a board that stands still is drawn in its final position
+const MIN_TICK_MS = 40;
+const COPIED_MS = 1500;
+const LOAD_AGAIN_MS = 500; // when a game is over, its end is stored by then
+
+/** @param {string} id */
+const place = (id) => find(`#${id}`, HTMLElement);
+const game = place('game');
+const { base = '', name = '', who = '', live } = game.dataset;
+const canvas = find('#kitchen', HTMLCanvasElement);
+const scrubber = find('#scrub', HTMLInputElement);
+const videoButton = find('#video', HTMLButtonElement);
+const renderer = new Renderer(canvas, new Sprites('/static/sprites/'), who);
 const still = matchMedia('(prefers-reduced-motion: reduce)');
-let record = null; // see server/web/admin/replay_page.py
+/** @type {State | null} */
 let state = null;
-let following = page.live === 'yes' && !location.hash;
+let following = live === 'yes' && !location.hash;
 
-const player = new Player((t, by) => show(t, by));
-const line = new TimeLine(find('axis'), find('frame'), (t) => go(t));
+const player = new Player(show);
+const line = new TimeLine(place('axis'), place('frame'), go);
 
-/** Draws timestep t; `by`: 'step' (the one after the last shown: chefs glide) or 'jump'. */
+/** @returns {Promise<Researcher.EpisodeRecord>} */
+async function fetchRecord() {
+  const answer = await fetch(`${base}/record.json`, { headers: { accept: 'application/json' } });
+  if (!answer.ok) throw new Error((await answer.json()).detail);
+  return answer.json();
+}
+
+/** @type {Researcher.EpisodeRecord} */
+let record;
+
+function lastTimestep() {
+  return record.rows.length - 1;
+}
+
+/**
+ * Draw timestep t. After a step the chefs glide.
+ * @param {number} t
+ * @param {Move} by
+ */
 function show(t, by) {
   const row = record.rows[t];
   if (!row) return;
-  const now = performance.now();
-  const message = { type: 'tick', state: row.state, prediction: row.displayed, actions: row.actions ?? [4, 4], applied: -1, late: row.late };
-  if (by === 'jump' || !state) state = { ...apply(defaults(), { type: 'welcome', ...record.game, state: row.state, endless: !record.game.horizon }, now), phase: 'playing' };
-  state = apply({ ...state, phase: 'playing' }, message, now);
-  state.game = { ...state.game, tick_ms: Math.max(40, record.game.tick_ms / player.speed) };
-  if (by === 'step') renderer.took(state, now);
-  find('at').textContent = `t ${t}`;
-  find('of').textContent = `of ${record.game.horizon || record.rows.length - 1}, ${(t * record.game.tick_ms / 1000).toFixed(1)} s`;
-  find('scrub').value = t;
-  find('scrub').setAttribute('aria-valuetext', `timestep ${t}`);
-  find('score').textContent = row.state.score;
-  showPrediction(find('probs'), find('prediction-t'), record, t);
-  showInputs(find('inputs'), find('inputs-t'), record, t);
+  drawRow(row, by);
+  const seconds = ((t * record.game.tick_ms) / 1000).toFixed(1);
+  place('at').textContent = `t ${t}`;
+  place('of').textContent = `of ${record.game.horizon || lastTimestep()}, ${seconds} s`;
+  scrubber.value = String(t);
+  scrubber.setAttribute('aria-valuetext', `timestep ${t}`);
+  place('score').textContent = String(row.state.score);
+  showPrediction(place('probs'), place('prediction-t'), record, t);
+  showInputs(place('inputs'), place('inputs-t'), record, t);
   line.show(record, t);
-  canvas.dataset.timestep = t;
+  canvas.dataset.timestep = String(t);
 }
 
+/**
+ * @param {Researcher.Row} row
+ * @param {Move} by
+ */
+function drawRow(row, by) {
+  const now = performance.now();
+  const before = by === 'jump' || !state ? boardState(record.game, row.state, now) : state;
+  /** @type {Wire.Tick} */
+  const tick = {
+    ...{ type: 'tick', state: row.state, prediction: row.displayed, actions: row.actions ?? [4, 4] },
+    ...{ applied: -1, late: row.late },
+  };
+  state = apply(before, tick, now);
+  if (state.game) {
+    const tickMs = Math.max(MIN_TICK_MS, record.game.tick_ms / player.speed);
+    state = { ...state, game: { ...state.game, tick_ms: tickMs } };
+  }
+  if (by === 'step') renderer.applyEvents(state, now);
+}
+
+/** @param {number} now */
 function frame(now) {
   requestAnimationFrame(frame);
-  if (state) renderer.draw(state, player.playing || following ? now : state.arrivedMs + 1000 * (now - state.arrivedMs > 1200), still.matches);
+  if (!state) return;
+  const rested = now - state.arrivedMs > REST_MS ? 1000 : 0;
+  const moving = player.playing || following;
+  renderer.draw(state, moving ? now : state.arrivedMs + rested, still.matches);
 }
 
-/** To timestep t, standing still. */
+/**
+ * Stop and show timestep t.
+ * @param {number} t
+ */
 function go(t) {
-  stay();
-  player.go(t, record.rows.length - 1);
+  stop();
+  player.go(t, lastTimestep());
   history.replaceState(null, '', `#t=${player.t}`);
 }
 
-function stay() {
+function stop() {
   following = false;
   player.stop();
-  buttons();
+  showButtons();
 }
 
-function buttons() {
-  find('play').textContent = player.playing ? '❚❚' : '▶';
-  find('play').setAttribute('aria-label', player.playing ? 'Pause' : 'Play');
-  find('to-live').setAttribute('aria-pressed', String(following));
+function showButtons() {
+  place('play').textContent = player.playing ? '❚❚' : '▶';
+  place('play').setAttribute('aria-label', player.playing ? 'Pause' : 'Play');
+  place('to-live').setAttribute('aria-pressed', String(following));
 }
 
 function fit() {
-  if (!record) return;
-  const box = canvas.parentElement;
-  renderer.fit(record.game.grid, box.clientWidth - 20, Math.max(280, Math.min(420, window.innerHeight * 0.5)));
+  const width = (canvas.parentElement ?? canvas).clientWidth - 20;
+  renderer.fit(record.game.grid, width, Math.max(280, Math.min(420, window.innerHeight * 0.5)));
 }
 
-function toggle() {
+function togglePlay() {
   following = false;
-  if (player.playing) stay();
-  else player.play(() => record.rows.length - 1, record.game.tick_ms, buttons);
-  buttons();
+  if (player.playing) stop();
+  else player.play(lastTimestep, record.game.tick_ms, showButtons);
+  showButtons();
 }
 
-function extent() {
-  find('scrub').max = Math.max(0, record.rows.length - 1);
+function showExtent() {
+  scrubber.max = String(Math.max(0, lastTimestep()));
 }
 
 async function load() {
-  const answer = await fetch(`${page.base}/record.json`, { headers: { accept: 'application/json' } });
-  if (!answer.ok) throw new Error((await answer.json()).detail);
-  record = await answer.json();
-  extent();
+  record = await fetchRecord();
+  showExtent();
   fit();
-  showChecked(find('checked'), record);
-  showAccuracy(find('accuracy'), record.accuracy);
+  showVerification(place('checked'), record);
+  showAccuracy(place('accuracy'), record.accuracy);
 }
 
-/** A tick of the running game. One that does not follow on what is here means that something was missed. */
+/**
+ * Add a tick of the running game. If it is not the next one, ticks were missed: load the whole record.
+ * @param {Researcher.Row} row
+ * @param {Researcher.Input[]} inputs
+ */
 async function grow(row, inputs) {
   if (row.t < record.rows.length) return;
   if (row.t > record.rows.length) {
@@ -102,88 +157,131 @@ async function grow(row, inputs) {
     record.rows.push(row);
     record.inputs.push(...inputs);
   }
-  extent();
-  if (following) player.follow(record.rows.length - 1);
+  showExtent();
+  if (following) player.follow(lastTimestep());
 }
 
-function follow() {
-  listen(`${page.base}/live`, {
-    message: (message) => {
-      heard();
+function listenToGame() {
+  listen(`${base}/live`, {
+    message: (/** @type {Researcher.Replay} */ message) => {
       if (message.type === 'tick') grow(message.row, message.inputs ?? []);
-      if (message.type === 'status') status(message);
+      if (message.type === 'status') showStatus(message);
       if (message.type === 'over') over();
     },
   });
 }
 
-function status({ flag, since_s: since, rtt_ms: rtt, level }) {
-  find('now').textContent = level && since !== null ? `${flag}, ${since} s` : flag;
-  find('now').className = ['', 'flag warn', 'flag bad'][level];
-  find('rtt').textContent = rtt === null ? '–' : `${rtt} ms`;
+/** @param {Researcher.Card} card */
+function showStatus({ flag, since_s: since, rtt_ms: rtt, level }) {
+  place('now').textContent = level && since !== null ? `${flag}, ${since} s` : flag;
+  place('now').className = ['', 'flag warn', 'flag bad'][level];
+  place('rtt').textContent = rtt === null ? '–' : `${rtt} ms`;
 }
 
 function over() {
   following = false;
-  find('live-badge').textContent = 'Over';
-  find('live-badge').className = 'badge plain';
-  find('to-live').hidden = true;
-  find('now').textContent = 'over';
-  setTimeout(() => load().then(() => line.show(record, player.t)), 500);
+  place('live-badge').textContent = 'Over';
+  place('live-badge').className = 'badge plain';
+  place('to-live').hidden = true;
+  place('now').textContent = 'over';
+  setTimeout(async () => {
+    await load();
+    line.show(record, player.t);
+  }, LOAD_AGAIN_MS);
 }
 
-function wire() {
-  find('play').addEventListener('click', toggle);
-  find('to-start').addEventListener('click', () => go(0));
-  find('back').addEventListener('click', () => go(player.t - 1));
-  find('forward').addEventListener('click', () => go(player.t + 1));
-  find('event-back').addEventListener('click', () => go(line.eventBefore(player.t)));
-  find('event-forward').addEventListener('click', () => go(line.eventAfter(player.t)));
-  find('scrub').addEventListener('input', ({ target }) => go(Number(target.value)));
-  find('to-live').addEventListener('click', () => { player.stop(); following = true; player.follow(record.rows.length - 1); buttons(); });
-  for (const button of document.querySelectorAll('[data-speed]')) {
+/**
+ * @param {string} id
+ * @param {() => void} action
+ */
+function onClick(id, action) {
+  place(id).addEventListener('click', action);
+}
+
+function connectTransport() {
+  onClick('play', togglePlay);
+  onClick('to-start', () => go(0));
+  onClick('back', () => go(player.t - 1));
+  onClick('forward', () => go(player.t + 1));
+  onClick('event-back', () => go(line.eventBefore(player.t)));
+  onClick('event-forward', () => go(line.eventAfter(player.t)));
+  scrubber.addEventListener('input', () => go(Number(scrubber.value)));
+  onClick('to-live', () => {
+    player.stop();
+    following = true;
+    player.follow(lastTimestep());
+    showButtons();
+  });
+  const speeds = findAll('[data-speed]', HTMLElement);
+  for (const button of speeds) {
     button.addEventListener('click', () => {
       player.speed = Number(button.dataset.speed);
-      for (const other of document.querySelectorAll('[data-speed]')) other.setAttribute('aria-pressed', String(other === button));
+      for (const other of speeds) other.setAttribute('aria-pressed', String(other === button));
     });
   }
-  find('copy').addEventListener('click', async () => {
-    history.replaceState(null, '', `#t=${player.t}`);
-    await navigator.clipboard?.writeText(location.href);
-    find('copy').textContent = 'Copied';
-    setTimeout(() => { find('copy').textContent = 'Copy link'; }, 1500);
-  });
-  const film = new Film(canvas, page.name, page.who);
-  find('picture').addEventListener('click', () => film.picture(player.t));
-  find('video').addEventListener('click', () => film.record(find('video'), record, player.t));
-  find('video').disabled = !canFilm;
-  document.addEventListener('keydown', keys);
-  window.addEventListener('hashchange', () => go(fromAddress() ?? player.t));
-  new ResizeObserver(() => { fit(); if (record) show(player.t, 'jump'); }).observe(canvas.parentElement);
 }
 
-function keys(event) {
-  const typing = event.target.closest?.('input:not(#scrub), textarea, select, dialog, button, a');
-  if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
-  const moves = { ' ': toggle, ArrowLeft: () => go(player.t - 1), ArrowRight: () => go(player.t + 1), Home: () => go(0), End: () => go(record.rows.length - 1) };
-  if (!moves[event.key]) return;
+function connectDownloads() {
+  onClick('copy', copyLink);
+  const video = new VideoExport(canvas, name, who);
+  onClick('picture', () => video.picture(player.t));
+  onClick('video', () => video.record(videoButton, record, player.t));
+  videoButton.disabled = !canRecordVideo;
+}
+
+async function copyLink() {
+  history.replaceState(null, '', `#t=${player.t}`);
+  await navigator.clipboard?.writeText(location.href);
+  place('copy').textContent = 'Copied';
+  setTimeout(() => {
+    place('copy').textContent = 'Copy link';
+  }, COPIED_MS);
+}
+
+/** @type {Record<string, () => void>} */
+const KEYS = {
+  ' ': togglePlay,
+  ArrowLeft: () => go(player.t - 1),
+  ArrowRight: () => go(player.t + 1),
+  Home: () => go(0),
+  End: () => go(lastTimestep()),
+};
+
+/** @param {KeyboardEvent} event */
+function keyPressed(event) {
+  const inControl =
+    event.target instanceof Element && event.target.closest('input:not(#scrub), textarea, select, dialog, button, a');
+  if (inControl || event.ctrlKey || event.metaKey || event.altKey) return;
+  const action = KEYS[event.key];
+  if (!action) return;
   event.preventDefault();
-  moves[event.key]();
+  action();
 }
 
-function fromAddress() {
+function timestepInAddress() {
   const found = /^#t=(\d+)$/.exec(location.hash);
   return found ? Number(found[1]) : null;
+}
+
+function begin() {
+  connectTransport();
+  connectDownloads();
+  document.addEventListener('keydown', keyPressed);
+  window.addEventListener('hashchange', () => go(timestepInAddress() ?? player.t));
+  new ResizeObserver(() => {
+    fit();
+    show(player.t, 'jump');
+  }).observe(canvas.parentElement ?? canvas);
+  requestAnimationFrame(frame);
+  if (record.rows.length) player.go(timestepInAddress() ?? (following ? lastTimestep() : 0), lastTimestep());
+  if (live === 'yes') listenToGame();
 }
 
 await renderer.sprites.load();
 try {
   await load();
-  wire();
-  requestAnimationFrame(frame);
-  if (record.rows.length) player.go(fromAddress() ?? (following ? record.rows.length - 1 : 0), record.rows.length - 1);
-  if (page.live === 'yes') follow();
+  begin();
 } catch (error) {
-  find('checked').textContent = `This record cannot be shown: ${error.message}`;
+  place('checked').textContent = `This record cannot be shown: ${error instanceof Error ? error.message : error}`;
 }
-document.querySelector('#game').dataset.ready = 'yes';
+game.dataset.ready = 'yes';

@@ -1,43 +1,73 @@
-// The picture and the video of a replay, made in this browser, quicker than it plays. Knows the canvas and the record.
+// Makes the picture and the video of a replay in this browser, faster than the game is played.
+
+/** @import { State } from '../board/state.js' */
+/** @import { EncodedFrame, Film } from './webm.js' */
 
 import { Renderer } from '../board/renderer.js';
-import { webm } from './webm.js';
 import { Sprites } from '../board/sprites.js';
-import { apply, defaults } from '../board/state.js';
+import { apply, boardState } from '../board/state.js';
+import { context2d } from '../browser/dom.js';
+import { webm } from './webm.js';
 
-const PARTS = 5; // pictures a timestep
-const WIDTH = 960, HEIGHT = 640, CAPTION = 40; // at most, in CSS pixels
-const KEY_EVERY = 50; // pictures
-const MOST_WAITING = 6; // pictures at the encoder
-const BITS_A_SECOND = 1_000_000;
-const CODECS = [['vp09.00.31.08', 'V_VP9'], ['vp8', 'V_VP8']];
+const FRAMES_PER_TICK = 5;
+const WIDTH = 960; // at most, in CSS pixels
+const HEIGHT = 640;
+const CAPTION = 40;
+const KEY_FRAME_EVERY = 50;
+const MAX_QUEUED = 6; // frames at the encoder
+const BITS_PER_SECOND = 1_000_000;
+/** @type {[codec: string, name: Film['codec']][]} */
+const CODECS = [
+  ['vp09.00.31.08', 'V_VP9'],
+  ['vp8', 'V_VP8'],
+];
 
 /** Whether this browser can make a video (over https or on one's own machine). */
-export const canFilm = 'VideoEncoder' in window;
+export const canRecordVideo = 'VideoEncoder' in window;
 
-export class Film {
-  /** `who`: the tag over the own chef. */
+export class VideoExport {
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {string} name of the files, without ending
+   * @param {string} who the tag over the own chef
+   */
   constructor(canvas, name, who) {
-    Object.assign(this, { canvas, name, who, running: null });
+    this.canvas = canvas;
+    this.name = name;
+    this.who = who;
+    /** @type {{ stopped: boolean } | null} */
+    this.running = null;
   }
 
+  /** @param {number} t */
   picture(t) {
-    this.canvas.toBlob((blob) => save(blob, `${this.name}-t${t}.png`), 'image/png');
+    this.canvas.toBlob((blob) => {
+      if (blob) save(blob, `${this.name}-t${t}.png`);
+    }, 'image/png');
   }
 
-  /** Makes a video of the record from timestep `first` on and saves it; pressed again, it saves what there is. */
+  /**
+   * Make a video of the record and save it. A second press of the button saves what there is.
+   * @param {HTMLElement} button
+   * @param {Researcher.EpisodeRecord} record
+   * @param {number} first timestep
+   */
   async record(button, record, first) {
-    if (this.running) { this.running.stopped = true; return; }
+    if (this.running) {
+      this.running.stopped = true;
+      return;
+    }
     const words = button.textContent;
-    const running = this.running = { stopped: false };
+    const running = { stopped: false };
+    this.running = running;
     try {
-      const stage = await Stage.made(record, this.who);
+      const recorder = await VideoRecorder.open(record, this.who);
       const last = record.rows.length - 1;
       for (let t = first < last ? first : 0; t <= last && !running.stopped; t += 1) {
-        await stage.play(t);
-        button.textContent = `${Math.round(100 * t / last)} %, stop`;
+        await recorder.add(t);
+        button.textContent = `${Math.round((100 * t) / last)} %, stop`;
       }
-      save(await stage.film(), `${this.name}.webm`);
+      save(await recorder.finish(), `${this.name}.webm`);
     } finally {
       button.textContent = words;
       this.running = null;
@@ -45,84 +75,134 @@ export class Film {
   }
 }
 
-/** Draws timestep after timestep on a canvas of its own and encodes what is on it. */
-class Stage {
-  static async made(record, who) {
-    const stage = new Stage();
-    const sprites = new Sprites('/static/sprites/');
-    await sprites.load();
-    const board = document.createElement('canvas');
-    stage.renderer = new Renderer(board, sprites, who);
-    stage.renderer.fit(record.game.grid, WIDTH / devicePixelRatio, HEIGHT / devicePixelRatio);
-    const canvas = document.createElement('canvas');
-    canvas.width = board.width + board.width % 2;
-    canvas.height = board.height + CAPTION + board.height % 2;
-    Object.assign(stage, { record, who, board, canvas, pen: canvas.getContext('2d'), state: null, nowMs: 0, count: 0, pictures: [], fault: null });
-    await stage.#open();
-    return stage;
+/** Draws one timestep after another on a canvas of its own and encodes what is on it. */
+class VideoRecorder {
+  /**
+   * @param {Researcher.EpisodeRecord} record
+   * @param {string} who
+   * @param {Sprites} sprites
+   */
+  constructor(record, who, sprites) {
+    this.gameRecord = record;
+    this.who = who;
+    this.board = document.createElement('canvas');
+    this.renderer = new Renderer(this.board, sprites, who);
+    this.renderer.fit(record.game.grid, WIDTH / devicePixelRatio, HEIGHT / devicePixelRatio);
+    this.canvas = document.createElement('canvas');
+    this.canvas.width = this.board.width + (this.board.width % 2); // encoders want even sides
+    this.canvas.height = this.board.height + CAPTION + (this.board.height % 2);
+    this.context = context2d(this.canvas);
+    /** @type {State | null} */
+    this.state = null;
+    this.nowMs = 0;
+    this.count = 0;
+    /** @type {EncodedFrame[]} */
+    this.frames = [];
+    /** @type {DOMException | null} */
+    this.fault = null;
+    /** @type {Film['codec']} */
+    this.codec = 'V_VP9';
+    this.encoder = new VideoEncoder({
+      output: (chunk) => this.#keep(chunk),
+      error: (fault) => {
+        this.fault = fault;
+      },
+    });
   }
 
-  async #open() {
-    const size = { width: this.canvas.width, height: this.canvas.height, bitrate: BITS_A_SECOND };
+  /**
+   * @param {Researcher.EpisodeRecord} record
+   * @param {string} who
+   */
+  static async open(record, who) {
+    const recorder = new VideoRecorder(record, who, await new Sprites('/static/sprites/').load());
+    await recorder.#configure();
+    return recorder;
+  }
+
+  async #configure() {
+    const size = { width: this.canvas.width, height: this.canvas.height, bitrate: BITS_PER_SECOND };
     for (const [codec, name] of CODECS) {
       if (!(await VideoEncoder.isConfigSupported({ ...size, codec })).supported) continue;
       this.codec = name;
-      this.encoder = new VideoEncoder({ output: (chunk) => this.#keep(chunk), error: (fault) => { this.fault = fault; } });
       this.encoder.configure({ ...size, codec });
       return;
     }
     throw new Error('this browser encodes neither VP9 nor VP8');
   }
 
+  /** @param {EncodedVideoChunk} chunk */
   #keep(chunk) {
     const data = new Uint8Array(chunk.byteLength);
     chunk.copyTo(data);
-    this.pictures.push({ data, ms: Math.round(chunk.timestamp / 1000), key: chunk.type === 'key' });
+    this.frames.push({ data, ms: Math.round(chunk.timestamp / 1000), key: chunk.type === 'key' });
   }
 
-  /** One timestep, as it was on the participant's screen. */
-  async play(t) {
-    const { rows, game } = this.record;
+  /**
+   * Add one timestep, as it was on the participant's screen.
+   * @param {number} t
+   */
+  async add(t) {
+    const { rows, game } = this.gameRecord;
     const { state, displayed, actions, late } = rows[t];
     const isFirst = this.state === null;
-    this.state ??= apply(defaults(), { type: 'welcome', ...game, state, endless: !game.horizon }, this.nowMs);
-    this.state = apply({ ...this.state, phase: 'playing' }, { type: 'tick', state, prediction: displayed, actions: actions ?? [4, 4], applied: -1, late }, this.nowMs);
-    if (!isFirst) this.renderer.took(this.state, this.nowMs);
-    for (let part = 0; part < PARTS; part += 1) {
+    const before = this.state ?? boardState(game, state, this.nowMs);
+    /** @type {Wire.Tick} */
+    const tick = { type: 'tick', state, prediction: displayed, actions: actions ?? [4, 4], applied: -1, late };
+    this.state = apply(before, tick, this.nowMs);
+    if (!isFirst) this.renderer.applyEvents(this.state, this.nowMs);
+    for (let frame = 0; frame < FRAMES_PER_TICK; frame += 1) {
       this.renderer.draw(this.state, this.nowMs, false);
-      this.#caption(t, state.score);
-      await this.#encode(game.tick_ms / PARTS);
-      this.nowMs += game.tick_ms / PARTS;
+      this.#compose(t, state.score);
+      await this.#encode(game.tick_ms / FRAMES_PER_TICK);
+      this.nowMs += game.tick_ms / FRAMES_PER_TICK;
     }
   }
 
-  #caption(t, score) {
-    const { pen, canvas, board } = this;
-    pen.fillStyle = '#fff';
-    pen.fillRect(0, 0, canvas.width, canvas.height);
-    pen.drawImage(board, 0, 0);
-    pen.fillStyle = '#22303c';
-    pen.font = '600 18px system-ui, sans-serif';
-    pen.textBaseline = 'middle';
-    pen.fillText(`${this.who} · ${this.record.game.title} · t ${t} · score ${score}`, 12, board.height + CAPTION / 2, canvas.width - 24);
+  /**
+   * Put the board and a caption below it on the canvas.
+   * @param {number} t
+   * @param {number} score
+   */
+  #compose(t, score) {
+    const { context, canvas, board } = this;
+    const words = `${this.who} · ${this.gameRecord.game.title} · t ${t} · score ${score}`;
+    context.fillStyle = '#fff';
+    context.fillRect(0, 0, canvas.width, canvas.height);
+    context.drawImage(board, 0, 0);
+    context.fillStyle = '#22303c';
+    context.font = '600 18px system-ui, sans-serif';
+    context.textBaseline = 'middle';
+    context.fillText(words, 12, board.height + CAPTION / 2, canvas.width - 24);
   }
 
+  /** @param {number} lengthMs */
   async #encode(lengthMs) {
-    const picture = new VideoFrame(this.canvas, { timestamp: Math.round(1000 * this.nowMs), duration: Math.round(1000 * lengthMs) });
-    this.encoder.encode(picture, { keyFrame: this.count % KEY_EVERY === 0 });
-    picture.close();
+    const times = { timestamp: Math.round(1000 * this.nowMs), duration: Math.round(1000 * lengthMs) };
+    const frame = new VideoFrame(this.canvas, times);
+    this.encoder.encode(frame, { keyFrame: this.count % KEY_FRAME_EVERY === 0 });
+    frame.close();
     this.count += 1;
-    while (this.encoder.encodeQueueSize > MOST_WAITING && !this.fault) await new Promise((go) => { setTimeout(go, 5); });
+    while (this.encoder.encodeQueueSize > MAX_QUEUED && !this.fault) {
+      await new Promise((resolve) => {
+        setTimeout(resolve, 5);
+      });
+    }
     if (this.fault) throw this.fault;
   }
 
-  async film() {
+  async finish() {
     await this.encoder.flush();
     this.encoder.close();
-    return webm({ codec: this.codec, width: this.canvas.width, height: this.canvas.height, ms: this.nowMs }, this.pictures);
+    const { width, height } = this.canvas;
+    return webm({ codec: this.codec, width, height, ms: this.nowMs }, this.frames);
   }
 }
 
+/**
+ * @param {Blob} blob
+ * @param {string} name
+ */
 function save(blob, name) {
   const link = document.createElement('a');
   link.href = URL.createObjectURL(blob);

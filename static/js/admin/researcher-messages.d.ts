@@ -1,0 +1,156 @@
+// What the server sends to the researchers' pages (server/web/live.py, figures.py, flow.py, course.py, replay.py).
+
+declare namespace Researcher {
+  type Level = 0 | 1 | 2; // calm, warning, urgent
+  type Alert = { text: string; since_s: number };
+
+  /** One running game. */
+  interface Card {
+    id: string;
+    who: string;
+    person: string;
+    episode: string;
+    agent: string;
+    title: string;
+    arm: string;
+    t: number;
+    horizon: number;
+    score: number;
+    level: Level;
+    flag: string;
+    since_s: number | null;
+    rtt_ms: number | null;
+  }
+
+  interface Board {
+    state: Wire.Kitchen;
+    prediction: [number, number][];
+    actions: [number, number];
+  }
+
+  type Still = Pick<Wire.Welcome, 'grid' | 'seat' | 'watched_seat' | 'tick_ms' | 'horizon'>;
+
+  interface Cards {
+    type: 'cards';
+    cards: Card[];
+    boards: Record<string, Board>;
+    still: Record<string, Still>;
+  }
+
+  interface Arm {
+    name: string;
+    kind: string;
+    completed: number;
+    active: number;
+    dropped: number;
+    target: number | null;
+  }
+
+  interface FlowNode {
+    name: string;
+    reached: number;
+    here: number;
+    lost: Record<string, number>;
+    flags?: Record<string, number>;
+  }
+
+  interface Person {
+    id: string;
+    who: string;
+    now: string;
+    done: number;
+    steps: number;
+    seen_s: number;
+    minutes: number;
+    arm: string;
+    troubles: number;
+    excluded: boolean;
+    quality: { drop?: number; look?: number };
+  }
+
+  interface AccuracyRow {
+    agent: string;
+    layout: string;
+    episodes: number;
+    steps: number[];
+    share: number;
+    low: number;
+    high: number;
+  }
+
+  interface ClientError {
+    at: string;
+    person: string;
+    who: string;
+    text: string;
+  }
+
+  interface Machine {
+    late_ms: [number, number] | null;
+    models_ms: [number, number] | null;
+    games: number;
+    moving: number;
+    sockets: number;
+    database_mb?: number;
+    disk_free_gb?: number;
+  }
+
+  /** The dashboard's numbers and tables. */
+  interface Figures {
+    type: 'figures';
+    arms: Arm[];
+    flow: FlowNode[];
+    accuracy: { rows: AccuracyRow[]; overall: [number, number, number] | null; n: number; waiting: number };
+    machine: Machine;
+    display: { timesteps: number; games: number };
+    stored: Partial<Record<string, number>>;
+    minutes: [number, number, number] | null;
+    here: number;
+    people: Person[];
+    troubles: ClientError[];
+    alerts: Alert[];
+  }
+
+  /** What the dashboard's charts show. */
+  interface History {
+    machine: { at: number[]; p50_ms: (number | null)[]; p99_ms: (number | null)[] };
+    people: { at: number[]; consented: number[]; completed: number[] };
+  }
+
+  /** One timestep of a stored or running game. */
+  interface Row {
+    t: number;
+    state: Wire.Kitchen;
+    actions: [number, number] | null;
+    rewards: [number, number];
+    prediction: number[][];
+    displayed: [number, number][];
+    keys: [seat: number, seq: number, receivedMs: number][];
+    late: boolean;
+    late_ms: number;
+    models_ms: number;
+  }
+
+  interface Input {
+    t: number;
+    seat: number;
+    seq: number;
+    held: number | null;
+    tap: number | null;
+    outcome: string;
+  }
+
+  interface EpisodeRecord {
+    game: Still & { title: string; deadline_ms: number };
+    rows: Row[];
+    inputs: Input[];
+    pauses: { t: number; reason: string; duration_ms: number | null }[];
+    accuracy: { share: number; low: number; high: number; n: number }[];
+    checked: { equal: boolean; states: number; difference: string };
+  }
+
+  type Replay =
+    | { type: 'tick'; row: Row; inputs?: Input[] }
+    | ({ type: 'status'; phase: string } & Card)
+    | { type: 'over' };
+}
