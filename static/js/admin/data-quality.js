@@ -15,7 +15,7 @@ async function fill() {
   if (!places.length) return;
   const answer = await fetch(`/admin/s/${study}/verdicts.json`, { headers: { accept: 'application/json' } });
   if (!answer.ok) return;
-  /** @type {{ waiting: boolean, verdicts: Record<string, [proposal: Proposal, rules: string]> }} */
+  /** @type {{ waiting: number, verdicts: Record<string, [proposal: Proposal, rules: string]> }} */
   const { waiting, verdicts } = await answer.json();
   for (const place of places) {
     const found = verdicts[place.dataset.episode ?? ''];

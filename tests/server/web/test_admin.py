@@ -400,7 +400,7 @@ def test_the_table_of_games_shows_what_the_rules_and_the_researcher_say(site: Si
     result = EpisodeResult(episode, "done", "horizon", 0, 0, 0.0, True, "0" * 16)
     site.database.write_now(episodes.end, result)
     researcher = signed_in(site, "act")
-    assert f'data-episode="{episode}" data-waits="yes"' in researcher.get("/admin/s/small/games").text
+    assert f'data-episode="{episode}" data-pending="yes"' in researcher.get("/admin/s/small/games").text
     said = researcher.get("/admin/s/small/verdicts.json").json()
     proposal, rules = said["verdicts"][episode]
     assert (said["waiting"], proposal) == (0, "drop"), "nobody did anything in it"
