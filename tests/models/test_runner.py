@@ -8,7 +8,6 @@ import sys
 
 import numpy as np
 import pytest
-from onnx_files import linear_agent
 
 from models.agents.model_paths import ModelPaths
 from models.inference.launch import launch
@@ -18,6 +17,7 @@ from overcooked.constants import EAST, NORTH, STAY
 from overcooked.layout import load_layout
 from overcooked.observe import PLANES
 from overcooked.state import Kitchens
+from tests.support.onnx_files import linear_agent
 
 LAYOUT = "coordination_ring"
 NORTHWARD, EVEN = "tests.support.foreign_models:Northward", "tests.support.foreign_models:EvenHanded"

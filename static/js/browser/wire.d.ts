@@ -1,7 +1,7 @@
 // Written by `python -m server.play.browser_sources`. Do not edit.
 
 declare namespace Wire {
-  interface Kitchen {
+  interface KitchenState {
     t: number;
     players: [number, number, number, number][];
     counters: [number, number, number][];
@@ -124,7 +124,7 @@ declare namespace Wire {
     id: number;
   }
 
-  interface Trouble {
+  interface ClientError {
     type: "trouble";
     text: string;
   }
@@ -148,5 +148,5 @@ declare namespace Wire {
     | Input
     | Away
     | Pong
-    | Trouble;
+    | ClientError;
 }

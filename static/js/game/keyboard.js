@@ -37,7 +37,8 @@ class KeyboardListener {
   start() {
     document.addEventListener('keydown', (event) => this.#down(event));
     document.addEventListener('keyup', (event) => this.#up(event));
-    for (const kind of ['contextmenu', 'beforeprint', 'dragstart']) window.addEventListener(kind, () => this.#doubtAll());
+    for (const kind of ['contextmenu', 'beforeprint', 'dragstart'])
+      window.addEventListener(kind, () => this.#doubtAll());
     setInterval(() => this.#watch(), WATCH_MS);
   }
 
