@@ -79,7 +79,7 @@ def type_of(kind: inspect.Type) -> str:
         case inspect.TupleType(item_types=items):
             return f"[{', '.join(type_of(item) for item in items)}]"
         case inspect.StructType(cls=cls) if cls is messages.KitchenState:
-            return "Kitchen"
+            return "KitchenState"
     raise TypeError(f"no TypeScript type for {kind}")
 
 

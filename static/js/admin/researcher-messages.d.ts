@@ -23,7 +23,7 @@ declare namespace Researcher {
   }
 
   interface Board {
-    state: Wire.Kitchen;
+    state: Wire.KitchenState;
     prediction: [number, number][];
     actions: [number, number];
   }
@@ -120,7 +120,7 @@ declare namespace Researcher {
   /** One timestep of a stored or running game. */
   interface Row {
     t: number;
-    state: Wire.Kitchen;
+    state: Wire.KitchenState;
     actions: [number, number] | null;
     rewards: [number, number];
     prediction: number[][];

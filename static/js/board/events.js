@@ -15,8 +15,8 @@ import { COOK_TIME, SOUP, STEP } from './kitchen.js';
 
 /**
  * Return what happened; nothing if `after` is not newer.
- * @param {Wire.Kitchen | null} before
- * @param {Wire.Kitchen} after
+ * @param {Wire.KitchenState | null} before
+ * @param {Wire.KitchenState} after
  * @param {number[]} actions what the chefs did in between
  * @param {Grid} grid
  * @returns {BoardEvent[]}
@@ -27,8 +27,8 @@ export function events(before, after, actions, grid) {
 }
 
 /**
- * @param {Wire.Kitchen} before
- * @param {Wire.Kitchen} after
+ * @param {Wire.KitchenState} before
+ * @param {Wire.KitchenState} after
  * @param {Grid} grid
  * @returns {BoardEvent[]}
  */
@@ -54,8 +54,8 @@ function handEvent(had, held, tile) {
 }
 
 /**
- * @param {Wire.Kitchen} before
- * @param {Wire.Kitchen} after
+ * @param {Wire.KitchenState} before
+ * @param {Wire.KitchenState} after
  * @returns {BoardEvent[]}
  */
 function pots(before, after) {
@@ -70,8 +70,8 @@ function pots(before, after) {
 }
 
 /**
- * @param {Wire.Kitchen} before
- * @param {Wire.Kitchen} after
+ * @param {Wire.KitchenState} before
+ * @param {Wire.KitchenState} after
  * @param {number[]} actions
  * @returns {BoardEvent[]}
  */

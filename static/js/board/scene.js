@@ -10,7 +10,7 @@ const MAX_CELL = 96; // CSS pixels
 
 /** @typedef {{ players: Player[], prediction?: [action: number, percent: number][], mark?: Cell }} Shown mark: the cell
  *   to highlight */
-/** @typedef {Partial<Wire.Kitchen> & Shown} Moment */
+/** @typedef {Partial<Wire.KitchenState> & Shown} Moment */
 
 export class Scene {
   /**
@@ -42,7 +42,7 @@ export class Scene {
    */
   show(grid, moment, seat = 0) {
     const { prediction = [], mark = null, ...kitchen } = moment;
-    /** @type {Wire.Kitchen} */
+    /** @type {Wire.KitchenState} */
     const state = { t: 0, counters: [], pots: [], score: 0, soups: 0, ...kitchen };
     const now = performance.now();
     const start = boardState({ grid, seat, watched_seat: 1 - seat, tick_ms: 200, horizon: 0 }, state, now);

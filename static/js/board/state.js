@@ -19,8 +19,8 @@ export const GLIDE_MAX_MS = 180;
  * @property {Phase} phase
  * @property {Wire.Welcome | null} game
  * @property {boolean} alone the participant waited for another person, and an agent takes the place
- * @property {Wire.Kitchen | null} previous the kitchen before the current one
- * @property {Wire.Kitchen | null} current
+ * @property {Wire.KitchenState | null} previous the kitchen before the current one
+ * @property {Wire.KitchenState | null} current
  * @property {number} arrivedMs when the current kitchen came
  * @property {[x: number, y: number][]} from where each chef was on screen at that moment, in cells
  * @property {number[]} actions what led to the current kitchen
@@ -38,7 +38,7 @@ export const GLIDE_MAX_MS = 180;
  * @property {number} [awayLimitS] how long the participant may be away
  */
 
-/** @typedef {State & { game: Wire.Welcome, current: Wire.Kitchen }} StartedState */
+/** @typedef {State & { game: Wire.Welcome, current: Wire.KitchenState }} StartedState */
 /** @typedef {Pick<Wire.Welcome, 'grid' | 'seat' | 'watched_seat' | 'tick_ms' | 'horizon'>} StillPart */
 /** @typedef {StillPart & Partial<Wire.Welcome>} Still what never changes in a game */
 
@@ -57,7 +57,7 @@ export function defaults() {
 /**
  * Return the state of a board that is drawn without a connection: a replay, a thumbnail, an introduction.
  * @param {Still} still
- * @param {Wire.Kitchen} kitchen
+ * @param {Wire.KitchenState} kitchen
  * @param {number} now in ms
  * @returns {State}
  */

@@ -26,7 +26,7 @@ declare namespace Wire {
     tick_ms: number;
     steps: number;
     shows_predictions: boolean;
-    state: Kitchen;
+    state: KitchenState;
     resumed: boolean;
     endless: boolean;
     partner: "agent" | "human";
@@ -44,7 +44,7 @@ declare namespace Wire {
 
   interface Tick {
     type: "tick";
-    state: Kitchen;
+    state: KitchenState;
     prediction: [number, number][];
     actions: [number, number];
     applied: number;

@@ -6,7 +6,7 @@ const MAX_REPORTS = 5;
 
 /**
  * Report errors that nobody catches. Returns `report(error)` for those that are caught.
- * @param {(message: Wire.Trouble) => boolean} send false if the message could not be sent
+ * @param {(message: Wire.ClientError) => boolean} send false if the message could not be sent
  * @returns {(problem: unknown) => void}
  */
 export function reportClientErrors(send) {

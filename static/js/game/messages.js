@@ -17,7 +17,7 @@ const numbers = (length) => (value) => Array.isArray(value) && value.length === 
 /** @type {(fields: Record<string, Check>) => Check} */
 const shape = (fields) => (value) => typeof value === 'object' && value !== null && wrongField(value, fields) === null;
 
-/** @type {Record<keyof Wire.Kitchen, Check>} */
+/** @type {Record<keyof Wire.KitchenState, Check>} */
 const KITCHEN = {
   ...{ t: number, players: listOf(numbers(4)), counters: listOf(numbers(3)), pots: listOf(numbers(4)) },
   ...{ score: number, soups: number },
@@ -87,5 +87,5 @@ export const away = (reason) => ({ type: 'away', reason });
 /** @type {(id: number) => Wire.Pong} */
 export const pong = (id) => ({ type: 'pong', id });
 
-/** @type {(problem: unknown) => Wire.Trouble} */
+/** @type {(problem: unknown) => Wire.ClientError} */
 export const clientError = (problem) => ({ type: 'trouble', text: String(problem).slice(0, 500) });

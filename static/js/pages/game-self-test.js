@@ -88,7 +88,7 @@ function tryTexts() {
   walkAndUseCaps(DEFAULT_BINDINGS, text, new KeyboardLayout());
   new Announcer(document.createElement('p'), document.createElement('p'), text).time(9);
   session.getItem('kitchenmind.tab');
-  tabName({ getItem: () => null, removeItem() {} }, { addEventListener() {} });
+  tabName({ getItem: () => null, setItem() {}, removeItem() {} }, new EventTarget());
   retryDelay(1);
   const place = document.createElement('i');
   place.dataset.mark = 'hand';
@@ -164,7 +164,7 @@ function tryLessons(renderer, state, now) {
 /**
  * @param {number} t
  * @param {number} held
- * @returns {Wire.Kitchen}
+ * @returns {Wire.KitchenState}
  */
 function kitchen(t, held) {
   return {
