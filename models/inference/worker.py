@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from models.acting import distribution, draw
 from models.agents.catalogue import load_agent
+from models.agents.fingerprints import files_sha256
 from models.agents.model_paths import make_importable
 from models.agents.predictors import load_predictor
-from models.fingerprints import files_sha256
 from models.inference import attention
 from models.inference.batches import joined, parted, together
+from models.inference.checked_output import checked_predictions, checked_probabilities
 from models.inference.circuit_breaker import Breaker
 from models.inference.wire import (
     Answer,
@@ -41,11 +42,6 @@ from overcooked.layout import Layout, load_layout, parse_layout
 from overcooked.state import Kitchens
 
 Loading = TypeVar("Loading")
-ROWS_SUM_TO_ONE = 1e-2  # within this
-
-
-class WrongOutput(ValueError):
-    """A model gave something that is no probabilities of the right shape."""
 
 
 class ModelRefused(Exception):
@@ -97,7 +93,7 @@ class Worker:
         self._check_files(name, file, layout)
         policy, mode = load_agent(file, layout)
         for observations in _start_states(layout):
-            _checked_probabilities(policy.probabilities(observations), len(observations))
+            checked_probabilities(policy.probabilities(observations), len(observations))
         self._breakers[name] = Breaker()
         return policy, mode
 
@@ -116,7 +112,7 @@ class Worker:
             slots = np.arange(len(observations), dtype=np.intp)
             predictor.begin(slots)
             nothing = np.full((len(slots), 2), -1, np.int8)
-            _checked_predictions(predictor.predict(slots, observations, nothing), len(slots))
+            checked_predictions(predictor.predict(slots, observations, nothing), len(slots))
         self._breakers[name] = Breaker()
         return predictor
 
@@ -173,7 +169,7 @@ class Worker:
 
     def _act(self, name: Name, rows: list[Row], observations: Observations) -> tuple[Probabilities, NDArray[np.int8]]:
         policy, mode = self._agents[name]
-        probabilities = _checked_probabilities(policy.probabilities(observations), len(rows))
+        probabilities = checked_probabilities(policy.probabilities(observations), len(rows))
         action_distribution = distribution(probabilities, np.array([row.stuck for row in rows]), mode)
         return action_distribution, draw(action_distribution, np.array([row.uniform for row in rows]))
 
@@ -198,7 +194,7 @@ class Worker:
             reached = lengths > back
             state = newest[reached] - back
             answer = predictor.predict(slots[reached], observations[state], actions[state])
-        checked = _checked_predictions(answer, len(rows))
+        checked = checked_predictions(answer, len(rows))
         games.reached.update((row.key, row.timestep) for row in rows)
         return checked
 
@@ -243,28 +239,6 @@ def _start_states(layout: Layout) -> Iterator[Observations]:
     """Start states to try a model on: alone, and eight at once (the first calls of a network are slow)."""
     for games in (1, 8):
         yield Kitchens.start(layout, games).encode(horizon=HORIZON)[:, 0].copy()
-
-
-def _checked_probabilities(probabilities: Probabilities, rows: int) -> Probabilities:
-    given = np.asarray(probabilities, np.float32)
-    if given.shape != (rows, ACTIONS):
-        raise WrongOutput(f"gave an array of shape {given.shape}, wanted {(rows, ACTIONS)}")
-    return _checked_rows(given)
-
-
-def _checked_predictions(predictions: Predictions, rows: int) -> Predictions:
-    given = np.asarray(predictions, np.float32)
-    if given.shape != (rows, STEPS, ACTIONS):
-        raise WrongOutput(f"gave an array of shape {given.shape}, wanted {(rows, STEPS, ACTIONS)}")
-    return _checked_rows(given)
-
-
-def _checked_rows(given: NDArray[np.float32]) -> NDArray[np.float32]:
-    if not np.isfinite(given).all() or (given < 0).any():
-        raise WrongOutput("gave NaN, infinite or negative probabilities")
-    if (np.abs(given.sum(axis=-1) - 1) > ROWS_SUM_TO_ONE).any():
-        raise WrongOutput("gave probabilities that do not sum to 1")
-    return given
 
 
 def _memory(predictor: Predictor) -> int:

@@ -1,7 +1,4 @@
-"""One episode as a pure state machine: keys and decisions in, states, records and messages out.
-
-No sockets, no database, no clock: times come in as seconds of the caller's clock. `loop` drives it.
-"""
+"""One episode as a pure state machine: keys and decisions in, states, records and messages out. `loop` drives it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
