@@ -180,7 +180,7 @@ def test_wrong_answer_is_refused_at_its_field_and_nothing_else_is_lost(
     kept = {
         "pick": 'value="tea"[^>]* checked',
         "check": 'value="2"[^>]* checked',
-        "words": ">=1\\+1<",
+        "words": ">\n=1\\+1<",  # HTML drops the line break after the tag
         "years": 'value="30"',
     }
     for name, pattern in kept.items():

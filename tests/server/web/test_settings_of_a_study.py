@@ -47,8 +47,8 @@ def settings(part: Any) -> Iterator[tuple[str, bool]]:
 
 
 # Tested by themselves, as they change who a partner is: test_pairs.py.
-OF_TWO_PEOPLE = {"Agent.human", "Study.waiting_room", "Recruitment.unpaired"}
-OF_TWO_PEOPLE |= {"WaitingRoom.limit_s", "WaitingRoom.agent", "WaitingRoom.fallback"}
+OF_TWO_PEOPLE = {"PartnerSettings.human", "Study.waiting_room", "Recruitment.unpaired"}
+OF_TWO_PEOPLE |= {"WaitingRoomSettings.limit_s", "WaitingRoomSettings.agent", "WaitingRoomSettings.fallback"}
 
 
 def test_the_study_sets_everything_that_can_be_set(study: Study) -> None:

@@ -274,7 +274,7 @@ async def test_simulated_participants_may_send_as_fast_as_the_games_that_wait_fo
 async def test_a_simulated_participant_who_is_taken_for_a_flood_says_so(
     served: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(game_socket, "budget_of", lambda clock: TokenBucket(clock.now(), burst=0.0))
+    monkeypatch.setattr(game_socket, "bucket_of", lambda clock: TokenBucket(clock.now(), burst=0.0))
     with pytest.raises(RuntimeError, match="closed: too many messages"):
         await BotGame(served.url, "participant=ann", Journal(), Traits.drawn(1)).play()
 
