@@ -1,10 +1,14 @@
 """For all tests: one thread a process, as many run side by side, and child processes inherit it."""
 
 import os
+from collections.abc import Iterator
 from zlib import crc32
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from tests.support.postgres_server import PostgresServer
+from tests.support.redis_server import RedisServer
 
 # A machine with much else to do is slow to draw examples: no fault of the code under test.
 settings.register_profile("any_machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -36,3 +40,28 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return LONG_FIRST.index(name) if name in LONG_FIRST else len(LONG_FIRST), crc32(name.encode())
 
     items.sort(key=rank)
+
+
+@pytest.fixture(scope="session")
+def postgres() -> Iterator[PostgresServer]:
+    """For all tests that do not stop it: each makes a database of its own."""
+    server = PostgresServer()
+    yield server
+    server.remove()
+
+
+@pytest.fixture(scope="session")
+def redis() -> Iterator[RedisServer]:
+    server = RedisServer()
+    yield server
+    server.remove()
+
+
+@pytest.fixture(scope="session")
+def postgres_template(postgres: PostgresServer) -> str:
+    """The name of a database that has the tables: copied in a moment, where migrating would take longer."""
+    from server.store.migrate import migrate  # not before the number of threads is set
+
+    name = postgres.new_database()
+    migrate(postgres.url(name))
+    return name

@@ -3,6 +3,8 @@
 import asyncio
 import csv
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,7 +13,7 @@ import pytest
 from server.bots.participant import Bot
 from server.store.database import Database
 from server.store.engines import normal_url
-from tests.support.real_server import RealServer
+from tests.support.real_server import ROOT, SHORT_STUDY, RealServer
 
 
 @pytest.fixture(scope="module")
@@ -81,26 +83,33 @@ def test_reload_leads_back_to_the_same_page(server: RealServer) -> None:
         assert not client.cookies
 
 
+def serve(*words: str) -> "subprocess.CompletedProcess[str]":
+    """In a process of its own, as it changes the one that it runs in."""
+    line = [sys.executable, str(ROOT / "kitchenmind.py"), "serve", *words]
+    return subprocess.run(line, capture_output=True, text=True, check=False, timeout=120)
+
+
 def test_second_server_on_the_same_database_is_refused(server: RealServer) -> None:
-    refused = server.command("serve", "--port", "0", "--study", str(server.study))
+    refused = serve("--port", "0", "--study", str(server.study), "--database", server.database)
     assert refused.returncode == 1
     assert "kitchenmind serve:" in refused.stderr
 
 
 def test_wrong_input_of_serve_is_told_with_exit_code_2(server: RealServer, tmp_path: Path) -> None:
-    taken = server.command("serve", "--port", server.url.rpartition(":")[2])
+    taken = server.command("serve", "--port", server.url.rpartition(":")[2])  # refused before anything is changed
     assert taken.returncode == 2
     assert "--port" in taken.stderr
     broken = tmp_path / "broken.yaml"
     broken.write_text("name: 7\n", encoding="utf-8")
-    wrong = server.command("serve", "--port", "0", "--study", str(broken))
+    wrong = serve("--port", "0", "--study", str(broken), "--database", f"sqlite:///{tmp_path}/new.sqlite3")
     assert wrong.returncode == 2
     assert "broken.yaml:1" in wrong.stderr
 
 
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
+# `kill -9` in a game is also tests/faults/test_process_faults.py, in every run.
+@pytest.mark.parametrize("how", [pytest.param(signal.SIGKILL, marks=pytest.mark.slow), signal.SIGTERM])
 def test_server_that_goes_down_in_the_middle_loses_and_doubles_nothing(tmp_path: Path, how: signal.Signals) -> None:
-    with RealServer(tmp_path, speed=8.0) as server:
+    with RealServer(tmp_path, speed=8.0, study=SHORT_STUDY.replace("tutorial, ", "")) as server:
         bots = [Bot(server.url, "short", seed) for seed in range(2)]
 
         async def walk() -> None:

@@ -4,7 +4,6 @@ import asyncio
 import json
 import re
 import shutil
-import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,6 @@ from server.bots.crowd import Crowd, CrowdOutcome, _arrival, judge, simulate
 from server.bots.faults import GUARANTEES, Trial, table
 from server.bots.invariants import Claim, broken_at_code
 from server.bots.local_server import QUICK, OwnServer
-from server.bots.local_server import kitchenmind as command_line
 from server.bots.participant import Bot
 from server.commands import bots as bots_command
 from server.participation.recruiter_links import recruitment_of
@@ -26,13 +24,14 @@ from server.store.database import Database
 from server.store.tables import answers, episodes, inputs, participants, ticks
 from server.study.loader import load_study
 from server.study.recruitment import Recruitment
+from tests.support import command_line
 
 ROOT = Path(__file__).parents[2]
 STUDIES = sorted((ROOT / "studies").glob("*.yaml"))
 SCRIPTED = ROOT / "tests" / "data" / "small_study.yaml"
 
 
-def shortened(study: Path, folder: Path, horizon: int = 25) -> Path:
+def shortened(study: Path, folder: Path, horizon: int = 15) -> Path:
     text = study.read_text(encoding="utf-8")
     if "\ngame:" in text:
         text = re.sub(r"horizon: \d+", f"horizon: {horizon}", text)
@@ -43,12 +42,8 @@ def shortened(study: Path, folder: Path, horizon: int = 25) -> Path:
     return short
 
 
-def command(*words: str) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(command_line(*words), capture_output=True, text=True, check=False, timeout=240)
-
-
 def simulated(*words: str) -> tuple[int, dict[str, Any]]:
-    ended = command("bots", *words, "--json")
+    ended = command_line.run("bots", *words, "--json")
     assert ended.stdout, ended.stderr
     return ended.returncode, json.loads(ended.stdout)
 
@@ -67,7 +62,7 @@ def test_every_shipped_study_is_walked_to_its_end_and_its_data_can_be_exported(s
     assert (outcome["started"], outcome["completed"], outcome["dropped"]) == (number, number, 0)
     assert sum(outcome["by_condition"].values()) == number
     assert outcome["episodes"] == number * len(plan.layouts) * len(plan.agents)
-    exported = command("export", "--database", database, "--out", str(tmp_path / "export"))
+    exported = command_line.run("export", "--database", database, "--out", str(tmp_path / "export"))
     assert exported.returncode == 0, exported.stderr
 
 
@@ -251,10 +246,17 @@ def test_bots_come_with_ids_that_look_like_the_recruiter_s(recruitment: dict[str
 
 
 @pytest.mark.parametrize(
-    ("people", "least", "most"), [(8, 1, 6), pytest.param(30, 3, 15, marks=pytest.mark.slow)], ids=["8", "30"]
+    ("file", "people", "least", "most"),
+    [
+        (SCRIPTED, 8, 1, 6),
+        pytest.param(ROOT / "studies" / "external_predictor.yaml", 30, 3, 15, marks=pytest.mark.slow),
+    ],
+    ids=["8", "30"],
 )
-def test_participants_of_whom_some_give_up_break_no_promise(tmp_path: Path, people: int, least: int, most: int) -> None:
-    study = shortened(ROOT / "studies" / "external_predictor.yaml", tmp_path, 60)
+def test_participants_of_whom_some_give_up_break_no_promise(
+    tmp_path: Path, file: Path, people: int, least: int, most: int
+) -> None:
+    study = shortened(file, tmp_path, 60)
     status, outcome = simulated(str(people), "--study", str(study), "--fast", "--dropout", "0.3", "--seed", "7")
     assert outcome["violations"] == []
     assert status == 0
@@ -277,7 +279,7 @@ def test_a_broken_guarantee_fails_in_the_table_and_the_others_pass() -> None:
 
 @pytest.mark.slow
 def test_guarantees_hold_while_the_server_is_killed_and_lines_are_lost() -> None:
-    tried = command("bots", "6", "--faults", "--study", str(SCRIPTED), "--seed", "3")
+    tried = command_line.run("bots", "6", "--faults", "--study", str(SCRIPTED), "--seed", "3")
     assert tried.returncode == 0, tried.stdout + tried.stderr
     assert tried.stdout.count("PASS") == len(GUARANTEES) + 1
     assert "1 x server kill" in tried.stdout

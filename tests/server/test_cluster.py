@@ -37,13 +37,6 @@ STUDY = SHORT_STUDY.replace("tutorial, ", "").replace("horizon: 60", "horizon: 2
 Pair = tuple[LiveServer, LiveServer]
 
 
-@pytest.fixture(scope="module")
-def postgres() -> Iterator[PostgresServer]:
-    server = PostgresServer()
-    yield server
-    server.remove()
-
-
 @pytest.fixture
 def redis() -> Iterator[RedisServer]:
     server = RedisServer()

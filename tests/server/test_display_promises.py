@@ -1,14 +1,15 @@
 """A manipulation never vanishes silently: refused at the start, and counted wherever it fails in a game."""
 
 import json
-import subprocess
 from pathlib import Path
 
 import polars as pl
 import pytest
 
-from server.bots.local_server import kitchenmind
+from server.study.loader import StudyError
 from tests.server.test_bots import SCRIPTED
+from tests.support.command_line import run
+from tests.support.live_server import LiveServer
 
 SOMETIMES = """
 import numpy as np
@@ -30,10 +31,6 @@ class Sometimes:
 """
 
 
-def command(*words: str) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(kitchenmind(*words), capture_output=True, text=True, check=False, timeout=900)
-
-
 def study(folder: Path, predictor: str) -> Path:
     file = folder / "small.yaml"
     text = SCRIPTED.read_text("utf-8").replace("- {name: without, predictor: none}\n", "")
@@ -46,12 +43,12 @@ def study(folder: Path, predictor: str) -> Path:
 def test_a_study_whose_predictor_is_missing_is_not_served_and_bots_say_why(predictor: str, tmp_path: Path) -> None:
     (tmp_path / "sometimes.py").write_text(SOMETIMES, encoding="utf-8")
     file = study(tmp_path, predictor)
-    served = command("serve", "--port", "0", "--study", str(file), "--database", f"sqlite:///{tmp_path}/no.sqlite3")
-    walked = command("bots", "1", "--study", str(file), "--fast")
-    for said in (served, walked):
-        assert said.returncode == 2
-        assert f"{file}:" in said.stderr
-        assert "agents.0.predictor: " in said.stderr
+    with pytest.raises(StudyError, match=r"short.yaml:\d.*agents\.0\.predictor: "):  # `serve` ends with 2 then
+        LiveServer(tmp_path, study=file.read_text("utf-8")).start()
+    walked = run("bots", "1", "--study", str(file), "--fast")
+    assert walked.returncode == 2
+    assert f"{file}:" in walked.stderr
+    assert "agents.0.predictor: " in walked.stderr
 
 
 @pytest.mark.timeout(1200)
@@ -59,11 +56,11 @@ def test_every_timestep_without_the_promised_display_is_counted_by_bots_export_a
     (tmp_path / "sometimes.py").write_text(SOMETIMES, encoding="utf-8")
     database = f"sqlite:///{tmp_path / 'kept.sqlite3'}"
     words = ("--study", str(study(tmp_path, "'sometimes:Sometimes'")), "--database", database, "--fast", "--json")
-    walked = command("bots", "1", *words)
+    walked = run("bots", "1", *words)
     assert walked.returncode == 1, walked.stderr
     outcome = json.loads(walked.stdout)
     assert any("is not what its condition promises" in violation for violation in outcome["violations"])
-    exported = command("export", "--database", database, "--out", str(tmp_path / "data"))
+    exported = run("export", "--database", database, "--out", str(tmp_path / "data"))
     assert exported.returncode == 0, exported.stderr
     episodes = pl.read_parquet(tmp_path / "data" / "parquet" / "episodes.parquet")
     ticks = pl.read_parquet(tmp_path / "data" / "parquet" / "ticks.parquet").filter(pl.col("displayed_1") == 6)
@@ -72,7 +69,7 @@ def test_every_timestep_without_the_promised_display_is_counted_by_bots_export_a
     kept = {row["episode"]: row["display_violations"] for row in episodes.to_dicts() if row["display_violations"]}
     assert kept == empty
     assert episodes.filter(pl.col("episode").is_in(list(empty)))["predictor_sha256"].null_count() == 0
-    reported = command("report", str(tmp_path / "data"), "--out", str(tmp_path / "report"))
+    reported = run("report", str(tmp_path / "data"), "--out", str(tmp_path / "report"))
     assert reported.returncode == 0, reported.stderr
     page = (tmp_path / "report" / "report.html").read_text("utf-8")
     assert "The screen did not always show what the condition promises" in page

@@ -91,23 +91,19 @@ def test_databases_are_told_apart(where: Path, capsys: pytest.CaptureFixture[str
 
 @pytest.mark.postgres
 def test_a_new_postgresql_database_is_fine_when_it_can_hold_every_letter(
-    where: Path, capsys: pytest.CaptureFixture[str]
+    where: Path, postgres: PostgresServer, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    postgres = PostgresServer()
-    try:
-        url = postgres.url(postgres.new_database())
-        code, said = run("--database", url, capsys=capsys)
-        assert (code, said["database"].endswith("is empty: tables will be made")) == (0, True)
-        with psycopg.connect(postgres.url(), autocommit=True) as connection:
-            connection.execute("CREATE DATABASE ascii ENCODING 'SQL_ASCII' TEMPLATE template0")
-        code, said = run("--database", postgres.url("ascii"), capsys=capsys)
-        assert (code, "createdb --encoding UTF8" in said["database"]) == (1, True)
-        with psycopg.connect(url, autocommit=True) as connection:
-            connection.execute("CREATE TABLE recipes (name text)")
-        code, said = run("--database", url, capsys=capsys)
-        assert (code, "is no kitchenmind database" in said["database"]) == (1, True)
-    finally:
-        postgres.remove()
+    url = postgres.url(postgres.new_database())
+    code, said = run("--database", url, capsys=capsys)
+    assert (code, said["database"].endswith("is empty: tables will be made")) == (0, True)
+    with psycopg.connect(postgres.url(), autocommit=True) as connection:
+        connection.execute("CREATE DATABASE ascii ENCODING 'SQL_ASCII' TEMPLATE template0")
+    code, said = run("--database", postgres.url("ascii"), capsys=capsys)
+    assert (code, "createdb --encoding UTF8" in said["database"]) == (1, True)
+    with psycopg.connect(url, autocommit=True) as connection:
+        connection.execute("CREATE TABLE recipes (name text)")
+    code, said = run("--database", url, capsys=capsys)
+    assert (code, "is no kitchenmind database" in said["database"]) == (1, True)
 
 
 def test_a_full_disk_is_told_before_it_pauses_games(

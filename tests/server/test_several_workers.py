@@ -3,8 +3,6 @@
 import asyncio
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,32 +14,19 @@ from server.bots.participant import Bot
 from server.store import ticks
 from server.store.database import Database
 from server.store.tables import episodes
+from tests.support import command_line
 from tests.support.postgres_server import PostgresServer
-from tests.support.real_server import ROOT, SHORT_STUDY, RealServer
+from tests.support.real_server import SHORT_STUDY, RealServer
 from tests.support.redis_server import RedisServer
 
 STUDY = SHORT_STUDY.replace("tutorial, ", "")
 pytestmark = pytest.mark.postgres
 
 
-@pytest.fixture(scope="module")
-def postgres() -> Iterator[PostgresServer]:
-    server = PostgresServer()
-    yield server
-    server.remove()
-
-
-@pytest.fixture(scope="module")
-def redis() -> Iterator[RedisServer]:
-    server = RedisServer()
-    yield server
-    server.remove()
-
-
 class SeveralWorkers(RealServer):
     """Two server processes behind one address."""
 
-    def __init__(self, folder: Path, database: str, redis: str, horizon: int = 250) -> None:
+    def __init__(self, folder: Path, database: str, redis: str, horizon: int = 120) -> None:
         super().__init__(folder, 5.0, STUDY.replace("horizon: 60", f"horizon: {horizon}"))
         self.database = database
         self.more_words = ["--workers", "2", "--redis", redis]
@@ -63,10 +48,13 @@ def children(pid: int) -> list[int]:
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
-@pytest.fixture
-def serving(tmp_path: Path, postgres: PostgresServer, redis: RedisServer) -> Iterator[SeveralWorkers]:
+@pytest.fixture(scope="module")
+def serving(
+    tmp_path_factory: pytest.TempPathFactory, postgres: PostgresServer, redis: RedisServer
+) -> Iterator[SeveralWorkers]:
+    """For both tests of this file that are not slow; the second kills it."""
     name = postgres.new_database()
-    server = SeveralWorkers(tmp_path, postgres.url(name), redis.url)
+    server = SeveralWorkers(tmp_path_factory.mktemp("several"), postgres.url(name), redis.url)
     with server:
         yield server
     postgres.drop_database(name)
@@ -117,7 +105,7 @@ async def play_through_kills(serving: SeveralWorkers, players: int, kills: int, 
 
 
 async def test_when_a_process_is_killed_its_games_go_on_in_the_other(serving: SeveralWorkers) -> None:
-    await play_through_kills(serving, players=6, kills=2, horizon=250)
+    await play_through_kills(serving, players=4, kills=1, horizon=120)
 
 
 @pytest.mark.slow
@@ -131,8 +119,7 @@ async def test_many_kills_lose_and_double_nothing(tmp_path: Path, postgres: Post
 
 def test_several_workers_are_refused_without_what_they_need() -> None:
     def refused(*words: str) -> str:
-        command = [sys.executable, str(ROOT / "kitchenmind.py"), "serve", "--port", "0", *words]
-        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+        done = command_line.run("serve", "--port", "0", *words)
         assert done.returncode == 2
         return done.stderr
 

@@ -18,6 +18,7 @@ from models.inference.runner import ModelStatistics
 from server.commands.serve import _server, listen
 from server.settings import Settings
 from server.store.database import DatabaseDown
+from tests.support.databases import with_tables
 from tests.support.live_fakes import RuleModels
 from tests.support.real_server import SHORT_STUDY
 
@@ -50,7 +51,7 @@ class LiveServer:
         """`more_studies`: files beside this study; `database`: another than SQLite; all else goes to the settings."""
         file = folder / "short.yaml"
         file.write_text(study, encoding="utf-8")
-        self.database = str(settings.pop("database", f"sqlite:///{folder / 'study.sqlite3'}"))
+        self.database = str(settings.pop("database", None) or with_tables(folder / "study.sqlite3"))
         studies = (file, *settings.pop("more_studies", ()))
         self.settings = Settings(
             database=self.database, studies=studies, speed=speed, secret=SECRET, _env_file=None, **settings

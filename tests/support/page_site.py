@@ -23,7 +23,6 @@ from server.play.recorder import EpisodeResult
 from server.settings import ROOT
 from server.store import episodes, participants
 from server.store.database import Database
-from server.store.migrate import migrate
 from server.store.participants import Participant
 from server.study.loader import parse_study
 from server.study.steps import StudyStep
@@ -32,6 +31,7 @@ from server.web.dependencies import Web, templates
 from server.web.error_pages import install_error_pages
 from server.web.participant import exits, study_pages
 from server.web.security_headers import SecurityHeaders
+from tests.support.databases import with_tables
 
 SMALL_STUDY = (ROOT / "tests" / "data" / "small_study.yaml").read_text(encoding="utf-8")
 SECRET = b"a secret for tests only, never served"
@@ -41,9 +41,7 @@ class Site:
     """A running server with some studies."""
 
     def __init__(self, folder: Path, *texts: str) -> None:
-        url = f"sqlite:///{folder}/site.db"
-        migrate(url)
-        self.database = Database(url)
+        self.database = Database(with_tables(folder / "site.db"))
         files = [parse_study(text) for text in texts]
         with ThreadPoolExecutor(1) as other:  # a browser's event loop may be running in this thread
             self.studies = other.submit(asyncio.run, Studies.opened(self.database, files)).result()

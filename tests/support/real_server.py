@@ -8,6 +8,8 @@ import sys
 import time
 from pathlib import Path
 
+from tests.support import command_line
+
 ROOT = Path(__file__).resolve().parents[2]
 START_S = 240.0
 
@@ -81,9 +83,8 @@ class RealServer:
         return self._process.wait(30)
 
     def command(self, *words: str) -> "subprocess.CompletedProcess[str]":
-        """Another kitchenmind command, on this server's database."""
-        line = [sys.executable, str(ROOT / "kitchenmind.py"), *words, "--database", self.database]
-        return subprocess.run(line, capture_output=True, text=True, check=False, timeout=120)
+        """Run another kitchenmind command than `serve` on this server's database."""
+        return command_line.run(*words, "--database", self.database)
 
     def __enter__(self) -> "RealServer":
         try:

@@ -1,44 +1,57 @@
 """Fresh databases of both kinds for every test."""
 
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from server.store.database import Database
-from server.store.migrate import migrate
+from tests.support.databases import with_tables
 from tests.support.postgres_server import PostgresServer
+from tests.support.study_data import fill
 
 KINDS = ["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)]
 
 
 @pytest.fixture(scope="session")
-def postgres() -> Iterator[PostgresServer]:
-    server = PostgresServer()
-    yield server
-    server.remove()
+def filled_sqlite(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A database with a played study, to be copied."""
+    file = tmp_path_factory.mktemp("filled") / "study.db"
+    with Database(with_tables(file)) as database:
+        database.write_now(fill)
+    return file
 
 
 @pytest.fixture(scope="session")
-def postgres_template(postgres: PostgresServer) -> str:
-    """The name of a database that has the tables: copied in a moment, where migrating would take longer."""
-    name = postgres.new_database()
-    migrate(postgres.url(name))
+def filled_postgres(postgres: PostgresServer, postgres_template: str) -> str:
+    """The same in PostgreSQL."""
+    name = postgres.new_database(postgres_template)
+    with Database(postgres.url(name)) as database:
+        database.write_now(fill)
     return name
 
 
 @pytest.fixture(params=KINDS)
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
-    """The address of a fresh database with the tables."""
+    """The address of a fresh database with the tables; with a played study where the test asks for `filled` too."""
+    is_filled = "filled" in request.fixturenames
     if request.param == "sqlite":
-        address = f"sqlite:///{tmp_path}/study.db"
-        migrate(address)
-        yield address
+        file = tmp_path / "study.db"
+        if is_filled:
+            shutil.copyfile(request.getfixturevalue("filled_sqlite"), file)
+        yield f"sqlite:///{file}" if is_filled else with_tables(file)
         return
     server: PostgresServer = request.getfixturevalue("postgres")
-    name = server.new_database(request.getfixturevalue("postgres_template"))
+    name = server.new_database(request.getfixturevalue("filled_postgres" if is_filled else "postgres_template"))
     yield server.url(name)
     server.drop_database(name)
+
+
+@pytest.fixture
+def filled(database: Database) -> Database:
+    """With a played study; see `url`."""
+    return database
 
 
 @pytest.fixture

@@ -41,12 +41,6 @@ def exported(url: str, tmp_path: Path) -> Exported:
     return run
 
 
-@pytest.fixture
-def filled(database: Database) -> Database:
-    database.write_now(fill)
-    return database
-
-
 def parquet(folder: Path, table: str) -> pl.DataFrame:
     return pl.read_parquet(folder / "parquet" / f"{table}.parquet")
 

@@ -4,7 +4,7 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pyarrow as pa
@@ -17,40 +17,61 @@ from server.export.import_checks import write_sums
 from server.store import answers, arrivals, decisions, episodes, events, participants, studies, ticks
 from server.store.database import Database
 from server.store.withdrawal import withdraw
+from tests.support.databases import with_tables
 from tests.support.study_data import SPEC, fill, new_participant, played
 
 
-@pytest.fixture
-def export(url: str, tmp_path: Path) -> Iterator[Path]:
-    """Everything that a database can hold: two studies, odd texts, a withdrawal, episodes new, running and done."""
+def fill_all(database: Database) -> None:
+    """Store all that a database can hold: two studies, odd texts, a withdrawal, episodes new, running and done."""
+    study = database.write_now(fill)
+    database.write_now(fill, people=1, key="matrix")
+    database.write_now(studies.register, "ring", "a second version: ü\n")
+    database.write_now(withdraw, database.write_now(new_participant, study))
+    person = database.write_now(new_participant, study)
+    said = {"a": "'=1", "b": "", "c": None, "d": -1.5, "e": 'a "quote",\nand a line', "f": ["x", 1], "g": "-3"}
+    database.write_now(answers.save, answers.SubmittedPage(person, "odd, page", said))
+    for timesteps in (None, 0, 5):
+        new = episodes.NewEpisode(SPEC, f"episode-{timesteps}", (person, None), study, "tom")
+        episode = database.write_now(episodes.create, new)
+        if timesteps is not None:
+            database.write_now(ticks.insert, played(episode, timesteps))
+    database.write_now(episodes.create, episodes.NewEpisode(SPEC, "watch"))
+    others = database.read_now(participants.of_study, study)
+    for about in (None, database.read_now(episodes.of_participant, others[0].id)[0].id):
+        database.write_now(decisions.exclude, others[0].id, about, ("idle", "saw it myself"), "anna")
+    database.write_now(decisions.restore, 1, "anna")
+    when = database.read_now(participants.of_study, study)[0].started_at
+    database.write_now(events.add, events.Event("server_started", when))
+    database.write_now(arrivals.count, study, "opened")
+    database.write_now(arrivals.count, study, "unsuitable", "screen")
+
+
+@pytest.fixture(scope="module")
+def whole_export(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("whole")
+    url = with_tables(folder / "study.db")
     with Database(url) as database:
-        study = database.write_now(fill)
-        database.write_now(fill, people=1, key="matrix")
-        database.write_now(studies.register, "ring", "a second version: ü\n")
-        database.write_now(withdraw, database.write_now(new_participant, study))
-        person = database.write_now(new_participant, study)
-        said = {"a": "'=1", "b": "", "c": None, "d": -1.5, "e": 'a "quote",\nand a line', "f": ["x", 1], "g": "-3"}
-        database.write_now(answers.save, answers.SubmittedPage(person, "odd, page", said))
-        for timesteps in (None, 0, 5):
-            new = episodes.NewEpisode(SPEC, f"episode-{timesteps}", (person, None), study, "tom")
-            episode = database.write_now(episodes.create, new)
-            if timesteps is not None:
-                database.write_now(ticks.insert, played(episode, timesteps))
-        database.write_now(episodes.create, episodes.NewEpisode(SPEC, "watch"))
-        others = database.read_now(participants.of_study, study)
-        for about in (None, database.read_now(episodes.of_participant, others[0].id)[0].id):
-            database.write_now(decisions.exclude, others[0].id, about, ("idle", "saw it myself"), "anna")
-        database.write_now(decisions.restore, 1, "anna")
-        when = database.read_now(participants.of_study, study)[0].started_at
-        database.write_now(events.add, events.Event("server_started", when))
-        database.write_now(arrivals.count, study, "opened")
-        database.write_now(arrivals.count, study, "unsuitable", "screen")
-        assert kitchenmind.main(["export", "--database", url, "--out", str(tmp_path / "first")]) == 0
-        yield tmp_path / "first"
+        fill_all(database)
+    assert kitchenmind.main(["export", "--database", url, "--out", str(folder / "export")]) == 0
+    return folder / "export"
+
+
+@pytest.fixture
+def export(whole_export: Path, tmp_path: Path) -> Path:
+    """An export to be changed. From which kind of database it came, its files do not tell."""
+    return shutil.copytree(whole_export, tmp_path / "first")
+
+
+@pytest.fixture
+def export_of_database(url: str, database: Database, tmp_path: Path) -> Path:
+    fill_all(database)
+    assert kitchenmind.main(["export", "--database", url, "--out", str(tmp_path / "first")]) == 0
+    return tmp_path / "first"
 
 
 @pytest.mark.parametrize("kept", ["csv", "parquet"])
-def test_imported_export_exports_to_the_same_files(export: Path, kept: str, tmp_path: Path) -> None:
+def test_imported_export_exports_to_the_same_files(export_of_database: Path, kept: str, tmp_path: Path) -> None:
+    export = export_of_database
     again = f"sqlite:///{tmp_path}/again.db"
     folder = tmp_path / "one format"
     shutil.copytree(export, folder)
@@ -67,9 +88,9 @@ def test_imported_export_exports_to_the_same_files(export: Path, kept: str, tmp_
     assert len(same) == len(paths)
 
 
-def test_imported_ticks_are_the_ticks_that_were_exported(export: Path, url: str, tmp_path: Path) -> None:
+def test_imported_ticks_are_the_ticks_that_were_exported(export_of_database: Path, url: str, tmp_path: Path) -> None:
     again = f"sqlite:///{tmp_path}/again.db"
-    assert kitchenmind.main(["import", str(export), "--database", again]) == 0
+    assert kitchenmind.main(["import", str(export_of_database), "--database", again]) == 0
     with Database(url, read_only=True) as first, Database(again, read_only=True) as second:
         for study in first.read_now(studies.every):
             for person in first.read_now(participants.of_study, study.id):

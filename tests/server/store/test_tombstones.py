@@ -23,7 +23,7 @@ class Before:
     def __init__(self, url: str, folder: Path) -> None:
         self.url, self.export = url, folder / "before"
         with Database(url) as database:
-            number = database.write_now(fill)
+            number = database.read_now(studies.every)[0].id
             database.write_now(lambda connection: fill(connection, people=1, per_person=1, key="other"))
             self.person, self.mate = (one.id for one in database.read_now(participants.of_study, number)[:2])
             database.write_now(self._play_together)
@@ -46,7 +46,7 @@ class Before:
 
 
 @pytest.fixture
-def before(url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Before:
+def before(filled: Database, url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Before:
     monkeypatch.setenv("KITCHENMIND_DATABASE", f"sqlite:///{tmp_path}/no server here.db")
     made = Before(url, tmp_path)
     made.delete()

@@ -7,13 +7,11 @@ from sqlalchemy import Connection, create_engine, delete, select, update
 import kitchenmind
 from server.store.database import Database
 from server.store.tables import episodes, ticks
-from tests.support.study_data import fill
 
 
 @pytest.fixture
 def filled(url: str) -> str:
-    with Database(url) as database:
-        database.write_now(fill)
+    """A database with a played study; see `url` of conftest.py."""
     return url
 
 
