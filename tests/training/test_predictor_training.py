@@ -55,16 +55,30 @@ def trained(form, games, folder, config=QUICK):
     return train_predictor(trainer, RunFolder(folder, {"form": form})), trainer
 
 
-@pytest.mark.parametrize("form", ["stream", "window"])
-def test_both_forms_learn_to_foretell_better_than_the_baselines(form, games, tmp_path):
-    network, trainer = trained(form, games, tmp_path)
+@pytest.fixture(scope="module")
+def stream(games, tmp_path_factory):
+    """A whole training of the stream form: the network, its trainer, the folder of the run."""
+    torch.set_num_threads(1)
+    folder = tmp_path_factory.mktemp("stream")
+    return *trained("stream", games, folder), folder
+
+
+def learned(network, trainer):
     result = evaluate(network, trainer.validation)
     assert result.accuracy.mean > max(result.repeat.mean, result.frequent.mean)
     assert result.loss < 3 * np.log(6)
 
 
-def test_an_interrupted_run_goes_on_to_the_same_weights(games, tmp_path):
-    whole, _ = trained("stream", games, tmp_path / "whole")
+def test_the_stream_form_learns_to_predict_better_than_the_baselines(stream):
+    learned(*stream[:2])
+
+
+def test_the_window_form_learns_to_predict_better_than_the_baselines(games, tmp_path):
+    learned(*trained("window", games, tmp_path))
+
+
+def test_an_interrupted_run_goes_on_to_the_same_weights(stream, games, tmp_path):
+    whole = stream[0]
     with pytest.raises(TimeoutError, match="the same command goes on"):
         trained("stream", games, tmp_path / "parts", replace(QUICK, minutes=0.0))
     for _ in range(5):
@@ -84,9 +98,8 @@ def test_training_stops_when_validation_gets_no_better(games, tmp_path):
     assert trainer.update == 15
 
 
-def test_metrics_are_written_as_training_goes_on(games, tmp_path):
-    trained("stream", games, tmp_path)
-    lines = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
+def test_metrics_are_written_as_training_goes_on(stream):
+    lines = [json.loads(line) for line in (stream[2] / "metrics.jsonl").read_text().splitlines()]
     assert [line["timesteps"] for line in lines] == [40, 80, 120]
     assert {"loss", "validation_loss", "accuracy", "step1", "step2", "step3"} <= set(lines[0])
 
@@ -131,8 +144,8 @@ def test_temperature_makes_confidence_honest():
     assert torch.allclose(fitted, torch.full((3,), 3.0), atol=0.4)
 
 
-def test_a_shipped_predictor_says_on_its_card_what_it_does(games, tmp_path):
-    network, _ = trained("stream", games, tmp_path / "run")
+def test_a_shipped_predictor_says_on_its_card_what_it_does(stream, games, tmp_path):
+    network = stream[0]
     test = load_episodes(games, TEST, RING, network.eyes)
     result = write_predictor(tmp_path / "p", network, RING, target(), test, {"seed": 0})
     card = (tmp_path / "p" / "card.md").read_text()

@@ -12,6 +12,7 @@ import pytest
 from models.agents.catalogue import load_agent
 from models.networks.checkpoint import load_checkpoint
 from overcooked.layout import load_layout
+from tests.support.command_line import run
 
 TINY = """
 population = 1
@@ -27,11 +28,14 @@ snapshots = 4
 """
 
 
-def _command(tmp_path: Path, timesteps: int, *more: str) -> list[str]:
+MEASURED = ("--device", "cpu", "--precision", "float32")  # otherwise every task measures what is quickest here
+
+
+def _words(tmp_path: Path, timesteps: int, *more: str) -> list[str]:
     preset = tmp_path / "tiny.toml"
     preset.write_text(TINY.format(timesteps=timesteps))
     words = ["--preset", str(preset), "--layouts", "coordination_ring", "--only", "population_sp", "target_sp"]
-    return [sys.executable, "-m", "kitchenmind", "train", "study", *words, "--runs", str(tmp_path / "runs"), *more]
+    return ["train", "study", *words, *MEASURED, "--runs", str(tmp_path / "runs"), *more]
 
 
 def _agents(tmp_path: Path) -> list[str]:
@@ -42,7 +46,7 @@ def _agents(tmp_path: Path) -> list[str]:
 
 def test_the_study_command_trains_what_is_asked_for_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
     for _ in range(2):  # the second time finds everything done
-        finished = subprocess.run(_command(tmp_path, 6400), capture_output=True, text=True, check=False, timeout=240)
+        finished = run(*_words(tmp_path, 6400))
         assert finished.returncode == 0, finished.stdout + finished.stderr
         assert _agents(tmp_path) == ["population_sp_1", "target_sp_11"]
     assert "2 of 2 tasks done" in finished.stdout
@@ -53,19 +57,7 @@ def test_the_study_command_trains_what_is_asked_for_and_goes_on_where_it_stopped
 def test_an_agent_trained_by_the_command_can_be_loaded_and_played(tmp_path: Path) -> None:
     out = tmp_path / "mine"
     words = ["--layout", "coordination_ring", "--seed", "3", "--set", "timesteps=6400", "--set", "snapshots=2"]
-    command = [
-        sys.executable,
-        "-m",
-        "kitchenmind",
-        "train",
-        "agent",
-        *words,
-        "--runs",
-        str(tmp_path),
-        "--out",
-        str(out),
-    ]
-    finished = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    finished = run("train", "agent", *words, *MEASURED, "--runs", str(tmp_path), "--out", str(out))
     assert finished.returncode == 0, finished.stderr
     assert "timesteps = 6400" in finished.stdout
     assert load_agent(str(out), load_layout("coordination_ring")).mode.temperature == 0.0
@@ -81,8 +73,7 @@ def test_an_agent_trained_by_the_command_can_be_loaded_and_played(tmp_path: Path
     ],
 )
 def test_wrong_input_ends_with_2_and_says_why(tmp_path: Path, words: list[str], reason: str) -> None:
-    command = [sys.executable, "-m", "kitchenmind", "train", *words, "--runs", str(tmp_path)]
-    finished = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    finished = run("train", *words, "--runs", str(tmp_path))
     assert finished.returncode == 2
     assert reason in finished.stderr
     assert not any(tmp_path.iterdir())
@@ -92,7 +83,7 @@ def test_wrong_input_ends_with_2_and_says_why(tmp_path: Path, words: list[str], 
 def test_a_killed_ray_worker_costs_time_but_no_task(tmp_path: Path) -> None:
     pytest.importorskip("ray", reason="pip install 'kitchenmind[cluster]'")
     process = subprocess.Popen(
-        _command(tmp_path, 400_000, "--ray", "local", "--workers", "2"),
+        [sys.executable, "-m", "kitchenmind", *_words(tmp_path, 400_000, "--ray", "local", "--workers", "2")],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
     )  # fmt: skip
     try:
