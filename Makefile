@@ -5,8 +5,6 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --no-compile
 # More than the cores of a small machine: much of the time the tests wait for browsers and servers.
 PYTEST_WORKERS ?= 3
-# A real browser or server that was too slow once is no verdict: only time-outs are tried again, everything else fails.
-AGAIN := --reruns 2 --only-rerun Timeout
 # Set on some machines and in many images, it makes every process compile its imports again: 10 s instead of 2.
 unexport PYTHONDONTWRITEBYTECODE
 # Alone and first, so that pip takes the build that suits the machine and not what another package would draw in.
@@ -32,7 +30,7 @@ serve: .venv/.serving
 	@$(BIN)/kitchenmind serve $(ARGS)
 
 test: .venv/.test system
-	$(BIN)/python -m pytest -n $(PYTEST_WORKERS) --dist loadfile --no-loadscope-reorder -m "not slow" $(AGAIN) $(ARGS)
+	$(BIN)/python -m pytest -n $(PYTEST_WORKERS) --dist loadfile --no-loadscope-reorder -m "not slow" $(ARGS)
 
 test-slow: .venv/.test
 	@.ci/system nginx caddy

@@ -2,8 +2,10 @@
 
 import os
 from collections.abc import Iterator
+from functools import cache
 from zlib import crc32
 
+import httpx._transports.default as http_transport
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -22,6 +24,9 @@ for library in (
     "POLARS_MAX_THREADS",
 ):
     os.environ.setdefault(library, "1")
+
+# httpx reads some hundred certificates for every client, 25 ms each time; the tests make thousands of clients.
+http_transport.create_ssl_context = cache(http_transport.create_ssl_context)
 
 # Files are handed out whole, in this order: what takes minutes first, so that no worker is left with it at the end,
 # then the rest well mixed, so that the browsers of several files do not run at the same time.

@@ -19,7 +19,8 @@ from tests.test_guides import blocks
 
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "guides" / "backup.md"
-pytestmark = pytest.mark.postgres
+# In every run, tests/server/store/test_backup.py does the same in one process.
+pytestmark = [pytest.mark.postgres, pytest.mark.slow]
 
 
 @dataclass(frozen=True)

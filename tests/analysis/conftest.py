@@ -1,9 +1,11 @@
 """Simulated exports for the analysis: small, seeded, written once."""
 
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from analysis import figures, study
 from analysis.synthetic import Truth, write_export
 from analysis.tables import Export, read_export
 
@@ -21,3 +23,15 @@ def planted_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def planted(planted_folder: Path) -> Export:
     return read_export(planted_folder)
+
+
+@pytest.fixture
+def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are built but not rendered, which is most of a report's time: for tests of its numbers and words."""
+    monkeypatch.setattr(figures, "save", lambda figure, folder, name: "<svg></svg>")
+
+
+@pytest.fixture
+def quick_command(no_pictures: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`kitchenmind report` draws less at random and renders nothing."""
+    monkeypatch.setattr(study, "Options", partial(study.Options, power_studies=20, draws=200))

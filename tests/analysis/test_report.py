@@ -115,6 +115,7 @@ def test_the_same_data_give_the_same_numbers_and_fingerprint(
     assert (tmp_path / figure).read_bytes() == (report.page.parent / figure).read_bytes()
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_csv_files_say_the_same_as_parquet(report: Report, planted_folder: Path, tmp_path: Path) -> None:
     folder = tmp_path / "data"
     folder.mkdir()
@@ -125,6 +126,7 @@ def test_csv_files_say_the_same_as_parquet(report: Report, planted_folder: Path,
     assert [repr(row) for row in from_csv] == [repr(row) for row in report.analysis.rows]
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_one_condition_alone_is_described_and_not_compared(planted_folder: Path, tmp_path: Path) -> None:
     def change(name: str, table: pl.DataFrame) -> pl.DataFrame:
         return table.filter(pl.col("condition") == "tom") if name in ("participants", "episodes") else table
@@ -137,6 +139,7 @@ def test_one_condition_alone_is_described_and_not_compared(planted_folder: Path,
     assert select(made.analysis.rows, test="mean", condition="tom")
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_missing_predictions_and_answers_are_said_plainly(planted_folder: Path, tmp_path: Path) -> None:
     def change(name: str, table: pl.DataFrame) -> pl.DataFrame:
         if name == "ticks":
@@ -160,6 +163,7 @@ def test_a_study_that_nobody_finished_gives_a_page_without_numbers(planted_folde
     assert "No finished episodes yet" in text
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_two_people_a_condition_are_reported_without_a_crash(tmp_path: Path) -> None:
     write_export(Truth(participants=2, layouts=("matrix",), agents=("sp",), timesteps=20, broken=0), tmp_path / "data")
     made = write_report(tmp_path / "data", tmp_path / "out", QUICK)
@@ -167,6 +171,7 @@ def test_two_people_a_condition_are_reported_without_a_crash(tmp_path: Path) -> 
     assert all(not math.isinf(row.p) for row in made.analysis.rows)
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_other_conditions_than_the_published_are_compared_last_with_first(tmp_path: Path) -> None:
     truth = Truth(participants=4, conditions=("weak", "strong"), layouts=("matrix",), timesteps=20)
     write_export(truth, tmp_path / "data")
@@ -222,6 +227,7 @@ def test_several_studies_in_one_export_are_not_mixed(planted_folder: Path, tmp_p
     assert set(pilot.ticks["episode"]) == set(pilot.episodes["episode"])
 
 
+@pytest.mark.usefixtures("quick_command")
 def test_the_verb_writes_a_report_about_the_chosen_layouts_and_names_it(
     planted_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -16,9 +16,10 @@ from analysis.results import select
 from analysis.study import Options
 from analysis.synthetic import Truth, write_export
 from analysis.tables import ExportError, read_export
-from tests.analysis.test_report import QUICK, copied
+from tests.analysis.test_report import copied
 
 Change = Callable[[str, pl.DataFrame], pl.DataFrame | None]
+QUICK = Options(power_studies=20, draws=200)
 SMALL = Truth(participants=4, layouts=("matrix", "double_rings"), timesteps=20, broken=0)
 
 
@@ -60,6 +61,7 @@ def with_texts(texts: list[str]) -> Change:
     return change
 
 
+@pytest.mark.usefixtures("no_pictures")
 @pytest.mark.parametrize("texts", [["10", "12", "7"], ["nan"], ["inf", "1e5", "-3", "2 soups", ""], ["007"]])
 def test_free_text_is_never_a_number(texts: list[str], small: Path, plain: Report, tmp_path: Path) -> None:
     made = reported(small, tmp_path, with_texts(texts))
@@ -141,6 +143,7 @@ NO_TEST = {
 }  # fmt: skip
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_without_a_fitted_model_there_is_no_sentence_and_no_power_curve(small: Path, tmp_path: Path) -> None:
     def change(name: str, table: pl.DataFrame) -> pl.DataFrame:
         own = (pl.col("condition") == "tom") == (pl.col("agent_1") == "sp")  # conditions and agents are one
@@ -210,6 +213,7 @@ def two_versions(name: str, table: pl.DataFrame) -> pl.DataFrame:
     )
 
 
+@pytest.mark.usefixtures("quick_command")
 def test_two_versions_are_named_and_one_can_be_chosen(
     small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -240,6 +244,7 @@ def test_two_versions_are_named_and_one_can_be_chosen(
     assert "no version 3 of this study. It has: 1, 2." in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("quick_command")
 def test_one_version_is_not_worth_a_word(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert kitchenmind.main(["report", str(small), "--out", str(tmp_path)]) == 0
     assert capsys.readouterr().err == ""
@@ -255,6 +260,7 @@ def drawn(path: Path) -> dict[tuple[str, str, str], tuple[str, str, str]]:
     }
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_the_seed_seeds_everything_that_is_drawn(planted_folder: Path, tmp_path: Path) -> None:
     first, again, other = (
         drawn(write_report(planted_folder, tmp_path / name, Options(draws=200, power_studies=50, seed=seed)).results)
@@ -268,6 +274,7 @@ def test_the_seed_seeds_everything_that_is_drawn(planted_folder: Path, tmp_path:
         assert any(changed), kind
 
 
+@pytest.mark.usefixtures("quick_command")
 def test_the_command_in_the_report_makes_the_report_again(
     small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -281,6 +288,7 @@ def test_the_command_in_the_report_makes_the_report_again(
     assert (tmp_path / "two" / "results.csv").read_bytes() == (tmp_path / "one" / "results.csv").read_bytes()
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_draws_and_the_number_of_corrected_tests_are_told(small: Path, tmp_path: Path) -> None:
     def change(name: str, table: pl.DataFrame) -> pl.DataFrame:
         if name != "episodes":
@@ -309,6 +317,7 @@ def test_a_damaged_file_is_named(file: str, small: Path, tmp_path: Path, capsys:
     assert "--seed is negative" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_episodes_of_a_place_played_twice_are_not_taken_for_two_people(small: Path, tmp_path: Path) -> None:
     def change(name: str, table: pl.DataFrame) -> pl.DataFrame:
         if name != "episodes":

@@ -137,6 +137,7 @@ def test_an_agent_that_went_the_other_way_is_not_called_higher() -> None:
     assert f"; the difference was not significant with FCP (estimate {formatting.number(row.estimate)}, " in text
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_those_who_left_are_not_called_removed(tmp_path: Path) -> None:
     write_export(Truth(participants=4, layouts=LAYOUTS[:2], timesteps=20, broken=0), tmp_path / "data")
     people = pl.read_parquet(tmp_path / "data" / "participants.parquet")

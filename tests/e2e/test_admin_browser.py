@@ -185,15 +185,20 @@ def test_the_live_page_fits_a_phone_also_one_that_is_turned(page: Page, server: 
 
 
 def test_every_page_of_a_researcher_is_accessible(page: Page, server: RealServer) -> None:
-    for path in ("", "/audit", "/accounts", "/s/short/games"):
-        page.goto(f"{server.url}/admin{path}")
+    def look(path: str) -> None:
+        answer = page.goto(f"{server.url}/admin{path}")
+        assert answer is not None
+        assert (answer.status, page.url) == (200, f"{server.url}/admin{path}"), "not the page that is to be looked at"
         is_accessible(page)
+
+    for path in ("", "/audit", "/accounts", "/s/short/games"):
+        look(path)
     page.goto(f"{server.url}/admin/s/short/games")
     page.click("#games tbody td a")
     is_accessible(page)
     page.emulate_media(color_scheme="dark")
     for path in ("", "/s/short", "/s/short/games"):
-        page.goto(f"{server.url}/admin{path}")
-        is_accessible(page)
+        look(path)
     page.click("text=Sign out")
+    expect(page.locator("[name=password]")).to_be_visible()
     is_accessible(page)

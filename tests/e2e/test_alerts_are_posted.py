@@ -19,7 +19,8 @@ async def disappear(url: str) -> None:
     while not page.is_game:
         page = await bot.submit(page)
     playing = asyncio.create_task(bot.game().play())
-    await asyncio.sleep(1.5)
+    while not bot.journal.states:
+        await asyncio.sleep(0.02)
     playing.cancel()
     await asyncio.gather(playing, return_exceptions=True)
     await bot.close()

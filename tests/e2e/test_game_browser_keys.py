@@ -128,6 +128,8 @@ def test_a_hidden_page_says_so_and_comes_back_by_itself(page: Page, server: Fake
     server.send(Paused("hidden", 25.0))
     page.evaluate(hide % "false")
     server.wait_for(lambda server: len(server.of(Ready)) == 2)
+    assert server.of(Away) == [Away("hidden")], "said once"
+    assert server.inputs() == []
 
 
 def test_keys_reach_the_game_but_never_scroll_the_page(page: Page, server: FakeGameServer) -> None:
@@ -212,7 +214,9 @@ def test_the_pad_works_without_a_pointer(chromium: Browser, server: FakeGameServ
     with opened(chromium, server, viewport=PHONE, has_touch=True, is_mobile=True) as page:
         start(page, server)
         page.evaluate("document.querySelector('.touch [data-action=\"5\"]').click()")
-        server.wait_for(lambda server: moves(server) == [(None, 5)])
+        server.wait_for(lambda server: bool(server.inputs()))
+        settled(page, server)
+        assert moves(server) == [(None, 5)], "once, and nothing is held"
 
 
 def test_keys_pressed_during_the_countdown_reach_the_server(chromium: Browser, server: FakeGameServer) -> None:
@@ -247,7 +251,9 @@ def test_a_key_up_that_a_modifier_swallows_does_not_leave_the_chef_walking(
     server.wait_for(lambda server: moves(server) == [(3, 3), (None, None)])
     page.keyboard.up(modifier)
     press_raw(page, "keydown", code="ArrowLeft", key="ArrowLeft", repeat=True)  # but it is still held down
-    server.wait_for(lambda server: moves(server)[2:] == [(3, None)])
+    server.wait_for(lambda server: len(server.inputs()) == 3)
+    settled(page, server)
+    assert moves(server) == [(3, 3), (None, None), (3, None)]
     page.keyboard.up("ArrowLeft")
     server.wait_for(lambda server: moves(server)[3:] == [(None, None)])
 

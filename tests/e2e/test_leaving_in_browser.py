@@ -36,7 +36,7 @@ def rows(server: RealServer) -> dict[str, int]:
 
 
 def test_who_leaves_in_the_middle_of_a_game_leaves_nothing_behind(chromium: Browser, server: RealServer) -> None:
-    context = chromium.new_context(viewport=PHONE, has_touch=True)
+    context = chromium.new_context(viewport=PHONE, has_touch=True, reduced_motion="reduce")
     page = context.new_page()
     cook = BrowserCook(page)
     go_to_game(page, server)
@@ -58,7 +58,7 @@ def test_who_leaves_in_the_middle_of_a_game_leaves_nothing_behind(chromium: Brow
 
 
 def test_the_way_out_is_on_the_game_s_page_and_asks_first(chromium: Browser, server: RealServer) -> None:
-    page = chromium.new_page(viewport={"width": 1366, "height": 768})
+    page = chromium.new_page(viewport={"width": 1366, "height": 768}, reduced_motion="reduce")
     cook = BrowserCook(page)
     go_to_game(page, server)
     cook.play(until_timestep=6)

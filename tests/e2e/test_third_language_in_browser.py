@@ -98,7 +98,7 @@ def site(tmp_path_factory: pytest.TempPathFactory, third_language: None) -> Iter
 
 @SIZES
 def test_no_page_cuts_a_word_off(site: Site, chromium: Browser, size: dict[str, int]) -> None:
-    context = chromium.new_context(viewport=size, has_touch=size is PHONE, locale="xx")  # type: ignore[arg-type]
+    context = chromium.new_context(viewport=size, has_touch=size is PHONE, locale="xx", reduced_motion="reduce")  # type: ignore[arg-type]
     page = context.new_page()
     cut: dict[str, list[str]] = {}
 
@@ -147,7 +147,8 @@ def test_no_state_of_the_game_cuts_a_word_off(chromium: Browser, size: dict[str,
     server = FakeGameServer(language=LANGUAGE, lessons=["walk", "fetch", "fill", "wait", "plate", "deliver", "marks"])
     state = kitchen(t=194, players=((3, 3, 2, 1), (7, 3, 2, 3)), score=40, soups=2)
     server.welcome = welcome(grid=RINGS, tick_ms=5000, state=state, title=longer("Double Counters"), kind="tutorial")
-    context = chromium.new_context(viewport=size, has_touch=size is PHONE, is_mobile=size is PHONE)  # type: ignore[arg-type]
+    phone = {"has_touch": size is PHONE, "is_mobile": size is PHONE}
+    context = chromium.new_context(viewport=size, reduced_motion="reduce", **phone)  # type: ignore[arg-type]
     page = context.new_page()
     cut: dict[str, list[str]] = {}
 

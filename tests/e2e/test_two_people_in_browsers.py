@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Page
@@ -12,7 +13,8 @@ from server.store.tables import episodes
 from tests.e2e.test_game_browser_real import go_on
 from tests.support.browser.browser_cook import BrowserCook
 from tests.support.browser.game_page import DESKTOP, at_rest, screenshot
-from tests.support.real_server import SHORT_STUDY, RealServer
+from tests.support.live_server import LiveServer
+from tests.support.real_server import SHORT_STUDY
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(240)]
 PHONE = {"width": 390, "height": 844}
@@ -28,27 +30,36 @@ STUDY = (
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealServer]:
-    with RealServer(tmp_path_factory.mktemp("two"), speed=4.0, study=STUDY) as running:
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
+    with LiveServer(tmp_path_factory.mktemp("two"), speed=4.0, study=STUDY) as running:
+        yield running
+
+
+@pytest.fixture
+def impatient(tmp_path: Path) -> Iterator[LiveServer]:
+    """One where nobody waits for long."""
+    with LiveServer(tmp_path, speed=4.0, study=STUDY.replace("limit_s: 80", "limit_s: 12")) as running:
         yield running
 
 
 @contextmanager
 def visitor(chromium: Browser, width_and_height: dict[str, int]) -> Iterator[Page]:
-    context = chromium.new_context(viewport=width_and_height, has_touch=width_and_height is PHONE)  # type: ignore[arg-type]
+    context = chromium.new_context(
+        viewport=width_and_height, has_touch=width_and_height is PHONE, reduced_motion="reduce"
+    )  # type: ignore[arg-type]
     context.set_default_timeout(30_000)
     yield context.new_page()
     context.close()
 
 
-def to_the_game(page: Page, server: RealServer) -> None:
+def to_the_game(page: Page, server: LiveServer) -> None:
     if page.url == "about:blank":
         page.goto(f"{server.url}/s/short")
     while not page.locator("#game-config").count():
         go_on(page)
 
 
-def test_two_browsers_wait_meet_cook_and_each_sees_itself_in_blue(chromium: Browser, server: RealServer) -> None:
+def test_two_browsers_wait_meet_cook_and_each_sees_itself_in_blue(chromium: Browser, server: LiveServer) -> None:
     with visitor(chromium, DESKTOP) as one, visitor(chromium, PHONE) as two:
         cooks = BrowserCook(one), BrowserCook(two)
         to_the_game(one, server)
@@ -72,9 +83,9 @@ def test_two_browsers_wait_meet_cook_and_each_sees_itself_in_blue(chromium: Brow
         assert cooks[0].episode == cooks[1].episode
 
 
-def test_who_waits_in_vain_is_told_that_an_agent_steps_in(chromium: Browser, server: RealServer) -> None:
+def test_who_waits_in_vain_is_told_that_an_agent_steps_in(chromium: Browser, impatient: LiveServer) -> None:
     with visitor(chromium, DESKTOP) as page:
-        to_the_game(page, server)
+        to_the_game(page, impatient)
         page.wait_for_selector("#pause:visible")
         page.wait_for_selector("#start:visible")
         assert page.inner_text("#start-title") == "An AI chef steps in"
@@ -82,6 +93,6 @@ def test_who_waits_in_vain_is_told_that_an_agent_steps_in(chromium: Browser, ser
         page.click("#start-button")
         page.wait_for_selector("[data-phase=playing]")
         assert page.inner_text("#partner") == "AI chef"
-    with Database(server.database, read_only=True) as database:
+    with Database(impatient.database, read_only=True) as database:
         seats = database.read_now(lambda connection: connection.execute(select(episodes.c.agent_1)).scalars().all())
-    assert seats == [None, "planner"]
+    assert seats == ["planner"]

@@ -10,7 +10,8 @@ from server.store.database import Database
 from server.store.tables import episodes, participants
 from tests.support.browser.browser_cook import BrowserCook
 from tests.support.browser.game_page import DESKTOP, PHONE, screenshot
-from tests.support.real_server import SHORT_STUDY, RealServer
+from tests.support.live_server import LiveServer
+from tests.support.real_server import SHORT_STUDY
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(240)]
 
@@ -19,16 +20,16 @@ STUDY = SHORT_STUDY.replace("predictor: sp_predictor_stream}", "predictor: rando
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealServer]:
-    with RealServer(tmp_path_factory.mktemp("watch"), speed=4.0, study=STUDY) as running:
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
+    with LiveServer(tmp_path_factory.mktemp("watch"), speed=4.0, study=STUDY) as running:
         yield running
 
 
 @pytest.mark.parametrize(("viewport", "marks"), [(DESKTOP, 1), (PHONE, 0)], ids=["desktop-green", "phone-blue"])
 def test_two_agents_cook_before_an_onlooker(
-    chromium: Browser, server: RealServer, viewport: dict[str, int], marks: int
+    chromium: Browser, server: LiveServer, viewport: dict[str, int], marks: int
 ) -> None:
-    context = chromium.new_context(viewport=viewport)  # type: ignore[arg-type]
+    context = chromium.new_context(viewport=viewport, reduced_motion="reduce")  # type: ignore[arg-type]
     page = context.new_page()
     seen = BrowserCook(page)
     page.goto(server.url)
@@ -38,8 +39,7 @@ def test_two_agents_cook_before_an_onlooker(
     page.locator(".watch .btn").first.click()
     page.click("#start-button")
     page.wait_for_selector("[data-phase=playing]")
-    while not seen.timesteps or seen.timesteps[-1] < 30:
-        page.wait_for_timeout(50)
+    page.wait_for_function("() => Number(document.querySelector('.game').dataset.timestep) >= 30")
     screenshot(page, f"watch-game-{viewport['width']}")
     assert not page.is_visible(".touch")
     assert page.inner_text("#round") == "Two AI chefs are cooking"

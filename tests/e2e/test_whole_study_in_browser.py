@@ -47,7 +47,7 @@ def stored(server: RealServer, person: str) -> tuple[participants.Participant, l
 
 
 def test_the_whole_study_by_keyboard_alone(chromium: Browser, server: RealServer, recruitment_id: str) -> None:
-    page = chromium.new_context(viewport=DESKTOP, locale="en-GB").new_page()
+    page = chromium.new_context(viewport=DESKTOP, locale="en-GB", reduced_motion="reduce").new_page()
     person = KeyboardOnly(page)
     titles = walk(person, f"{server.url}/s/every_setting?PID={recruitment_id}&WAVE=1")
     assert titles.count("game") == 5
@@ -66,7 +66,9 @@ def test_the_whole_study_by_keyboard_alone(chromium: Browser, server: RealServer
 
 
 def test_the_whole_study_by_touch_alone_in_chinese(chromium: Browser, server: RealServer, recruitment_id: str) -> None:
-    page = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True, locale="zh-CN").new_page()
+    page = chromium.new_context(
+        viewport=PHONE, has_touch=True, is_mobile=True, locale="zh-CN", reduced_motion="reduce"
+    ).new_page()
     person = TouchOnly(page)
     titles = walk(person, f"{server.url}/s/every_setting?PID={recruitment_id}&WAVE=2")
     assert titles.count("game") == 5

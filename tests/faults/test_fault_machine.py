@@ -10,6 +10,7 @@ import sqlite3
 import tempfile
 import time
 from pathlib import Path
+from typing import Any, ClassVar
 
 import pytest
 from hypothesis import HealthCheck, Phase, seed, settings
@@ -33,6 +34,8 @@ WEATHERS = (Weather(), Weather(latency_ms=30, jitter_ms=20), Weather(loss=0.05),
 
 class FaultMachine(RuleBasedStateMachine):
     """Two people at their games; each rule does some harm, or lets some time pass."""
+
+    compared: ClassVar[list[int]] = []  # at the end of each sequence, how many states were looked up in the database
 
     @initialize(number=st.integers(0, 2**16))
     def begin(self, number: int) -> None:
@@ -148,6 +151,7 @@ class FaultMachine(RuleBasedStateMachine):
         found = held_against(self.live.database, self.crowd.clients, silence_s=60)
         self.folder.cleanup()
         assert found.ok, found
+        self.compared.append(found.compared)
 
     async def _end(self) -> None:
         try:
@@ -160,11 +164,17 @@ class FaultMachine(RuleBasedStateMachine):
 _QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None}
 
 
+def search(machine: type[FaultMachine], sequences: int, steps: int, **how: Any) -> None:
+    """Try so many sequences of faults; all of them must have shown states that are then compared."""
+    FaultMachine.compared.clear()
+    tried = settings(max_examples=sequences, stateful_step_count=steps, **how, **_QUIET)
+    run_state_machine_as_test(machine, settings=tried)
+    assert len(FaultMachine.compared) >= sequences
+    assert min(FaultMachine.compared) > 0
+
+
 def test_a_few_sequences_of_faults_lose_nothing() -> None:
-    run_state_machine_as_test(
-        FaultMachine,
-        settings=settings(max_examples=3, stateful_step_count=8, derandomize=True, phases=[Phase.generate], **_QUIET),
-    )
+    search(FaultMachine, 3, 8, derandomize=True, phases=[Phase.generate])
 
 
 @pytest.mark.slow
@@ -173,4 +183,4 @@ def test_many_sequences_of_faults_lose_nothing() -> None:
     number = int.from_bytes(os.urandom(4))
     print(f"seed {number}")
     searched = seed(number)(FaultMachine)
-    run_state_machine_as_test(searched, settings=settings(max_examples=30, stateful_step_count=15, **_QUIET))
+    search(searched, 30, 15)

@@ -20,7 +20,7 @@ async def test_games_and_forms_do_not_mind_a_clock_that_jumps(tmp_path: Path) ->
     (await people.clock_jumps(tmp_path, seconds=0.3)).hold()
 
 
-@pytest.mark.parametrize("kind", ["Slow", "SometimesNothing"])
+@pytest.mark.parametrize("kind", [pytest.param("Slow", marks=pytest.mark.slow), "SometimesNothing"])
 async def test_partners_wait_for_an_agent_in_trouble_and_the_data_say_so(tmp_path: Path, kind: str) -> None:
     (await model.troubled(tmp_path, kind, seconds=3)).hold()
 

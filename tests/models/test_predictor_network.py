@@ -90,7 +90,7 @@ def test_memory_is_all_that_a_restart_needs(form):
 
 @pytest.mark.parametrize("form", ["stream", "window"])
 def test_a_game_does_not_depend_on_the_others_beside_it(form):
-    observations, actions = played(70, 12)
+    observations, actions = played(70, 6)
     predictor = at_work(network(form))
     together = step_by_step(predictor, observations, actions)
     alone = step_by_step(predictor, observations[66:67], actions[66:67])

@@ -5,9 +5,11 @@ import os
 import signal
 import subprocess
 import sys
+from itertools import count
 
 import numpy as np
 import pytest
+import pytest_asyncio
 
 from models.agents.model_paths import ModelPaths
 from models.inference.launch import launch
@@ -22,14 +24,17 @@ from tests.support.onnx_files import linear_agent
 LAYOUT = "coordination_ring"
 NORTHWARD, EVEN = "tests.support.foreign_models:Northward", "tests.support.foreign_models:EvenHanded"
 REMEMBERING = "tests.support.foreign_models:Remembering"
+JAMMING = "tests.support.foreign_models:Jamming"
 PATIENT_MS = 5000
+_games = count()  # no two games of this file have one name: some share a server
+in_one_loop = pytest.mark.asyncio(loop_scope="module")
 
 
 class Game:
     """A game played elsewhere: random joint actions, all states kept."""
 
     def __init__(self, name: str, seed: int = 0, layout: str = LAYOUT) -> None:
-        self.name, self.layout = name, layout
+        self.name, self.layout = f"{name}-{next(_games)}", layout
         self.draws = np.random.default_rng(seed)
         self.kitchens = Kitchens.start(load_layout(layout))
         self.observations = [self.kitchens.encode()[0, 0].copy()]
@@ -68,6 +73,16 @@ async def serving():
         await server.close()
 
 
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def shared():
+    """For tests `in_one_loop`, which only ask: starting its processes takes longer than all that they do."""
+    agents, predictors = (NORTHWARD, EVEN, JAMMING), (REMEMBERING, "random")
+    server = ModelServer([(LAYOUT, name) for name in agents], [(LAYOUT, name) for name in predictors])
+    await server.start()
+    yield server
+    await server.close()
+
+
 async def until(condition):
     while not condition():
         await asyncio.sleep(0.01)
@@ -78,43 +93,42 @@ def test_server_side_never_loads_torch():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-async def test_agent_and_predictor_answer_together(serving):
-    server = await serving([NORTHWARD], [REMEMBERING, "random"])
-    (decision,) = await server.ask([Game("a").question(NORTHWARD, "random")], PATIENT_MS)
+@in_one_loop
+async def test_agent_and_predictor_answer_together(shared):
+    (decision,) = await shared.ask([Game("a").question(NORTHWARD, "random")], PATIENT_MS)
     assert decision.action == NORTH
     assert decision.probabilities == pytest.approx((1, 0, 0, 0, 0, 0))
     assert np.allclose(decision.prediction, 1 / 6)
 
 
-async def test_the_given_number_draws_the_action(serving):
-    server = await serving([EVEN])
+@in_one_loop
+async def test_the_given_number_draws_the_action(shared):
     uniforms = [0.01, 0.2, 0.4, 0.6, 0.7, 0.99]
     asked = [Game(f"g{k}").question(EVEN, uniform=uniform) for k, uniform in enumerate(uniforms)]
-    assert [decision.action for decision in await server.ask(asked, PATIENT_MS)] == [0, 1, 2, 3, 4, 5]
+    assert [decision.action for decision in await shared.ask(asked, PATIENT_MS)] == [0, 1, 2, 3, 4, 5]
 
 
-async def test_a_jammed_agent_is_mixed_as_its_mode_says(serving):
-    jamming = "tests.support.foreign_models:Jamming"
-    server = await serving([jamming])
-    free, jammed = await server.ask(
-        [Game("a").question(jamming, uniform=0.6, stuck=1), Game("b").question(jamming, uniform=0.6, stuck=2)],
+@in_one_loop
+async def test_a_jammed_agent_is_mixed_as_its_mode_says(shared):
+    free, jammed = await shared.ask(
+        [Game("a").question(JAMMING, uniform=0.6, stuck=1), Game("b").question(JAMMING, uniform=0.6, stuck=2)],
         PATIENT_MS,
     )
     assert (free.action, jammed.action) == (NORTH, EAST)
     assert jammed.probabilities == (0.25, 0.25, 0.25, 0.25, 0, 0)
 
 
-async def test_a_watched_human_is_only_predicted(serving):
-    server = await serving(predictors=["random"])
-    (decision,) = await server.ask([Game("a").question(predictor="random")], PATIENT_MS)
+@in_one_loop
+async def test_a_watched_human_is_only_predicted(shared):
+    (decision,) = await shared.ask([Game("a").question(predictor="random")], PATIENT_MS)
     assert (decision.action, decision.probabilities) == (STAY, ())
     assert len(decision.prediction) == 3
 
 
-async def test_games_of_many_lengths_are_told_apart(serving):
-    server = await serving(predictors=[REMEMBERING])
+@in_one_loop
+async def test_games_of_many_lengths_are_told_apart(shared):
     games = [Game(f"g{k}", seed=k).play(k) for k in range(12)]
-    together = await server.ask([game.question(predictor=REMEMBERING) for game in games], PATIENT_MS)
+    together = await shared.ask([game.question(predictor=REMEMBERING) for game in games], PATIENT_MS)
     for game, decision in zip(games, together, strict=True):
         seen = np.array(game.actions[-8:]).sum()
         assert np.argmax(decision.prediction[0]) == seen % 6
@@ -129,7 +143,7 @@ async def test_a_killed_worker_comes_back_and_answers_as_if_nothing_had_happened
             for pid in server.worker_pids():
                 os.kill(pid, signal.SIGKILL)
             assert await server.ask([question], 200) == [None]
-            await until(lambda: len(server.worker_pids()) == 2)
+            await until(lambda: server.statistics().restarts == 2 and server.ready)
             continue
         assert await server.ask([question], PATIENT_MS) == await undisturbed.ask([question], PATIENT_MS)
     assert server.statistics().restarts == 2
@@ -225,25 +239,25 @@ async def test_models_that_are_added_answer_beside_those_that_were_there(serving
     assert len(server.worker_pids()) == 2
 
 
-async def test_an_unknown_model_is_not_answered(serving):
-    server = await serving([NORTHWARD])
-    assert await server.ask([Game("a").question("somebody_else")], 50) == [None]
+@in_one_loop
+async def test_an_unknown_model_is_not_answered(shared):
+    assert await shared.ask([Game("a").question("somebody_else")], 50) == [None]
 
 
-async def test_a_forgotten_game_begins_anew(serving):
-    server = await serving(predictors=[REMEMBERING])
+@in_one_loop
+async def test_a_forgotten_game_begins_anew(shared):
     game = Game("a", seed=1).play(5)
-    before = await server.ask([game.question(predictor=REMEMBERING)], PATIENT_MS)
-    server.forget("a")
-    assert await server.ask([game.question(predictor=REMEMBERING)], PATIENT_MS) == before
+    before = await shared.ask([game.question(predictor=REMEMBERING)], PATIENT_MS)
+    shared.forget(game.name)
+    assert await shared.ask([game.question(predictor=REMEMBERING)], PATIENT_MS) == before
 
 
-async def test_asking_twice_about_one_state_gives_the_same_answer(serving):
-    server = await serving(predictors=[REMEMBERING])
+@in_one_loop
+async def test_asking_twice_about_one_state_gives_the_same_answer(shared):
     game = Game("a", seed=2)
     for _ in range(12):
         question = game.play().question(predictor=REMEMBERING)
-        assert await server.ask([question], PATIENT_MS) == await server.ask([question], PATIENT_MS)
+        assert await shared.ask([question], PATIENT_MS) == await shared.ask([question], PATIENT_MS)
 
 
 async def test_nothing_is_left_running_after_close():

@@ -1,9 +1,11 @@
 """Nothing is compiled once pages can be opened: the first game on a fresh machine would stand still for it."""
 
+import sys
 from pathlib import Path
 
 import numba
 import pytest
+from numba.core.dispatcher import Dispatcher
 
 from overcooked.layout import layout_names, load_layout, parse_layout
 from server.bots.participant import Bot
@@ -18,6 +20,23 @@ def compiled(folder: Path) -> list[str]:
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*.nb[ic]"))
 
 
+def signatures() -> dict[str, set[str]]:
+    """For which types each kernel that is loaded has been compiled, or read from the cache."""
+    loaded = [module for name, module in list(sys.modules.items()) if name.startswith(("overcooked.", "models."))]
+    kernels = {id(one): one for module in loaded for one in vars(module).values() if isinstance(one, Dispatcher)}
+    return {one.py_func.__qualname__: set(map(str, one.signatures)) for one in kernels.values()}
+
+
+async def test_a_game_compiles_nothing_that_the_start_has_not(tmp_path: Path) -> None:
+    with LiveServer(tmp_path) as live:
+        before = signatures()
+        assert before["step"]
+        journal = await Bot(live.url, "short", 1).walk()  # a tutorial in a kitchen with one pot, and episodes
+        assert len(journal.ended) >= 2
+        assert signatures() == before
+
+
+@pytest.mark.slow  # half a minute of compiling
 async def test_the_first_game_with_an_empty_compiler_cache_compiles_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

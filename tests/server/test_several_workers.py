@@ -26,7 +26,7 @@ pytestmark = pytest.mark.postgres
 class SeveralWorkers(RealServer):
     """Two server processes behind one address."""
 
-    def __init__(self, folder: Path, database: str, redis: str, horizon: int = 120) -> None:
+    def __init__(self, folder: Path, database: str, redis: str, horizon: int = 250) -> None:
         super().__init__(folder, 5.0, STUDY.replace("horizon: 60", f"horizon: {horizon}"))
         self.database = database
         self.more_words = ["--workers", "2", "--redis", redis]
@@ -105,7 +105,7 @@ async def play_through_kills(serving: SeveralWorkers, players: int, kills: int, 
 
 
 async def test_when_a_process_is_killed_its_games_go_on_in_the_other(serving: SeveralWorkers) -> None:
-    await play_through_kills(serving, players=4, kills=1, horizon=120)
+    await play_through_kills(serving, players=4, kills=1, horizon=250)
 
 
 @pytest.mark.slow

@@ -27,6 +27,8 @@ from tests.support.study_data import fill, played
 ROOT = Path(__file__).resolve().parents[3]
 TABLES = [table.name for table in codebook.TABLES]
 Exported = Callable[..., Path]
+# What is written after the rows have been read is the same for every kind of database.
+of_any_kind = pytest.mark.parametrize("url", ["sqlite"], indirect=True)
 
 
 @pytest.fixture
@@ -86,6 +88,7 @@ def test_inputs_are_exported_with_the_timestep_as_ticks_count_it_and_what_became
     assert str(steps["made_at"].dtype) == "Datetime(time_unit='us', time_zone='UTC')"
 
 
+@of_any_kind
 def test_every_column_is_in_the_codebook_with_type_and_meaning(filled: Database, exported: Exported) -> None:
     folder = exported()
     book = json.loads((folder / "codebook.json").read_text())["tables"]
@@ -142,6 +145,7 @@ def test_row_of_a_timestep_has_the_state_before_and_what_was_done_in_it(filled: 
         assert row["key_seq_1"] is None
 
 
+@of_any_kind
 def test_last_state_and_what_was_recorded_about_it_stand_in_episodes(filled: Database, exported: Exported) -> None:
     row = parquet(exported(), "episodes").to_dicts()[0]
     last = filled.read_now(ticks.of_episode, row["episode"])[-1]
@@ -177,6 +181,7 @@ def test_nothing_personal_is_in_any_file(filled: Database, exported: Exported) -
                 assert word not in content, path
 
 
+@of_any_kind
 def test_texts_are_safe_for_spreadsheets_and_numbers_stay_exact(filled: Database, exported: Exported) -> None:
     folder = exported()
     said = {(row["question"], row["value"]) for row in csv_rows(folder, "answers")}
@@ -278,6 +283,7 @@ def test_empty_database_gives_all_files_with_headers(database: Database, exporte
         assert (folder / "data" / f"description-{table}_data.csv").read_text().startswith('"')
 
 
+@of_any_kind
 def test_participants_table_is_wide(filled: Database, exported: Exported) -> None:
     row = parquet(exported(), "participants").to_dicts()[0]
     assert (row["layout_1"], row["agent_2"]) == ("coordination_ring", "sp")
@@ -319,6 +325,7 @@ def test_exclusions_stand_at_what_they_are_about_until_they_are_taken_back(
     assert "anna" not in (folder / "data" / "description-exclusions_data.csv").read_text()
 
 
+@of_any_kind
 def test_folder_that_is_not_empty_is_refused_and_left_alone(
     filled: Database, url: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -329,6 +336,7 @@ def test_folder_that_is_not_empty_is_refused_and_left_alone(
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["thesis.txt"]
 
 
+@of_any_kind
 def test_unknown_format_is_refused(
     filled: Database, url: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -337,6 +345,7 @@ def test_unknown_format_is_refused(
     assert not (tmp_path / "out").exists()
 
 
+@of_any_kind
 def test_failed_export_leaves_nothing_behind(
     filled: Database, url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -350,7 +359,7 @@ def test_failed_export_leaves_nothing_behind(
     assert list(folder.iterdir()) == []
 
 
-@pytest.mark.parametrize("url", ["sqlite"], indirect=True)
+@of_any_kind
 def test_croissant_file_is_accepted_and_leads_to_the_rows(filled: Database, exported: Exported) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the libraries that mlcroissant is made of
@@ -365,6 +374,7 @@ def test_croissant_file_is_accepted_and_leads_to_the_rows(filled: Database, expo
             assert first["answers/question"] == b"partner"
 
 
+@of_any_kind
 def test_trajectories_are_readable_in_the_format_of_overcooked_ai(filled: Database, exported: Exported) -> None:
     folder = exported("--format", "parquet,overcooked_ai")
     files = sorted((folder / "trajectories").iterdir())
@@ -377,6 +387,7 @@ def test_trajectories_are_readable_in_the_format_of_overcooked_ai(filled: Databa
         assert joint_actions == [list(pair) for pair in rows.select("action_0", "action_1").iter_rows()]
 
 
+@of_any_kind
 def test_trajectories_alone_are_refused(
     filled: Database, url: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

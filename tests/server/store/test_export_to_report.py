@@ -84,7 +84,7 @@ def test_reward_and_pauses_come_through(folder: Path, database: Database) -> Non
 
 
 def test_an_exported_study_becomes_a_report(folder: Path, tmp_path: Path) -> None:
-    report = write_report(folder, tmp_path, Options(power_studies=20))
+    report = write_report(folder, tmp_path, Options(power_studies=20, draws=200))
     assert report.analysis.conditions == ("none", "random", "tom")
     assert report.analysis.episodes.height == 2 * PEOPLE
     assert "Simulated" not in report.page.read_text(encoding="utf-8")
@@ -142,7 +142,7 @@ def test_what_the_researcher_excludes_is_left_out_and_listed(database: Database,
     finally:
         for number in numbers:
             database.write_now(decisions.restore, number, "anna")
-    report = write_report(tmp_path / "data", tmp_path / "report", Options(power_studies=20))
+    report = write_report(tmp_path / "data", tmp_path / "report", Options(power_studies=20, draws=200))
     kept = set(report.analysis.episodes["episode"])
     gone = {key[0] for key in over if key[0] == episode or key[1] == second}
     assert kept == {key[0] for key in over} - gone

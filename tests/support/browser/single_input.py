@@ -136,6 +136,7 @@ class FingerCook(BrowserCook):
 def walk(person: "KeyboardOnly | TouchOnly", url: str, seconds: float = 150.0) -> list[str]:
     """From the link to the completion code; the titles of the pages on the way."""
     page, titles, deadline = person.page, [], time.monotonic() + seconds
+    page.set_default_timeout(60_000)
     page.goto(url)
     page.wait_for_selector("#agree:enabled")
     while not page.locator("output#code").count():
