@@ -19,7 +19,7 @@ async def disappear(url: str) -> None:
     while not page.is_game:
         page = await bot.submit(page)
     playing = asyncio.create_task(bot.game().play())
-    while not bot.journal.states:
+    while len(bot.journal.states) < 10:
         await asyncio.sleep(0.02)
     playing.cancel()
     await asyncio.gather(playing, return_exceptions=True)

@@ -4,7 +4,6 @@ import warnings
 from typing import Any
 
 import pytest
-import schemathesis
 from hypothesis import HealthCheck, given, settings
 
 from server.store import attempts
@@ -52,6 +51,8 @@ def answered(case: Any, house: Any, role: str) -> None:
 
 def throw(house: Any, role: str, most: int) -> int:
     """So many requests at every route; how many routes there were."""
+    import schemathesis  # takes a second, in every worker that collects this file
+
     operations = [found.ok() for found in schemathesis.openapi.from_dict(schema_of(house)).get_all_operations()]
     for operation in operations:
 

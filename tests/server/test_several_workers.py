@@ -88,7 +88,7 @@ async def play_through_kills(serving: SeveralWorkers, players: int, kills: int, 
     games = [asyncio.create_task(bot.game().play()) for bot in bots]
     with Database(serving.database, read_only=True) as database:
         for _ in range(kills):
-            while await database.read(running) < players:
+            while await database.read(running) < players and not any(game.done() for game in games):
                 await asyncio.sleep(0.05)
             await asyncio.sleep(1)
             victim = serving.pids()[0]  # the older one: the last to be killed has a successor behind it

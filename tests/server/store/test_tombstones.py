@@ -16,6 +16,9 @@ from server.store.tables import episodes, metadata
 from server.store.withdrawal import Deletion, withdraw
 from tests.support.study_data import fill
 
+# The command refuses what it was given before it asks a database of whatever kind.
+of_any_kind = pytest.mark.parametrize("url", ["sqlite"], indirect=True)
+
 
 class Before:
     """A database of two studies, an export of it, and one person who is deleted after that."""
@@ -109,6 +112,7 @@ def test_tombstones_go_on_from_import_to_export_to_import(before: Before, tmp_pa
         assert len(database.read_now(tombstones.every)) == 1
 
 
+@of_any_kind
 def test_without_any_source_the_command_says_that_nobody_was_asked(
     before: Before, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -123,6 +127,7 @@ def test_an_export_of_a_version_without_tombstones_can_be_imported(before: Befor
     assert before.mate in everything(imported(before, tmp_path))
 
 
+@of_any_kind
 @pytest.mark.parametrize(
     "text", ["", "[]", "{}", '{"withdrawn": [1]}', '{"withdrawn": [{"hash": "x", "salt": "y", "deleted_at": "z"}]}',
              '{"withdrawn": ' + "[" * 3000 + "]" * 3000 + "}"]
