@@ -1,5 +1,6 @@
 """The one decorator of the compiled kernels, and the care for their cache. It knows nothing of kitchens."""
 
+import importlib
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -30,11 +31,8 @@ def forget_stale_code(folder: Path = _FOLDER) -> int:
 
 @contextmanager
 def only_our_kernels() -> Iterator[None]:
-    """For the first call of a kernel in a process that compiles nothing else and is waited for.
-
-    At that call numba imports scipy and cffi if they are installed, for kernels that call BLAS or C; ours do neither.
-    """
-    unneeded = {"scipy", "cffi"} - sys.modules.keys()
+    """Hide scipy.linalg and cffi from numba, which imports them for kernels that call BLAS or C. Ours do neither."""
+    unneeded = {"scipy.linalg", "cffi"} - sys.modules.keys()
     sys.modules.update(dict.fromkeys(unneeded))  # type: ignore[arg-type] # None: as if it were not installed
     try:
         yield
@@ -42,6 +40,11 @@ def only_our_kernels() -> Iterator[None]:
         for name in unneeded:
             del sys.modules[name]
 
+
+# Loading scipy.linalg takes a third of the time to a process's first step. numba asks for it once, here, to make
+# `np.convolve` and `np.correlate` of compiled code faster; all else that needs BLAS asks again when it is compiled.
+with only_our_kernels():
+    importlib.import_module("numba.np.arraymath")
 
 with suppress(OSError):  # installed where we may not write: then nobody edits the sources there either
     forget_stale_code()

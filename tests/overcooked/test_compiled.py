@@ -1,9 +1,26 @@
-"""Compiled code never outlives the sources it came from."""
+"""Compiled code never outlives the sources it came from, and loads no more of other packages than it uses."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import overcooked.compiled as compiled
+
+FIRST_STEP = """
+import sys
+import numpy as np
+from overcooked.layout import load_layout
+from overcooked.state import Kitchens
+kitchen = Kitchens.start(load_layout("coordination_ring"))
+kitchen.step(np.zeros((1, 2), np.int8), np.zeros((1, 2), np.int32))
+kitchen.encode()
+print("scipy.linalg" in sys.modules)
+"""
+OWN_KERNEL_WITH_BLAS = """
+import numba
+print(numba.njit(lambda a: (a @ a)[0, 0])(np.full((2, 2), 3.0)))
+"""
 
 
 def folder_with(tmp_path: Path, source_time: int, code_time: int) -> Path:
@@ -32,3 +49,9 @@ def test_the_watched_sources_are_those_with_kernels() -> None:
     folder = Path(compiled.__file__).parent
     with_kernels = {file.name for file in folder.glob("*.py") if "overcooked.compiled import" in file.read_text()}
     assert with_kernels | {"compiled.py", "constants.py"} == set(compiled._KERNEL_SOURCES)
+
+
+def test_a_first_step_loads_no_linear_algebra_and_other_kernels_can_still_use_it() -> None:
+    words = [sys.executable, "-c", FIRST_STEP + OWN_KERNEL_WITH_BLAS]
+    answer = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert answer.stdout.split() == ["False", "18.0"]
