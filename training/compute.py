@@ -31,7 +31,8 @@ class Compute:
     """How one network is computed in training.
 
     Forms: "direct" is the network as it is written, "dense" has each layer as one matrix product, "sparse" multiplies
-    only the entries of the observation that are not zero, "sparse_dense" does so and has the later layers dense.
+    only the entries of the observation that are not zero, "sparse_dense" does so and has the later layers dense, and
+    "lanes" does so and computes later convolutions with the samples in the lanes of vector registers.
     """
 
     device: str = "cpu"

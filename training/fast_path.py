@@ -15,15 +15,17 @@ from torch import Tensor, nn
 
 from models.networks.columns import varying_columns
 from models.networks.config import LEAK, NetworkConfig
-from models.networks.policy import CnnPolicy, MlpPolicy, Network, build_network
+from models.networks.policy import CnnPolicy, Head, MlpPolicy, Network, build_network
 from overcooked.layout import Layout, parse_layout
 from overcooked.observe import PLANES
 from training.compute import Compute, Request, autocast, quickest, requested
-from training.sparse_layer import ColumnPlaces, SparseConvolution, SparseLinear
+from training.lane_convolutions import LaneConvolutions
+from training.sparse_layer import ColumnPlaces, SparseConvolution, SparseLinear, linear_forward
 
 _MEASURED_ROWS = 256
 _SET_ENTRIES = 10  # about as many entries of an observation are not zero
-_FORMS = {"mlp": ("sparse", "dense"), "cnn": ("sparse", "sparse_dense", "dense")}
+_FORMS = {"mlp": ("sparse", "dense"), "cnn": ("lanes", "sparse", "sparse_dense", "dense")}
+_FLOAT32_FORMS = ("lanes", "sparse")
 
 Function = Callable[[Tensor], tuple[Tensor, Tensor]]
 
@@ -56,7 +58,35 @@ class FastMlp:
         return logits, values
 
     def frozen(self) -> Function:
-        return self
+        if self.compute.form != "sparse":
+            return self
+        weight, bias = self.network.scaled_first()
+        by_column, bias = weight.detach().t().contiguous(), bias.detach()
+        rest = frozen_head(self.network.head)
+
+        def function(entries: Tensor) -> tuple[Tensor, Tensor]:
+            first = torch.empty(len(entries), len(bias))
+            linear_forward(entries.numpy(), by_column.numpy(), bias.numpy(), first.numpy())
+            return rest(first)
+
+        return function
+
+
+def frozen_head(head: Head) -> Function:
+    """Return `Head.after_first` with the weights as they are now: fewer and wider products, no gradient."""
+    layers = [cast(nn.Linear, layer) for layer in head.layers[1:]]
+    middle = [(layer.weight.detach(), layer.bias.detach()) for layer in layers]
+    last = torch.cat([head.policy.weight, head.value.weight]).detach()
+    last_bias = torch.cat([head.policy.bias, head.value.bias]).detach()
+
+    def function(x: Tensor) -> tuple[Tensor, Tensor]:
+        """Answer for `x`, which is overwritten."""
+        for weight, bias in middle:
+            x = nn.functional.linear(nn.functional.leaky_relu_(x, LEAK), weight, bias)
+        x = nn.functional.linear(nn.functional.leaky_relu_(x, LEAK), last, last_bias)
+        return x[:, :-1], x[:, -1]
+
+    return function
 
 
 class FastCnn:
@@ -94,7 +124,7 @@ class FastCnn:
         if form == "direct":
             return self._static, []
         constant = self._convolutions()[0](self._static.permute(2, 0, 1)[None])[0]  # (filters, width, height)
-        if form == "sparse":
+        if form in ("sparse", "lanes"):
             return constant.permute(1, 2, 0), []
         later = [(layer.matrix(self.compute.dtype), layer.bias()) for layer in (self._second, self._third)]
         if form == "sparse_dense":
@@ -109,8 +139,11 @@ class FastCnn:
         x = entries.to(dtype)
         if form != "dense":
             first = SparseConvolution.apply(entries, self._convolutions()[0].weight, constant, self._places)  # type: ignore[no-untyped-call]
-            x = nn.functional.leaky_relu(first, LEAK)
-        if form == "sparse":
+            x = first if form == "lanes" else nn.functional.leaky_relu(first, LEAK)
+        if form == "lanes":
+            later = [parameter for layer in self._convolutions()[1:] for parameter in (layer.weight, layer.bias)]
+            x = LaneConvolutions.apply(x, *later)  # type: ignore[no-untyped-call]
+        elif form == "sparse":
             x = x.view(len(x), *constant.shape).permute(0, 3, 1, 2)  # (rows, filters, W, H), channels_last in memory
             for layer in self._convolutions()[1:]:
                 x = nn.functional.leaky_relu(layer(x), LEAK)
@@ -219,7 +252,8 @@ def _chosen(config: NetworkConfig, grid: str, wanted: Request) -> tuple[Compute,
         Compute(device, precision, form)
         for form in forms
         for precision in formats
-        if (form, precision) != ("sparse", "bfloat16")  # the sparse kernels are float32, as is all of the network then
+        if precision == "float32"
+        or form not in _FLOAT32_FORMS  # the sparse kernels are float32, as is all of the network then
     ]
     if len(candidates) == 1:
         return candidates[0], {}

@@ -23,6 +23,7 @@ from overcooked.vector_env import Starts
 from training.compute import Compute
 from training.config import AgentConfig, differences, network_config
 from training.fast_path import choose_compute, fast_path
+from training.fused_loss import FusedLoss
 from training.imitation import imitate
 from training.partners import PartnerPool
 from training.rollout_buffer import Entries
@@ -146,13 +147,14 @@ class PpoTrainer:
         advantage, actions, old = (
             torch.from_numpy(a).flatten().to(device) for a in (advantages, self.actions, self.log_probabilities)
         )
+        loss_of = FusedLoss.apply if device == "cpu" else ppo_loss  # the same to the last rounding
         sums = torch.zeros(4, device=device)
         steps = 0
         for _ in range(config.epochs):
             order = torch.from_numpy(random.permutation(len(actions))).to(device)
             for chosen in torch.split(order, config.minibatch):
                 logits, values = self.fast(entries.index_select(0, chosen))
-                loss, parts = ppo_loss(
+                loss, parts = loss_of(
                     logits,
                     values,
                     actions[chosen],

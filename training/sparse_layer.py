@@ -56,10 +56,9 @@ class SparseConvolution(torch.autograd.Function):
         ctx.places, ctx.shape = places, kernel.shape
         width, height, filters = constant.shape
         out = torch.empty(len(entries), width, height * filters)
-        by_offset = kernel.detach().permute(2, 3, 1, 0).contiguous()  # (5, 5, planes, filters)
         convolution_forward(
-            entries.numpy(), places.x, places.y, places.planes, by_offset.numpy(), constant.detach().numpy(),
-            out.view(len(entries), width, height, filters).numpy(),
+            entries.numpy(), places.x, places.y, places.planes,
+            _by_plane(kernel), constant.detach().contiguous().numpy(), out.numpy(),
         )  # fmt: skip
         return out
 
@@ -68,11 +67,21 @@ class SparseConvolution(torch.autograd.Function):
         (entries,) = ctx.saved_tensors
         filters, planes = ctx.shape[:2]
         width, height = gradient.shape[1], gradient.shape[2] // filters
-        by_cell = gradient.contiguous().view(-1, width, height, filters)
-        by_offset = torch.zeros(_KERNEL, _KERNEL, planes, filters)
+        by_cell = gradient.contiguous()
+        by_plane = torch.zeros(planes, _KERNEL, _KERNEL * filters)
         places: ColumnPlaces = ctx.places
-        convolution_backward(entries.numpy(), places.x, places.y, places.planes, by_cell.numpy(), by_offset.numpy())
-        return None, by_offset.permute(3, 2, 0, 1), by_cell.sum(0), None
+        convolution_backward(entries.numpy(), places.x, places.y, places.planes, by_cell.numpy(), by_plane.numpy())
+        in_order = by_plane.view(planes, _KERNEL, _KERNEL, filters).flip(2).permute(3, 0, 1, 2)
+        return None, in_order, by_cell.sum(0).view(width, height, filters), None
+
+
+def _by_plane(kernel: Tensor) -> NDArray[np.float32]:
+    """Return a Conv2d's weight as (planes, 5, 5 * filters), the second axis of places reversed.
+
+    What one entry adds to the cells of a column around it then lies in one run, ordered as in the output.
+    """
+    reordered = kernel.detach().permute(1, 2, 3, 0).flip(2).contiguous()
+    return reordered.flatten(2).numpy()
 
 
 @njit(cache=True, fastmath=True)
@@ -115,36 +124,39 @@ def linear_backward(entries, gradient, weight_gradient):  # type: ignore[no-unty
 
 @njit(cache=True, fastmath=True)
 def convolution_forward(entries, xs, ys, planes, kernel, constant, out):  # type: ignore[no-untyped-def]
-    """`out` (rows, width, height, filters): each entry adds its kernel column to the cells around its own."""
+    """`out` (rows, width, height * filters): each entry adds its kernel column to the cells around its own."""
     width, height, filters = constant.shape
-    margin = kernel.shape[0] // 2
+    margin = kernel.shape[1] // 2
     places = np.empty(entries.shape[1] + 1, np.int64)
     for r in range(entries.shape[0]):
-        out[r] = constant
+        out[r] = constant.reshape(width, height * filters)
         for j in range(_set_places(entries, r, places)):
             c = places[j]
             value = np.float32(entries[r, c])
-            x, y, plane = xs[c], ys[c], planes[c]
-            for to_x in range(max(0, x - margin), min(width, x + margin + 1)):
-                for to_y in range(max(0, y - margin), min(height, y + margin + 1)):
-                    dx, dy = x - to_x + margin, y - to_y + margin
-                    for f in range(filters):
-                        out[r, to_x, to_y, f] += value * kernel[dx, dy, plane, f]
+            first, end = max(0, ys[c] - margin), min(height, ys[c] + margin + 1)
+            skipped = (first - ys[c] + margin) * filters
+            for to_x in range(max(0, xs[c] - margin), min(width, xs[c] + margin + 1)):
+                cells = out[r, to_x, first * filters : end * filters]
+                weights = kernel[planes[c], xs[c] - to_x + margin, skipped : skipped + len(cells)]
+                for k in range(len(cells)):
+                    cells[k] += value * weights[k]
 
 
 @njit(cache=True, fastmath=True)
 def convolution_backward(entries, xs, ys, planes, gradient, kernel_gradient):  # type: ignore[no-untyped-def]
     """Adds each row's gradient around an entry to the kernel column that the entry used."""
-    _, width, height, filters = gradient.shape
-    margin = kernel_gradient.shape[0] // 2
+    filters = kernel_gradient.shape[2] // kernel_gradient.shape[1]
+    width, height = gradient.shape[1], gradient.shape[2] // filters
+    margin = kernel_gradient.shape[1] // 2
     places = np.empty(entries.shape[1] + 1, np.int64)
     for r in range(entries.shape[0]):
         for j in range(_set_places(entries, r, places)):
             c = places[j]
             value = np.float32(entries[r, c])
-            x, y, plane = xs[c], ys[c], planes[c]
-            for to_x in range(max(0, x - margin), min(width, x + margin + 1)):
-                for to_y in range(max(0, y - margin), min(height, y + margin + 1)):
-                    dx, dy = x - to_x + margin, y - to_y + margin
-                    for f in range(filters):
-                        kernel_gradient[dx, dy, plane, f] += value * gradient[r, to_x, to_y, f]
+            first, end = max(0, ys[c] - margin), min(height, ys[c] + margin + 1)
+            skipped = (first - ys[c] + margin) * filters
+            for to_x in range(max(0, xs[c] - margin), min(width, xs[c] + margin + 1)):
+                cells = gradient[r, to_x, first * filters : end * filters]
+                weights = kernel_gradient[planes[c], xs[c] - to_x + margin, skipped : skipped + len(cells)]
+                for k in range(len(cells)):
+                    weights[k] += value * cells[k]

@@ -15,6 +15,7 @@ from training.agents import snapshot_network, train_agent
 from training.compute import Compute
 from training.config import AgentConfig, agent_config
 from training.fast_path import fast_path
+from training.fused_loss import FusedLoss
 from training.partners import PartnerPool
 from training.ppo import PpoTrainer, SeatRows, advantage_estimates, ppo_loss, run_settings, train
 from training.runlog import RunError, RunFolder
@@ -69,7 +70,7 @@ def test_an_untouched_policy_has_ratio_one_and_the_gradient_raises_good_actions(
 FORMS = [
     ("mlp", "sparse"),
     ("mlp", "dense"),
-    *(("cnn", form) for form in ("direct", "sparse", "sparse_dense", "dense")),
+    *(("cnn", form) for form in ("direct", "lanes", "sparse", "sparse_dense", "dense")),
 ]
 
 
@@ -159,3 +160,24 @@ def test_self_play_learns_to_fill_pots_within_a_few_seconds(tmp_path: Path) -> N
     assert np.mean(shaped[-5:]) > 2 * np.mean(shaped[:5])
     assert folder.done()
     assert train_agent(config, RING, 1, tmp_path / "run").metrics() == folder.metrics()
+
+
+@pytest.mark.parametrize("entropy_weight", [0.0, 0.05])
+def test_the_fused_loss_and_its_gradient_equal_those_of_the_formula(entropy_weight: float) -> None:
+    torch.manual_seed(2)
+    logits, values = torch.randn(500, 6, requires_grad=True), torch.randn(500, requires_grad=True)
+    actions, advantages, targets = torch.randint(6, (500,)), torch.randn(500), torch.randn(500)
+    moved = logits.detach() + 0.3 * torch.randn(500, 6)  # some ratios lie beyond the clip on either side
+    old = moved.log_softmax(-1).gather(1, actions[:, None]).squeeze(1)
+    arguments = (logits, values, actions, old, advantages, targets, AgentConfig(), entropy_weight)
+    answers = []
+    for function in (ppo_loss, FusedLoss.apply):
+        logits.grad = values.grad = None
+        loss, parts = function(*arguments)
+        torch.autograd.backward(loss)
+        assert logits.grad is not None
+        assert values.grad is not None
+        answers.append((loss.detach(), parts, logits.grad, values.grad))
+    assert 0.1 < float(answers[0][1][3]) < 0.9  # share clipped
+    for exact, fused in zip(*answers, strict=True):
+        torch.testing.assert_close(fused, exact, rtol=1e-4, atol=1e-7)
