@@ -166,7 +166,7 @@ def _welch_t_test(base: Result, first: Values, second: Values) -> Result:
 
 
 def _moments(values: Values) -> tuple[float, float, int]:
-    """What a t-test needs; scipy's other door warns where one condition's values are all the same."""
+    """What a t-test needs; scipy's other function warns where one condition's values are all the same."""
     return float(values.mean()), float(values.std(ddof=1)), values.size
 
 

@@ -1,8 +1,8 @@
 """How many games one server carries at once: bots on one core, the server on another, every tick committed.
 
 Prints for each number of games: lateness of a tick, the share of ticks whose partner had to wait because its models
-were late, CPU of the server and its model worker, memory and bytes per second of a game. Goes on to more games until
-ticks come too late or partners have to wait. Run it on a quiet machine: `python benchmarks/serve.py --json`.
+were late, CPU of the server and its model worker, memory and bytes per second of a game. Continues with more games
+until ticks come too late or partners have to wait. Run it on a quiet machine: `python benchmarks/serve.py --json`.
 """
 
 import argparse

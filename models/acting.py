@@ -50,6 +50,6 @@ class Stuck:
         self._own[:] = own
 
     def begin(self, games: NDArray[np.integer] | NDArray[np.bool_], own: NDArray[np.int8]) -> None:
-        """These games start anew; `own` (all games, 4)."""
+        """These games start again; `own` (all games, 4)."""
         self.counts[games] = 0
         self._own[games] = own[games]

@@ -102,7 +102,7 @@ def parse_layout(text: str, name: str = "layout", source: str | None = None) -> 
 
 
 def _cells(tiles: NDArray[np.int8], tile: int) -> NDArray[np.int8]:
-    """Cells of one kind. In rows one after the other, however many there are: numba compiles a kernel anew for each
+    """Cells of one kind. In rows one after the other, however many there are: numba compiles a kernel again for each
     order of an array in memory, and a kitchen with one pot would differ from one with two."""
     return np.ascontiguousarray(np.argwhere(tiles == tile), np.int8)
 

@@ -87,7 +87,7 @@ class VectorEnv:
         dones: NDArray[np.bool_],  # (games,) out: the episode ended with this timestep
         observations: NDArray[Any] | None = None,  # (games, 2, width, height, 26) out; None: not encoded
     ) -> None:
-        """One timestep of every game. One that ended begins anew at once: it shows the new episode's first state."""
+        """One timestep of every game. One that ended restarts at once: it shows the new episode's first state."""
         layout, kitchens = self.layout, self.kitchens
         if observations is None:
             observations = self._no_observations
@@ -110,7 +110,7 @@ class VectorEnv:
         self.kitchens.encode(observations, self.horizon)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Everything that decides how the games go on, as arrays to store (views: copy what you keep)."""
+        """Everything that decides how the games continue, as arrays to store (views: copy what you keep)."""
         kitchens = self.kitchens
         arrays: dict[str, NDArray[Any]] = {
             "players": kitchens.players,
@@ -120,7 +120,7 @@ class VectorEnv:
         return {**arrays, "sums": self._sums, "random": self._random}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Goes on from what `state` gave in an environment of the same layout, games, horizon and starts."""
+        """Continues from what `state` gave in an environment of the same layout, games, horizon and starts."""
         for name, array in self.state().items():
             array[:] = state[name]
 

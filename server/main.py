@@ -112,7 +112,7 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
         models = _models(settings, files, app.state.launched)
         stack.push_async_callback(models.close)
         starting = asyncio.create_task(models.start())  # takes longest, in a process of its own
-        stack.push_async_callback(ended, starting)  # nothing goes on when the server does not start
+        stack.push_async_callback(ended, starting)  # nothing keeps running when the server does not start
         await run_in_threadpool(_warm, files)  # starlette's own way, which imports its parts at the first call
         if several:
             await asyncio.to_thread(migrate_shared, settings.database)

@@ -105,7 +105,7 @@ class QuietProtocol(WebSocketsSansIOProtocol):
 
 
 class SparingProtocol(asyncio.BufferedProtocol):
-    """uvicorn's websocket, which by itself takes in and parses a quarter of a megabyte at once, and goes on with all
+    """uvicorn's websocket, which by itself takes in and parses a quarter of a megabyte at once, and continues with all
     that comes after it has closed: thousands of messages of one flood, for which every other game would wait."""
 
     def __init__(self, **parts: Any) -> None:

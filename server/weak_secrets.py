@@ -20,7 +20,7 @@ _SHORTEST_RUN: Final = 3
 def effective_length(secret: str) -> int:
     """Return how many characters of it are not foreseeable from those before.
 
-    A run of three or more characters that goes on a row of keys or of the alphabet, stays on one character, or
+    A run of three or more characters that follows a row of keys or of the alphabet, stays on one character, or
     repeats what stood before counts as one character; so does a word that people put into secrets.
     """
     text = _WORDS.sub("\0", secret.lower())

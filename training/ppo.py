@@ -184,7 +184,7 @@ class PpoTrainer:
         return tensors, {"timesteps": self.timesteps}
 
     def restore(self, tensors: dict[str, Tensor], numbers: dict[str, Any]) -> None:
-        """Goes on from `state`."""
+        """Continues from `state`."""
         self.network.load_state_dict(_under(tensors, "network."))
         state = self.optimizer.state_dict()
         for index, (name, _) in enumerate(self.network.named_parameters()):

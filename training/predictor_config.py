@@ -24,7 +24,7 @@ class TrainingConfig:
     averaging: float = 0.998  # of the weights that are kept and shipped (exponential moving average)
     check_every: int = 250  # updates between two looks at validation
     patience: int = 8  # looks without a better one before it stops
-    minutes: float = 15.0  # of this process, at most; the same command goes on later
+    minutes: float = 15.0  # of this process, at most; the same command continues later
     seed: int = 0
 
 

@@ -39,7 +39,7 @@ def unseen_games(
     partner: str | None = None,
 ) -> Episodes:
     """The agent's games with the test partners of a population (a folder, or the partners themselves), or with one
-    other agent as people meet it, played anew (the same seed gives the same games)."""
+    other agent as people meet it, played again (the same seed gives the same games)."""
     if partner is not None:
         others = [Partner(partner, partner, "extra", *load_agent(partner, layout))]
     else:

@@ -74,7 +74,7 @@ class ThreadedEnv:
             part.encode(observations[here])
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Everything that decides how the games go on (views: copy what you keep)."""
+        """Everything that decides how the games continue (views: copy what you keep)."""
         return {f"{k}.{name}": array for k, part in enumerate(self.parts) for name, array in part.state().items()}
 
     def take_finished(self) -> Finished:

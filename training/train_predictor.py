@@ -150,7 +150,7 @@ class PredictorTrainer:
         self.network.temperature.copy_(fitted_temperature(said, torch.from_numpy(self.validation.labels())))
 
     def state(self) -> tuple[dict[str, Tensor], dict[str, Any]]:
-        """Everything that decides how it goes on, for a run folder."""
+        """Everything that decides how it continues, for a run folder."""
         aside = {name: value.detach() for name, value in self._of_partner.named_parameters()}
         kept = {"now": self._learned(), "average": self.average, "best": self.best, "partner": aside}
         tensors = {f"{group}.{name}": value for group, values in kept.items() for name, value in values.items()}
@@ -163,7 +163,7 @@ class PredictorTrainer:
         return tensors, numbers
 
     def restore(self, tensors: dict[str, Tensor], numbers: dict[str, Any]) -> None:
-        """Goes on from what `state` gave."""
+        """Continues from what `state` gave."""
         names = ("now", "average", "best", "partner", "adam", "random")
         groups: dict[str, dict[str, Tensor]] = {name: {} for name in names}
         for full, value in tensors.items():
@@ -235,9 +235,9 @@ def _take_weights(learner: PredictorNetwork, folder: Path) -> None:
 
 
 def train_predictor(trainer: PredictorTrainer, folder: RunFolder, progress: Progress | None = None) -> PredictorNetwork:
-    """Trains until validation gets no better (or goes on with an interrupted run); returns the calibrated best.
+    """Trains until validation gets no better (or continues with an interrupted run); returns the calibrated best.
 
-    Raises TimeoutError when the config's `minutes` are over before that: the next call goes on, and `usable` gives what
+    Raises TimeoutError when the config's `minutes` are over before: the next call continues, and `usable` gives what
     has been learned so far.
     """
     torch.set_num_threads(1)
@@ -247,7 +247,7 @@ def train_predictor(trainer: PredictorTrainer, folder: RunFolder, progress: Prog
     folder.note_compute(str(trainer.compute), trainer.measured)
     began, first = time.monotonic(), trainer.update
     finish = began + 60 * trainer.config.minutes
-    over = f"{folder.path}: {trainer.config.minutes:g} minutes are over; the same command goes on."
+    over = f"{folder.path}: {trainer.config.minutes:g} minutes are over; the same command continues."
     losses: list[float] = []
     while not trainer.finished():
         losses.append(trainer.step())

@@ -156,7 +156,7 @@ class StreamPredictor(_Games):
 
 
 class WindowPredictor(_Games):
-    """The window form at work: what each state adds to its token is kept, the transformer runs over ten tokens anew."""
+    """Run the window form: keep what each state adds to its token, and run the transformer over ten tokens again."""
 
     def __init__(self, config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], eyes: "_Encoder") -> None:
         super().__init__(config, tensors, eyes)

@@ -80,7 +80,7 @@ class Cook:
         self.impression = Impression()
 
     def act(self, now: Kitchens, soups: int, actions: tuple[int, int], arrow: int | None, horizon: int) -> int:
-        """The action on this state. `actions`: what led to it; `arrow`: the first foretold action of the partner."""
+        """The action on this state. `actions`: what led to it; `arrow`: the first predicted action of the partner."""
         self._judge(now, soups, actions)
         self._predicted = arrow
         self._seen.append(now)

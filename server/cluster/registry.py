@@ -1,7 +1,7 @@
 """Connect the processes of one server by Redis: who plays which game, what dashboards show, and commands.
 
 Nothing here is the truth: that is in PostgreSQL, where every tick's owner is checked (`server.store.fences`). Without
-Redis games go on; only the dashboard then sees the games of its own process alone.
+Redis games continue; only the dashboard then sees the games of its own process alone.
 """
 
 import asyncio
@@ -134,7 +134,7 @@ class Cluster:
             await pipe.execute()
 
     async def taken(self, episode: str, fence: int) -> None:
-        """Tells whoever played the game that it goes on here. Should nobody hear it, their next tick tells them."""
+        """Tells whoever played the game that it continues here. Should nobody hear it, their next tick tells them."""
         with suppress(*_DOWN):
             await self._send("all", LetGo(episode, fence))
             await self._redis.set(self._key("game", episode), self.name, ex=LEASE_S)

@@ -1,4 +1,4 @@
-"""`kitchenmind backup`: a copy of a SQLite database, taken while the server goes on. PostgreSQL has pg_dump for it."""
+"""`kitchenmind backup`: copy a SQLite database while the server runs. For PostgreSQL, use pg_dump."""
 
 import argparse
 import sys

@@ -1,4 +1,4 @@
-"""Opens the database that a command was given, for reading only: the server may go on meanwhile."""
+"""Opens the database that a command was given, for reading only: the server may keep running."""
 
 from pathlib import Path
 

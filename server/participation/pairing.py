@@ -1,6 +1,6 @@
 """Rounds of two people, as functions on one database transaction: who waits for whom, who is seated, who stays alone.
 
-Two who have met stay together; who has lost the other, or never met one, goes on with the study's stand-in.
+Two who have met stay together; who has lost the other, or never met one, continues with the study's stand-in.
 """
 
 from collections.abc import Callable, Sequence
@@ -95,7 +95,7 @@ def _as_before(connection: Connection, study: Study, pair: list[Participant]) ->
 
 
 def go_alone(connection: Connection, studies: Studies, seat_down: SeatDown, participant_id: str, why: str) -> None:
-    """The participant goes on without anybody: with the stand-in, or out of the study with a code, as its file says."""
+    """Let the participant continue alone: with the stand-in, or out of the study with a code, as its file says."""
     participant = participants.get(connection, participant_id)
     if participant is None or participant.status != "active":
         return

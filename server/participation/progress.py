@@ -92,7 +92,7 @@ def has_news(connection: Connection, participant_id: str, extra: Mapping[str, st
 
 def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival) -> Participant:
     """The participant who consents now, in the condition whose turn it is; or the one that the person already is, who
-    goes on with the new cookie and the link's newest parameters. Raises StudyFullError, StudyPaused, AlreadyFinished,
+    continues with the new cookie and the link's newest parameters. Raises StudyFullError, StudyPaused, AlreadyFinished,
     KeyError (the study is not open)."""
     same_page = participants.by_token(connection, arrival.token)
     if same_page is not None:

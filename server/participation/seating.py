@@ -128,5 +128,5 @@ def _seat_of(participant: Participant, episode: StoredEpisode) -> int:
 
 
 def _to_be_repeated(step: StudyStep, episode: StoredEpisode) -> bool:
-    """A tutorial is there to be passed: one that ended otherwise starts anew."""
+    """A tutorial is there to be passed: one that ended otherwise starts again."""
     return step.kind == "tutorial" and episode.status in ("done", "aborted") and not episode.passed

@@ -20,7 +20,7 @@ class ChangedStudy:
     @property
     def text(self) -> str:
         """Say it in a sentence or two."""
-        served = f"version {self.served_sha256[:12]} goes on being served"
+        served = f"version {self.served_sha256[:12]} is still served"
         if self.problem:
             return f"{self.name}: the study file has changed and cannot be served ({self.problem}); {served}."
         return f"{self.name}: the study file has changed (now {self.sha256[:12]}); {served}."

@@ -90,7 +90,7 @@ class StudyVersions:
 
     async def take(self, database: Database, name: str) -> str:
         """Serve the file as it is now to those who come from now on; return its SHA-256. Raises StudyError (also for a
-        model that does not load), OSError, DatabaseDown; then the version that was served goes on."""
+        model that does not load), OSError, DatabaseDown; then the version that was served stays."""
         file = await asyncio.to_thread(self._checked, name, self._served[name])
         required = required_models([*self._files, file])
         try:

@@ -99,7 +99,7 @@ class WaitingRoom:
             self._tell(waiter)
 
     def _call(self, waiter: _Waiter) -> None:
-        """Whoever sits in that tab connects anew and finds the game."""
+        """Whoever sits in that tab connects again and finds the game."""
         now = self._waiting.pop(waiter.participant, waiter)
         now.connection.close(CloseCode.GAME_READY, "there is a game now")
 

@@ -21,7 +21,7 @@ class Connection(Protocol):
 
     tab: str
     is_new_page: bool  # it has no state of the game yet and counts its inputs from the start
-    next_url: str  # where the participant goes on after the episode
+    next_url: str  # where the participant continues after the episode
 
     def send(self, message: Outgoing) -> None: ...
 
@@ -106,7 +106,7 @@ class Game:
             connection.send(self._paused(person))
 
     def dismiss_all(self) -> None:
-        """The game goes on elsewhere."""
+        """The game continues in another process."""
         for connection in self.connections.values():
             self._dismiss(connection)
         self.connections.clear()
@@ -182,7 +182,7 @@ class Game:
             self.broadcast(lesson)
 
     def tell_end(self, result: EpisodeResult) -> None:
-        """The episode is stored; everybody goes on."""
+        """The episode is stored; everybody continues."""
         for connection in self.connections.values():
             figures = (result.score, result.soups, result.progress, result.passed)
             reason = cast(messages.EndReason, result.reason)

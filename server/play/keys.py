@@ -75,7 +75,7 @@ class Keys:
     def press(self, keys: Input, received: float, taps_count: bool = True, arrival: InputArrival = _UNKNOWN) -> bool:
         """Takes a message in. False: it is a repeat or older than one already seen, and nothing changed.
 
-        `taps_count` False: the game stands still; a key that is held goes on counting, one just tapped does not.
+        `taps_count` False: the game stands still; a key that is held keeps counting, one just tapped does not.
         """
         self._count += 1
         press = Press(self._count, keys, received, arrival)
@@ -121,7 +121,7 @@ class Keys:
             self._settle(press, outcome)
 
     def page(self, tab: str, is_new: bool) -> None:
-        """A page takes over. A new one counts its messages from the start; one that was here before goes on counting,
+        """A page takes over. A new one counts its messages from the start; one that was here before keeps counting,
         so that a message which it repeats after a lost connection is not done twice."""
         self.clear()
         if self._tab is not None:

@@ -23,7 +23,7 @@ SLOT_MS: Final = 10
 PATIENT_SLOTS: Final = 3  # a patient clock has no moments to spread over: models and database like large batches
 COMMIT_S: Final = 1.0  # a commit that takes longer counts as RecorderDown
 PROBE_S: Final = 0.5
-STALLED_S: Final = 1.0  # a server that slept so long counts down anew instead of rushing through what it missed
+STALLED_S: Final = 1.0  # a server that slept so long counts down again instead of rushing through what it missed
 _SERVER: Final = "server"
 
 
@@ -266,7 +266,7 @@ class Loop:
             self._prober = self._spawn(self._probe())
 
     async def _probe(self) -> None:
-        """Repeats the commits that failed until they arrive; then the games go on by themselves."""
+        """Repeats the commits that failed until they arrive; then the games continue by themselves."""
         while self._unstored:
             await self.clock.sleep(PROBE_S)
             games = [(game, game.unstored) for game in self._unstored if game.unstored is not None]
@@ -281,7 +281,7 @@ class Loop:
                     game.release(DATABASE)
                     await self._store_one(game, record)
                 continue
-            log.warning("the database commits again, %d games go on", len(games))
+            log.warning("the database commits again, %d games continue", len(games))
             for game, _ in games:
                 self._unstored.discard(game)
                 if game.session.over:  # its last timestep is about to be shown: it no longer stands still

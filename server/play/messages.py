@@ -1,7 +1,7 @@
 """Every message between browser and server, typed, by direction. JSON text frames; `type` tells them apart.
 
 docs/reference/protocol.md describes when each is sent, and a test compares. Unknown types, unknown fields and wrong
-types are refused with `Refused` (the game goes on); a frame over MAX_FRAME_BYTES closes the socket with 1009.
+types are refused with `Refused` (the game continues); a frame over MAX_FRAME_BYTES closes the socket with 1009.
 """
 
 from typing import Annotated, Literal
@@ -96,7 +96,7 @@ class KitchenState(Struct, frozen=True):
 
 
 class Welcome(ToBrowser, frozen=True):
-    """Answer to Hello: all that is needed to draw, whether the episode is new or goes on."""
+    """Answer to Hello: all that is needed to draw, whether the episode is new or continues."""
 
     protocol: int
     episode: str
@@ -119,7 +119,7 @@ class Welcome(ToBrowser, frozen=True):
 
 
 class Countdown(ToBrowser, frozen=True):
-    """The game starts or goes on in `seconds`."""
+    """The game starts or continues in `seconds`."""
 
     seconds: Seconds
 

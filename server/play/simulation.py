@@ -115,7 +115,7 @@ class Simulation:
         return bool(self._rows[seat][:FACING] != self._rows_before[seat][:FACING])
 
     def history(self, seat: int) -> Callable[[int], History]:
-        """Looks back from the current state as the chef in `seat` saw it; stays valid when the game goes on."""
+        """Looks back from the current state as the chef in `seat` saw it; stays valid when the game continues."""
         timestep = self.timestep
 
         def last(count: int) -> History:

@@ -1,4 +1,4 @@
-"""A copy of a SQLite database while a server goes on writing. PostgreSQL has its own tools: docs/guides/backup.md."""
+"""A copy of a SQLite database while a server continues writing. PostgreSQL has its own tools: docs/guides/backup.md."""
 
 import os
 import sqlite3
@@ -12,7 +12,7 @@ from server.store.engines import BUSY_TIMEOUT_S, DatabaseDown
 
 
 def copy_to(url: URL, path: Path) -> None:
-    """A consistent copy of a SQLite database in a new file, complete or not at all; the server may write meanwhile.
+    """Copy a SQLite database consistently to a new file, complete or not at all; the server may write at the same time.
 
     Raises ValueError for PostgreSQL and for a file that exists, DatabaseDown when it cannot be written.
     """

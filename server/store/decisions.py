@@ -58,7 +58,7 @@ def pause_study(connection: Connection, study: str, by: str) -> bool:
 
 
 def resume_study(connection: Connection, study: str, by: str) -> bool:
-    """The study goes on. False if it was not paused."""
+    """The study continues. False if it was not paused."""
     query = update(study_pauses).where(study_pauses.c.study == study, study_pauses.c.resumed_at.is_(None))
     return connection.execute(query.values(resumed_by=by, resumed_at=datetime.now(UTC))).rowcount > 0
 

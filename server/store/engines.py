@@ -191,7 +191,7 @@ class WriteConnection:
 
     @contextmanager
     def transaction(self) -> Iterator[Connection]:
-        """Commits at the end. After an error of the database the connection is made anew."""
+        """Commits at the end. After an error of the database the connection is made again."""
         connection = self._connection or self._connect()
         try:
             with connection.begin():
@@ -252,7 +252,7 @@ def encoding_problem(connection: Connection) -> str:
     if encoding == "UTF8":
         return ""
     name = connection.engine.url.database
-    remedy = f"Make it anew: createdb --encoding UTF8 --template template0 {name}"
+    remedy = f"Create it again: createdb --encoding UTF8 --template template0 {name}"
     return f"the database {name} keeps text as {encoding}, so not every name or answer could be stored. {remedy}"
 
 

@@ -126,7 +126,7 @@ def _keys(row: "Row[Any]") -> Iterable[KeyRecord]:
 
 @cache
 def _insert_text(dialect: str) -> str:
-    """Straight to the driver: building this statement anew would cost more than running it."""
+    """Straight to the driver: building this statement again would cost more than running it."""
     place = "%s" if dialect == "postgresql" else "?"
     places = ", ".join([place] * len(_NAMES))
     conflict = "ON CONFLICT (episode_id, timestep) DO NOTHING"

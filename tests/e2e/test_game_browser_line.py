@@ -116,7 +116,7 @@ def test_every_pause_says_why(chromium: Browser, server: FakeGameServer, reason:
         start(page, server)
         server.send(Paused(reason, 0.0))
         page.wait_for_selector(f"{part}:visible")
-        assert page.is_visible("#pause-button") == (reason == "server"), "only who was away says when it goes on"
+        assert page.is_visible("#pause-button") == (reason == "server"), "only who was away says when it continues"
         assert page.inner_text("#urgent")
 
 

@@ -143,7 +143,7 @@ def test_a_reload_and_a_second_tab_go_on_at_the_same_timestep(visitor: BrowserCo
     second.click("#pause-button")
     cook_there.play(until_timestep=reached + 20)
     together = cook.timesteps + cook_there.timesteps
-    assert in_order(together), "the game goes on where it stood, in whichever tab"
+    assert in_order(together), "the game continues where it stood, in whichever tab"
     second.close()
     page.click("#other-here")
     page.wait_for_selector("[data-phase=playing]")

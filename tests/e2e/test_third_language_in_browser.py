@@ -168,7 +168,7 @@ def test_no_state_of_the_game_cuts_a_word_off(chromium: Browser, size: dict[str,
     for number, lesson in enumerate(("walk", "fill", "plate", "marks")):
         server.send(Lesson(lesson, number, 7, False))
         look(f"lesson {lesson}", "#coach:visible, #lessons .how:visible")
-    server.send(Notice(longer("The study goes on.")))
+    server.send(Notice(longer("The study continues.")))
     look("notice", "#notice:visible")
     page.locator("#notice button").click()
     if size is DESKTOP:

@@ -1,4 +1,4 @@
-"""Agents without training: what they see, what they do, and that a guide can be foretold."""
+"""Agents without training: what they see, what they do, and that a guide can be predicted."""
 
 import numpy as np
 import pytest
@@ -66,24 +66,24 @@ def test_a_planner_cooks_beside_somebody_who_only_waits() -> None:
     assert play(layout, (planner, waiter), 2, seed=0).scores.min() >= 40
 
 
-def test_the_guides_next_actions_come_as_foretold_while_nobody_crosses_its_way() -> None:
+def test_the_guides_next_actions_come_as_predicted_while_nobody_crosses_its_way() -> None:
     layout = load_layout("practice")
     policy, _ = load_agent("guide", layout)
     predictor = load_predictor("guide", layout)
     kitchens = Kitchens.start(layout, 1)
     slots, last = np.zeros(1, np.intp), np.full((1, 2), -1, np.int8)
-    taken, foretold = [], []
+    taken, predicted = [], []
     for _ in range(40):
         seen = kitchens.encode()[:, 1].copy()
         answer = predictor.predict(slots, seen, last)
         assert answer.shape == (1, 3, 6)
         assert answer.max(axis=-1).min() > 0.98
-        foretold.append(answer[0].argmax(axis=-1))
+        predicted.append(answer[0].argmax(axis=-1))
         taken.append(int(policy.probabilities(seen).argmax()))
         kitchens.step(np.array([[4, taken[-1]]]), np.zeros((1, 2), np.int32))
     assert len(set(taken)) > 1
     for t in range(37):
-        assert foretold[t].tolist() == taken[t : t + 3]
+        assert predicted[t].tolist() == taken[t : t + 3]
 
 
 def test_the_catalogue_loads_every_name_that_it_lists() -> None:

@@ -1,4 +1,4 @@
-"""Many games at once for training: they are the same games, scored, counted and begun anew by themselves."""
+"""Many games at once for training: they are the same games, scored, counted and restarted automatically."""
 
 import numpy as np
 import pytest

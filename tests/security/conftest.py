@@ -1,4 +1,4 @@
-"""The whole application with somebody of every role in it: who they are, and how they knock at a door."""
+"""The whole application with somebody of every role in it: who they are, and how they send requests."""
 
 import hashlib
 import re
@@ -24,7 +24,7 @@ PASSWORD = "long enough for a test"
 QUICK_HASH = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1).hash(PASSWORD)
 
 
-class House:
+class PopulatedServer:
     """The running application with somebody of every role in it."""
 
     def __init__(self, live: LiveServer) -> None:
@@ -79,8 +79,8 @@ class House:
         new = episodes.NewEpisode(spec, step.key, (person, None), row.study_id, row.condition)
         return person, self.database.write_now(episodes.create, new)
 
-    def knock(self, door: str, role: str) -> httpx.Response:
-        method, _, path = door.partition(" ")
+    def request(self, route: str, role: str) -> httpx.Response:
+        method, _, path = route.partition(" ")
         action = "signed_out" if "account" in path else "extend"
         values = {"name": "short", "study": "short", "person": self.person, "episode": self.episode, "account": "watch"}
         path = path.format(**values, action=action)
@@ -94,12 +94,12 @@ class House:
 
 
 @pytest.fixture(scope="module")
-def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
-    folder = tmp_path_factory.mktemp("house")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PopulatedServer]:
+    folder = tmp_path_factory.mktemp("server")
     other = folder / "other.yaml"
     other.write_text(SHORT_STUDY.replace("name: short", "name: other"), encoding="utf-8")
     with LiveServer(folder, study=SHORT_GAMES, more_studies=(other,)) as live:
-        made = House(live)
+        made = PopulatedServer(live)
         for role in ("watch", "act", "own"):
             made.sign_in(role)
         yield made

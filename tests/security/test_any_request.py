@@ -18,12 +18,12 @@ FIELDS = (
 QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None, "derandomize": True}
 
 
-def schema_of(house: Any) -> dict[str, Any]:
+def schema_of(server: Any) -> dict[str, Any]:
     """What FastAPI knows of the routes, with the forms that it does not know, and names that exist."""
-    schema: dict[str, Any] = house.app.openapi()
+    schema: dict[str, Any] = server.app.openapi()
     form = {"type": "object", "properties": dict.fromkeys(FIELDS, WORDS), "additionalProperties": True}
     known = {
-        "name": ["short", "other"], "person": [house.person], "episode": [house.episode], "account": ["watch"],
+        "name": ["short", "other"], "person": [server.person], "episode": [server.episode], "account": ["watch"],
         "action": ["pause", "resume", "end", "message", "extend", "exclude", "restore", "release", "removed"],
     }  # fmt: skip
     for operations in schema["paths"].values():
@@ -36,57 +36,57 @@ def schema_of(house: Any) -> dict[str, Any]:
     return schema
 
 
-def answered(case: Any, house: Any, role: str) -> None:
-    if role == "own" and house.knock("GET /admin", role).status_code != 200:
-        house.database.write_now(attempts.forget, role)  # what was thrown at this account locks it, as it should
-        house.sign_in(role)
+def answered(case: Any, server: Any, role: str) -> None:
+    if role == "own" and server.request("GET /admin", role).status_code != 200:
+        server.database.write_now(attempts.forget, role)  # what was thrown at this account locks it, as it should
+        server.sign_in(role)
     if isinstance(case.body, dict):
-        case.body[FORM_FIELD] = house.form_token(role, case.path.startswith("/admin"))
-    headers = {"origin": house.live.url} | ({"cookie": house.cookies[role]} if house.cookies[role] else {})
+        case.body[FORM_FIELD] = server.form_token(role, case.path.startswith("/admin"))
+    headers = {"origin": server.live.url} | ({"cookie": server.cookies[role]} if server.cookies[role] else {})
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the client, about what it was made to send
-        response = case.call(base_url=house.live.url, headers=headers)
+        response = case.call(base_url=server.live.url, headers=headers)
     assert response.status_code < 500 or response.status_code == 503, f"{role}: {case.as_curl_command()}"
 
 
-def throw(house: Any, role: str, most: int) -> int:
+def throw(server: Any, role: str, most: int) -> int:
     """So many requests at every route; how many routes there were."""
     import schemathesis  # takes a second, in every worker that collects this file
 
-    operations = [found.ok() for found in schemathesis.openapi.from_dict(schema_of(house)).get_all_operations()]
+    operations = [found.ok() for found in schemathesis.openapi.from_dict(schema_of(server)).get_all_operations()]
     for operation in operations:
 
         @settings(max_examples=most, **QUIET)
         @given(case=operation.as_strategy())
         def one(case: Any) -> None:
-            answered(case, house, role)
+            answered(case, server, role)
 
         one()
     return len(operations)
 
 
 @pytest.mark.parametrize("role", ["anonymous", "participant", "own"])
-def test_any_request_is_answered(house: Any, role: str) -> None:
-    assert throw(house, role, most=1) >= 30
+def test_any_request_is_answered(server: Any, role: str) -> None:
+    assert throw(server, role, most=1) >= 30
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("role", ["anonymous", "participant", "own"])
-def test_thousands_of_requests_are_answered(house: Any, role: str) -> None:
-    assert throw(house, role, most=100) >= 30
+def test_thousands_of_requests_are_answered(server: Any, role: str) -> None:
+    assert throw(server, role, most=100) >= 30
 
 
-def test_many_refused_requests_leave_nothing_behind(house: Any) -> None:
+def test_many_refused_requests_leave_nothing_behind(server: Any) -> None:
     import os
 
-    def knock(times: int) -> None:
+    def send(times: int) -> None:
         for _ in range(times):
-            house.knock("GET /admin/s/{name}/games", "anonymous")
-            house.knock("POST /s/{name}/now", "anonymous")
+            server.request("GET /admin/s/{name}/games", "anonymous")
+            server.request("POST /s/{name}/now", "anonymous")
 
-    knock(20)
+    send(20)
     before = Holdings.of(os.getpid())
-    knock(40)
+    send(40)
     after = Holdings.of(os.getpid())
     assert after.descriptors <= before.descriptors + 2

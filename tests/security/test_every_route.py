@@ -89,12 +89,12 @@ def routes(app: FastAPI) -> Iterator[str]:
     return walk(list(app.routes))
 
 
-def test_every_route_of_the_application_is_listed(house: Any) -> None:
-    assert set(routes(house.app)) == set(ROUTES)
+def test_every_route_of_the_application_is_listed(server: Any) -> None:
+    assert set(routes(server.app)) == set(ROUTES)
 
 
-def test_no_two_routes_have_one_address(house: Any) -> None:
-    found = [re.sub(r"{\w+}", "{}", route) for route in routes(house.app)]
+def test_no_two_routes_have_one_address(server: Any) -> None:
+    found = [re.sub(r"{\w+}", "{}", route) for route in routes(server.app)]
     assert len(found) == len(set(found))
 
 
@@ -106,65 +106,65 @@ def may(role: str, who: str) -> bool:
 
 
 @pytest.mark.parametrize("route", [one for one in ROUTES if one.startswith(("GET", "POST"))])
-def test_a_role_gets_in_where_it_may_and_nowhere_else(house: Any, route: str) -> None:
+def test_a_role_gets_in_where_it_may_and_nowhere_else(server: Any, route: str) -> None:
     for role in ROLES:
-        try_route(house, route, role)
+        try_route(server, route, role)
 
 
-def try_route(house: Any, route: str, role: str) -> None:
+def try_route(server: Any, route: str, role: str) -> None:
     who = ROUTES[route]
-    if role in RESEARCHERS and house.knock("GET /admin", role).status_code != 200:
-        house.sign_in(role)  # a route before this one signed them out
-    stood = house.database.read_now(lambda connection: connection.execute(select(participants)).all())
-    answer = house.knock(route, role)
+    if role in RESEARCHERS and server.request("GET /admin", role).status_code != 200:
+        server.sign_in(role)  # a route before this one signed them out
+    stood = server.database.read_now(lambda connection: connection.execute(select(participants)).all())
+    answer = server.request(route, role)
     assert answer.status_code < 500, f"{role} at {route}: {answer.text}"
     if who == "participant" and role != "participant":
         led = (answer.status_code, answer.headers.get("location", "").partition("/now")[0])
         assert led == (303, "/s/short"), f"{role} at {route}"
-        after = house.database.read_now(lambda connection: connection.execute(select(participants)).all())
+        after = server.database.read_now(lambda connection: connection.execute(select(participants)).all())
         assert after == stood, f"{role} at {route}"
     elif not may(role, who):
         assert answer.status_code in (401, 403), f"{role} at {route}: {answer.status_code}"
-        assert house.person not in answer.text, f"{role} at {route}"
+        assert server.person not in answer.text, f"{role} at {route}"
     else:
         if (route, role) == ("POST /s/{name}/withdraw", "participant"):
-            house.fill()  # they are gone, as they wished
+            server.fill()  # they are gone, as they wished
         assert answer.status_code not in (401, 403) or route == "POST /admin/login", f"{role} at {route}: {answer.text}"
 
 
-def test_nobody_withdraws_somebody_else(house: Any) -> None:
+def test_nobody_withdraws_somebody_else(server: Any) -> None:
     for role in ("anonymous", "other", "watch", "own"):
-        house.knock("POST /s/{name}/withdraw", role)
-    query = select(participants.c.id).where(participants.c.id == house.person)
-    assert house.database.read_now(lambda connection: connection.execute(query).scalar_one()) == house.person
+        server.request("POST /s/{name}/withdraw", role)
+    query = select(participants.c.id).where(participants.c.id == server.person)
+    assert server.database.read_now(lambda connection: connection.execute(query).scalar_one()) == server.person
 
 
 @pytest.mark.parametrize("route", sorted(one for one in ROUTES if one.startswith("SOCKET")))
-def test_a_socket_opens_for_its_role_only_and_for_no_foreign_page(house: Any, route: str) -> None:
+def test_a_socket_opens_for_its_role_only_and_for_no_foreign_page(server: Any, route: str) -> None:
     for role in ROLES:
-        try_socket(house, route, role)
+        try_socket(server, route, role)
 
 
-def try_socket(house: Any, route: str, role: str) -> None:
-    path = route.partition(" ")[2].format(name="short", study="short", episode=house.episode)
-    if role in RESEARCHERS and house.knock("GET /admin", role).status_code != 200:
-        house.sign_in(role)
-    headers = {"Cookie": house.cookies[role]} if house.cookies[role] else {}
-    url = house.live.url.replace("http", "ws") + path
+def try_socket(server: Any, route: str, role: str) -> None:
+    path = route.partition(" ")[2].format(name="short", study="short", episode=server.episode)
+    if role in RESEARCHERS and server.request("GET /admin", role).status_code != 200:
+        server.sign_in(role)
+    headers = {"Cookie": server.cookies[role]} if server.cookies[role] else {}
+    url = server.live.url.replace("http", "ws") + path
     if may(role, ROUTES[route]):
-        with connect(url, additional_headers=headers, origin=house.live.url):  # type: ignore[arg-type]
+        with connect(url, additional_headers=headers, origin=server.live.url):  # type: ignore[arg-type]
             pass
     else:
         with pytest.raises(InvalidStatus, match="403"):
-            connect(url, additional_headers=headers, origin=house.live.url)  # type: ignore[arg-type]
-    for origin in ("https://evil.example", "null", house.live.url.replace("127.0.0.1", "localhost")):
+            connect(url, additional_headers=headers, origin=server.live.url)  # type: ignore[arg-type]
+    for origin in ("https://evil.example", "null", server.live.url.replace("127.0.0.1", "localhost")):
         with pytest.raises(InvalidStatus, match="403"):
             connect(url, additional_headers=headers, origin=origin)  # type: ignore[arg-type]
 
 
-def test_what_belongs_to_another_study_is_not_found_in_this_one(house: Any) -> None:
-    house.sign_in("own")
-    for path in (f"person/{house.person}", f"game/{house.episode}", f"game/{house.episode}/record.json"):
-        with house.client(house.cookies["own"]) as client:
+def test_what_belongs_to_another_study_is_not_found_in_this_one(server: Any) -> None:
+    server.sign_in("own")
+    for path in (f"person/{server.person}", f"game/{server.episode}", f"game/{server.episode}/record.json"):
+        with server.client(server.cookies["own"]) as client:
             assert client.get(f"/admin/s/short/{path}").status_code == 200
             assert client.get(f"/admin/s/other/{path}").status_code == 404

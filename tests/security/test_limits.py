@@ -1,4 +1,4 @@
-"""Who asks too much, too long, too slowly or too often meets a limit of their own; everybody else goes on."""
+"""Who asks too much, too long, too slowly or too often meets a limit of their own; everybody else continues."""
 
 import asyncio
 import socket

@@ -1,4 +1,4 @@
-"""`kitchenmind admin` at a terminal: somebody takes their time over a password while the server goes on."""
+"""`kitchenmind admin` at a terminal: somebody takes their time over a password while the server continues."""
 
 import os
 import pty

@@ -1,4 +1,4 @@
-"""`kitchenmind serve --workers 2` with a real PostgreSQL and a real Redis: processes die, games go on."""
+"""`kitchenmind serve --workers 2` with a real PostgreSQL and a real Redis: processes die, games continue."""
 
 import asyncio
 import os

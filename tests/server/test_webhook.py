@@ -81,8 +81,8 @@ def test_an_alert_is_tried_again_while_the_chat_is_ill(chat: Chat) -> None:
 
 def test_an_alert_that_is_refused_is_not_tried_again(chat: Chat) -> None:
     chat.answers = [404]
-    asyncio.run(delivered(chat, [{"text": "wrong door"}, {"text": "next"}], 2))
-    assert [body["text"] for _, _, body in chat.posted] == ["wrong door", "next"]
+    asyncio.run(delivered(chat, [{"text": "wrong address"}, {"text": "next"}], 2))
+    assert [body["text"] for _, _, body in chat.posted] == ["wrong address", "next"]
 
 
 def test_who_sends_an_alert_never_waits_and_much_is_not_kept(chat: Chat) -> None:

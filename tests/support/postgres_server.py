@@ -87,7 +87,7 @@ class PostgresServer:
         """From the whole list of processes: the kernel's own list of children may leave some out."""
         assert self._process is not None
         for status in Path("/proc").glob("[0-9]*/stat"):
-            with suppress(OSError):  # it ended meanwhile
+            with suppress(OSError):  # it has ended
                 parent = status.read_text().rpartition(")")[2].split()[1]
                 if int(parent) == self._process.pid:
                     os.kill(int(status.parent.name), number)

@@ -72,7 +72,7 @@ def test_a_predictor_is_there_when_time_is_over_and_the_same_command_goes_on(
 ) -> None:
     monkeypatch.setattr(training, "LOOK_IS_NEAR_S", -1.0)  # a look is never near: it stops between two of them
     assert train(lab, tmp_path, "--set", "minutes=0") == 0
-    assert "the same command goes on" in capsys.readouterr().out
+    assert "the same command continues" in capsys.readouterr().out
     load_predictor(str(tmp_path / "p"), RING)
     assert "1 of 20" in (tmp_path / "p" / "card.md").read_text("utf-8")
     monkeypatch.undo()

@@ -1,4 +1,4 @@
-"""A predictor learns, is measured, goes on where it stopped, and is shipped with its card."""
+"""A predictor learns, is measured, continues where it stopped, and is shipped with its card."""
 
 import json
 from dataclasses import replace
@@ -79,7 +79,7 @@ def test_the_window_form_learns_to_predict_better_than_the_baselines(games, tmp_
 
 def test_an_interrupted_run_goes_on_to_the_same_weights(stream, games, tmp_path):
     whole = stream[0]
-    with pytest.raises(TimeoutError, match="the same command goes on"):
+    with pytest.raises(TimeoutError, match="the same command continues"):
         trained("stream", games, tmp_path / "parts", replace(QUICK, minutes=0.0))
     for _ in range(5):
         try:

@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"kitchenmind collect: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("\nInterrupted. The same command goes on with the next partner.", file=sys.stderr)
+        print("\nInterrupted. The same command continues with the next partner.", file=sys.stderr)
         return 1
 
 

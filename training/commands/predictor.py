@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0 a predictor was written (also where time is over before it is finished: the same command goes on), 1 it was
+    """0 a predictor was written (also where time is over before it is finished: the same command continues), 1 it was
     interrupted. Raises ValueError or OSError for wrong input."""
     from models.networks.checkpoint import load_checkpoint
     from models.networks.config import PredictorConfig
@@ -102,7 +102,9 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"{out}: {result.accuracy.mean:.1%} on partners never seen (ceiling of step 1: {result.ceiling:.1%})")
     print(f"Use it in a study: `predictor: {out if arguments.ship is False else out.name}`.")
     if stopped:
-        print(f"Training was {stopped} after {trainer.update} of {training.updates} updates; the same command goes on.")
+        print(
+            f"Training was {stopped} after {trainer.update} of {training.updates} updates; the same command continues."
+        )
     return 1 if stopped == INTERRUPTED else 0
 
 

@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"kitchenmind train {arguments.what}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("\nInterrupted. The same command goes on from the last saved state.", file=sys.stderr)
+        print("\nInterrupted. The same command continues from the last saved state.", file=sys.stderr)
         return 1
 
 

@@ -76,7 +76,7 @@ async def pause_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep,
 
 @router.post("/resume")
 async def resume_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep) -> Response:
-    """The study goes on, and its games with it."""
+    """The study continues, and its games with it."""
     study_at(web, name)
     await web.database.write(decisions.resume_study, name, admin.name)
     await control.broadcast(ResumeStudy(name))

@@ -96,7 +96,7 @@ async def let_in(socket: WebSocket) -> AdminSession | None:
 
 
 async def still_in(socket: WebSocket, admin: AdminSession) -> bool:
-    """Whether the session goes on as it was: neither ended nor with conditions shown or hidden since."""
+    """Whether the session continues as it was: neither ended nor with conditions shown or hidden since."""
     with suppress(DatabaseDown):
         return await session_of(socket) == admin
     return True

@@ -16,7 +16,7 @@ from server.web.dependencies import Web, web_of
 SEE_OTHER = 303
 SAID = {
     "paused": "The game is paused.",
-    "resumed": "The game goes on.",
+    "resumed": "The game continues.",
     "ended": "The game is ended.",
     "sent": "The message is sent.",
     "extended": "There is more time now.",
@@ -24,7 +24,7 @@ SAID = {
     "restored": "The exclusion is taken back.",
     "released": "The place is free again.",
     "study_paused": "The study is paused: nobody is let in, no game runs.",
-    "study_resumed": "The study goes on.",
+    "study_resumed": "The study continues.",
     "version_served": "The new version is served: those who come from now on get it.",
     "version_refused": "The new version could not be served: the alerts and the log say why.",
     "signed_out": "The account is signed out everywhere.",

@@ -55,7 +55,7 @@ async def choose(request: Request, web: WebDep) -> Response:
 
 @router.get("/s/{name}")
 async def consent_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
-    """The consent page; whoever is in the study already goes on. Stores nothing, so a link preview burns nothing."""
+    """The consent page; whoever is in the study already continues. Stores nothing, so a link preview burns nothing."""
     study, made = opened.study, page(request, web, opened.study)
     person, extra = recruitment_of(study.recruitment, dict(request.query_params))
     before = await web.database.read(progress.known, web.studies, study.name, person) if person else None

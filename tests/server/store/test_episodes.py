@@ -220,7 +220,7 @@ async def test_full_disk_is_down_and_goes_on_when_there_is_space_again(tmp_path:
         with pytest.raises(RecorderDown, match="full"):
             await recorder.ticks(records)
         assert database.read_now(ticks.of_episode, episode) == []
-        await recorder.ticks(records)  # the connection was made anew, without the limit
+        await recorder.ticks(records)  # the connection was made again, without the limit
         assert database.read_now(ticks.of_episode, episode) == records
 
 

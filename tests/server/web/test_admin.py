@@ -72,8 +72,8 @@ def site(tmp_path: Path) -> Iterator[Site]:
     state.course = LatencyHistory(state.live)
     state.alerts = Alerts(state.live, tmp_path / "site.db", lambda *_: None)
     state.control = ClusterControl(Control(games, made.database, made.studies))
-    for doors in (researcher_pages, live_boards, replay_page, actions, downloads):
-        made.app.include_router(doors.router)
+    for module in (researcher_pages, live_boards, replay_page, actions, downloads):
+        made.app.include_router(module.router)
     for role in ROLES:
         made.database.write_now(admins.create, role, HASH, role)
     with made as running:

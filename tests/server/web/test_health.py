@@ -52,7 +52,7 @@ def test_a_server_whose_database_does_not_commit_is_not_ready(live: LiveServer) 
             time.sleep(0.05)
 
     intruder = sqlite3.connect(live.database.removeprefix("sqlite:///"), isolation_level=None)
-    intruder.execute("BEGIN IMMEDIATE")  # reading goes on as if nothing had happened
+    intruder.execute("BEGIN IMMEDIATE")  # reading continues as if nothing had happened
     until(["database"])
     jobs = live.app.state.web.database._jobs
     for _ in range(5):

@@ -104,7 +104,7 @@ def test_form_token_is_for_one_session_and_half_a_day() -> None:
     token = csrf.form_token("mine", 1000)
     assert csrf.is_own_form(token, "mine", 1000 + FORM_S)
     assert not csrf.is_own_form(token, "mine", 1001 + FORM_S)
-    assert csrf.is_own_form(token, "mine", 1000 - 3600), "the clock was set back by an hour meanwhile"
+    assert csrf.is_own_form(token, "mine", 1000 - 3600), "the clock was set back by an hour"
     assert not csrf.is_own_form(token, "yours", 1000)
     assert not CsrfProtection(b"another").is_own_form(token, "mine", 1000)
 

@@ -153,7 +153,7 @@ def test_also_after_somebody_who_left_in_the_middle(site: Site) -> None:
     browser = Visitor(site)
     browser.consent("small")
     assert 'href="/s/small/new"' in browser.page.text
-    assert browser.get("/s/small").url.path == "/s/small/now", "a reload goes on"
+    assert browser.get("/s/small").url.path == "/s/small/now", "a reload continues"
     browser.get("/s/small/new")
     assert "Continue where I was" in browser.page.text
     browser.send("/s/small/new", browser.fields("/new"))

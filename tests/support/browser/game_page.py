@@ -17,7 +17,7 @@ PHONE = {"width": 390, "height": 844}
 
 @contextmanager
 def opened(chromium: Browser, server: FakeGameServer, **context: Any) -> Iterator[Page]:
-    """The game's page, opened anew: for a visitor of its own where `context` says something of them, else for the one
+    """The game's page, opened again: for a visitor of its own where `context` says something of them, else for the one
     whom the tests of a module share. Errors on the page fail the test."""
     visitor = chromium.new_context(**{"viewport": DESKTOP, **context}) if context else shared(chromium, server)
     page = visitor.new_page()

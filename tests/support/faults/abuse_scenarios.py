@@ -158,7 +158,7 @@ async def _by_hand(bad: RecordingClient) -> AsyncIterator[tuple[asyncio.StreamRe
 
 
 async def flood(folder: Path, seconds: float, goal_ms: float | None = None) -> FaultResult:
-    """Row 19: one participant sends as fast as the line takes it, over and over, and goes on after being told that it
+    """Row 19: one participant sends as fast as the line takes it, over and over, and continues after being told that it
     is closed; it is soon told so, and its neighbours lose nothing and (`goal_ms`) are on time."""
     told: list[float] = []
     with RealServer(folder, speed=1.0, study=LONG_STUDY) as server:
@@ -190,7 +190,7 @@ _FLOOD = b"".join(
 
 
 async def _flood_once(bad: RecordingClient, insist_s: float) -> float:
-    """Seconds from the first message to the close frame, after which the flood goes on for a while."""
+    """Seconds from the first message to the close frame, after which the flood continues for a while."""
     async with _by_hand(bad) as (reader, writer):
         began = time.monotonic()
         told = asyncio.create_task(_closed_at(reader))

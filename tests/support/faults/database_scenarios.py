@@ -78,7 +78,7 @@ async def locked(folder: Path, seconds: float) -> FaultResult:
 
 
 async def postgres_frozen(folder: Path, seconds: float) -> FaultResult:
-    """Row 5: every process of PostgreSQL stands still, then goes on."""
+    """Row 5: every process of PostgreSQL stands still, then continues."""
     return await _postgres(folder, "freeze", seconds)
 
 

@@ -185,7 +185,7 @@ async def stutter(folder: Path, seconds: float, games: int = 2) -> FaultResult:
 
 
 async def frozen_ways(folder: Path, up: bool, down: bool, seconds: float) -> FaultResult:
-    """Row 10: one direction stands still for a while, the other goes on."""
+    """Row 10: one direction stands still for a while, the other continues."""
     with LiveServer(folder, study=LONG_STUDY) as live:
         async with FaultProxy(live.port) as proxy, Crowd(proxy.url, 2) as crowd:
             proxy.freeze(up, down)

@@ -1,4 +1,4 @@
-"""Models that are slow, broken or gone (rows 23, 24), in real worker processes; games go on, and the data say so."""
+"""Models that are slow, broken or gone (rows 23, 24), in real worker processes; games continue, and the data say so."""
 
 import asyncio
 import os

@@ -128,7 +128,7 @@ def _after(moments: Sequence[float], opened: Sequence[float]) -> list[float]:
 
 
 async def stops(folder: Path, tries: int, games: int) -> FaultResult:
-    """Row 2: SIGTERM under games: everybody is told, sockets close with 1012, games go on in the next process."""
+    """Row 2: SIGTERM under games: everybody is told, sockets close with 1012, games continue in the next process."""
     took, codes = [], []
     with RealServer(folder, speed=2.0, study=LONG_STUDY) as server:
         async with Crowd(server.url, games, idle=0.9) as crowd:
