@@ -49,9 +49,15 @@ class Before:
 
 
 @pytest.fixture
-def before(filled: Database, url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Before:
+def filled(url: str) -> str:
+    """A database with a played study, which nobody has open; see `url` of conftest.py."""
+    return url
+
+
+@pytest.fixture
+def before(filled: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Before:
     monkeypatch.setenv("KITCHENMIND_DATABASE", f"sqlite:///{tmp_path}/no server here.db")
-    made = Before(url, tmp_path)
+    made = Before(filled, tmp_path)
     made.delete()
     return made
 
