@@ -58,7 +58,7 @@ def test_a_trained_folder_serves_and_is_evaluated(
     lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert train(lab, tmp_path) == 0
-    assert "about 1 minutes for 20 updates" in capsys.readouterr().out.replace("\n", " ")
+    assert "about 1 minute for 20 updates" in capsys.readouterr().out.replace("\n", " ")
     load_predictor(str(tmp_path / "p"), RING)
     words = ["evaluate", "predictor", "--layout", "coordination_ring", "--agent", str(lab / "mine")]
     words += ["--predictor", str(tmp_path / "p"), "--partners", str(lab / "friends"), "--json"]
