@@ -321,6 +321,32 @@ def test_sound_is_off_until_it_is_wanted_and_the_wish_is_kept(chromium: Browser,
         page.wait_for_selector("#sound[aria-pressed=true]")
 
 
+@pytest.mark.parametrize(
+    "broken",
+    [
+        "delete window.AudioContext",
+        "window.AudioContext = function () { throw new DOMException('no device', 'NotSupportedError'); }",
+        "AudioContext.prototype.createOscillator = () => { throw new DOMException('closed', 'InvalidStateError'); }",
+    ],
+    ids=["no WebAudio", "no device", "closed"],
+)
+def test_a_browser_that_cannot_make_sound_plays_on(chromium: Browser, server: FakeGameServer, broken: str) -> None:
+    with opened(chromium, server, viewport=DESKTOP) as page:
+        troubles: list[str] = []
+        page.on("pageerror", lambda error: troubles.append(str(error)))
+        page.evaluate(broken)
+        page.wait_for_selector("#start:visible")
+        page.evaluate("document.querySelector('#sound').click()")
+        page.click("#start-button")
+        server.wait_for(lambda server: bool(server.of(Ready)))
+        server.send(Countdown(2.0))
+        page.wait_for_selector("#count:visible")
+        server.send(tick(kitchen(t=195, **MOMENT)))
+        page.wait_for_selector("#count", state="hidden")
+        assert page.get_attribute("#sound", "aria-pressed") == "true"
+        assert troubles == []
+
+
 def test_the_page_speaks_chinese(chromium: Browser, server: FakeGameServer) -> None:
     server.page["language"] = "zh"
     with opened(chromium, server) as page:

@@ -61,8 +61,13 @@ export class Sound {
   play(kind) {
     const tune = TUNES[kind];
     if (!this.on || !tune || !navigator.userActivation?.hasBeenActive) return;
-    const context = (this.context ??= new AudioContext());
-    for (const note of tune) playNote(context, note);
+    try {
+      const context = (this.context ??= new AudioContext());
+      for (const note of tune) playNote(context, note);
+    } catch (error) {
+      this.context = null; // without sound (no WebAudio, no free device) the game goes on
+      console.info('no sound:', error);
+    }
   }
 
   #toggle() {
