@@ -61,6 +61,12 @@ def test_start_page_offers_the_studies(site: Site) -> None:
     assert 'href="/s/small?lang=en"' in page.text
 
 
+@pytest.mark.parametrize(("minutes", "said"), [(1, "About 1 minute<"), (2, "About 2 minutes<")])
+def test_start_page_counts_minutes_as_people_do(tmp_path: Path, minutes: int, said: str) -> None:
+    with Site(tmp_path, re.sub(r"duration_min: \d+", f"duration_min: {minutes}", SMALL_STUDY)) as site:
+        assert said in Visitor(site).get("/").text
+
+
 def test_nothing_is_stored_and_no_cookie_is_set_before_consent(site: Site) -> None:
     before = rows(site)
     visitor = Visitor(site)
@@ -327,6 +333,13 @@ def test_quiz_is_repeated_until_right_and_failures_are_noted(site: Site) -> None
     assert site.step(site.only("small")).key == "tutorial"
     failed = site.database.read_now(events.of_participant, site.only("small").id, "quiz_failed")
     assert [event.detail for event in failed] == [{"answers": {"onions": "two"}, "attempt": 1}]
+
+
+def test_a_quiz_with_one_attempt_says_so_as_people_do(tmp_path: Path) -> None:
+    with Site(tmp_path, re.sub(r"attempts: \d+", "attempts: 1", SMALL_STUDY)) as site:
+        visitor = Visitor(site)
+        walk_to(visitor, site, "quiz")
+        assert "You have one try." in visitor.get("/s/small/now").text
 
 
 def test_quiz_failed_too_often_ends_the_study_and_frees_the_place(site: Site) -> None:
