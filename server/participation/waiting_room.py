@@ -19,13 +19,15 @@ from server.store.database import DatabaseDown
 log = logging.getLogger(__name__)
 LOOK_EVERY_S: Final = 0.1
 TELL_EVERY_S: Final = 1.0
+MOST_SEATED: Final = 10_000  # people whose last seat is remembered
+Room = tuple[int, str, str, bool]  # study version, condition, step, simulated or not
 
 
 @dataclass(frozen=True)
 class PairingRequest:
     """What somebody waits for: a round of two. Equal `room`s can be seated together."""
 
-    room: tuple[int, str, str, bool]  # study version, condition, step, simulated or not
+    room: Room
     since: datetime  # when they first came to this round
     limit_s: float
     partner: str | None = None  # only this person: they have played together before
@@ -50,13 +52,20 @@ class WaitingRoom:
     def __init__(self, clock: Clock, seat_two: SeatTwo, seat_alone: SeatAlone) -> None:
         self._clock, self._seat_two, self._seat_alone = clock, seat_two, seat_alone
         self._waiting: dict[str, _Waiter] = {}  # by participant, in order of arrival
+        self._seated: dict[str, Room] = {}  # by participant: where they got a seat last
         self._keeper: asyncio.Task[None] | None = None
 
     def __len__(self) -> int:
         return len(self._waiting)
 
     def enter(self, participant: str, choice: PairingRequest, connection: Connection) -> None:
-        """Waits from now on; the newest tab of somebody who waits already takes over."""
+        """Waits from now on; the newest tab of somebody who waits already takes over.
+
+        Who was given a seat since their choice was read is called at once: they have a game already.
+        """
+        if self._seated.pop(participant, None) == choice.room:
+            connection.close(CloseCode.GAME_READY, "there is a game now")
+            return
         before = self._waiting.get(participant)
         if before is not None and before.connection is not connection:
             before.connection.send(Superseded())
@@ -75,33 +84,56 @@ class WaitingRoom:
         while self._waiting:
             waiting = sorted(self._waiting.values(), key=lambda waiter: waiter.choice.since)
             for index, waiter in enumerate(waiting):
-                if waiter.busy:
+                if not self._is_free(waiter):
                     continue
-                other = next((one for one in waiting[index + 1 :] if not one.busy and fit(waiter, one)), None)
-                try:
-                    await self._serve(waiter, other)
-                except DatabaseDown:
-                    waiter.busy = False
-                    log.warning("nobody can be seated while the database is away")
+                other = next((one for one in waiting[index + 1 :] if self._is_free(one) and fit(waiter, one)), None)
+                await self._serve(waiter, other)
             await self._clock.sleep(LOOK_EVERY_S)
 
-    async def _serve(self, waiter: _Waiter, other: _Waiter | None) -> None:
-        if other is not None:
-            waiter.busy = other.busy = True
-            await self._seat_two(waiter.participant, other.participant)
-            for one in (waiter, other):
-                self._call(one)
-        elif self._left_s(waiter) <= 0:
-            waiter.busy = True
-            await self._seat_alone(waiter.participant)
-            self._call(waiter)
-        else:
-            self._tell(waiter)
+    def _is_free(self, waiter: _Waiter) -> bool:
+        """Whether they wait still, in this tab, and nobody is seating them: each seating takes its time."""
+        return self._waiting.get(waiter.participant) is waiter and not waiter.busy
 
-    def _call(self, waiter: _Waiter) -> None:
-        """Whoever sits in that tab connects again and finds the game."""
+    async def _serve(self, waiter: _Waiter, other: _Waiter | None) -> None:
+        if other is None and self._left_s(waiter) > 0:
+            self._tell(waiter)
+            return
+        some = [waiter] if other is None else [waiter, other]
+        for one in some:
+            one.busy = True
+        try:
+            seated = await self._seat(some)
+        except DatabaseDown:
+            for one in some:
+                self._waiting.get(one.participant, one).busy = False
+            log.warning("nobody can be seated while the database is away")
+        except Exception:
+            log.exception("%d who waited cannot be seated", len(some))
+            for one in some:
+                self._dismiss(one, CloseCode.FAILED, "the server failed")
+        else:
+            for one in some:
+                if seated:
+                    self._remember(one)
+                self._dismiss(one, CloseCode.GAME_READY, "there is a game now")
+
+    async def _seat(self, some: list[_Waiter]) -> bool:
+        """Whether they have a game now."""
+        if len(some) == 2:
+            return await self._seat_two(some[0].participant, some[1].participant)
+        await self._seat_alone(some[0].participant)
+        return True
+
+    def _remember(self, waiter: _Waiter) -> None:
+        self._seated.pop(waiter.participant, None)
+        self._seated[waiter.participant] = waiter.choice.room
+        if len(self._seated) > MOST_SEATED:
+            del self._seated[next(iter(self._seated))]
+
+    def _dismiss(self, waiter: _Waiter, code: CloseCode, reason: str) -> None:
+        """Close the tab in which they sit now: their page connects again and finds the game."""
         now = self._waiting.pop(waiter.participant, waiter)
-        now.connection.close(CloseCode.GAME_READY, "there is a game now")
+        now.connection.close(code, reason)
 
     def _tell(self, waiter: _Waiter) -> None:
         now = self._clock.now() / self._clock.speed

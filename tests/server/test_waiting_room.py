@@ -1,0 +1,138 @@
+"""The waiting room by itself: who is called when, whatever happens while somebody is being seated."""
+
+import asyncio
+from collections.abc import Callable
+from datetime import UTC, datetime
+from typing import Any
+
+import pytest
+
+from server.participation.waiting_room import PairingRequest, WaitingRoom
+from server.play.clock import Clock
+from server.play.close_codes import CloseCode
+from server.store.database import DatabaseDown
+
+ROOM = (1, "tom", "episode-1", False)
+
+
+class Tab:
+    """A socket that keeps what it is told."""
+
+    tab, is_new_page, next_url = "tab", True, "/s/pairs/now"
+
+    def __init__(self) -> None:
+        self.told: list[Any] = []
+        self.closed: int | None = None
+
+    def send(self, message: Any) -> None:
+        self.told.append(message)
+
+    def close(self, code: int, reason: str) -> None:
+        self.closed = self.closed or code
+
+
+class Seats:
+    """Stands for the database; `before` runs while somebody is being seated."""
+
+    def __init__(self) -> None:
+        self.pairs: list[tuple[str, str]] = []
+        self.alone: list[str] = []
+        self.before: list[Callable[[], None]] = []
+
+    async def two(self, first: str, second: str) -> bool:
+        await self._meanwhile()
+        self.pairs.append((first, second))
+        return True
+
+    async def one(self, participant: str) -> None:
+        await self._meanwhile()
+        self.alone.append(participant)
+
+    async def _meanwhile(self) -> None:
+        await asyncio.sleep(0)
+        if self.before:
+            self.before.pop(0)()
+
+
+@pytest.fixture
+def seats() -> Seats:
+    return Seats()
+
+
+@pytest.fixture
+def room(seats: Seats) -> WaitingRoom:
+    return WaitingRoom(Clock(), seats.two, seats.one)
+
+
+def choice(limit_s: float = 600.0) -> PairingRequest:
+    return PairingRequest(ROOM, datetime.now(UTC), limit_s)
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    async with asyncio.timeout(20):
+        while not condition():
+            await asyncio.sleep(0.01)
+
+
+def come(room: WaitingRoom, *people: str, limit_s: float = 600.0) -> list[Tab]:
+    tabs = [Tab() for _ in people]
+    for person, tab in zip(people, tabs, strict=True):
+        room.enter(person, choice(limit_s), tab)
+    return tabs
+
+
+async def test_who_asked_for_a_partner_before_the_seat_was_stored_is_called_at_once(
+    room: WaitingRoom, seats: Seats
+) -> None:
+    asked_before = choice()
+    tabs = come(room, "ann", "bob")
+    await until(lambda: all(tab.closed for tab in tabs))
+    late = Tab()  # another socket of hers: what it knows is older than the seat
+    room.enter("ann", asked_before, late)
+    assert late.closed == CloseCode.GAME_READY
+    again = Tab()  # and who has no game after all waits, without an endless circle
+    room.enter("ann", choice(), again)
+    assert again.closed is None
+    assert seats.pairs == [("ann", "bob")]
+
+
+async def test_after_the_database_was_away_both_are_seated_together(room: WaitingRoom, seats: Seats) -> None:
+    def away() -> None:
+        raise DatabaseDown("away")
+
+    seats.before.append(away)
+    tabs = come(room, "ann", "bob")
+    await until(lambda: all(tab.closed for tab in tabs))
+    assert [tab.closed for tab in tabs] == [CloseCode.GAME_READY] * 2
+    assert seats.pairs == [("ann", "bob")]
+
+
+async def test_a_fault_in_seating_lets_both_come_back_and_the_others_are_served(
+    room: WaitingRoom, seats: Seats
+) -> None:
+    def fault() -> None:
+        raise RuntimeError("a fault")
+
+    seats.before.append(fault)
+    tabs = come(room, "ann", "bob", "cleo", "dora")
+    await until(lambda: all(tab.closed for tab in tabs))
+    assert [tab.closed for tab in tabs] == [CloseCode.FAILED] * 2 + [CloseCode.GAME_READY] * 2
+    assert seats.pairs == [("cleo", "dora")]
+
+
+async def test_who_has_left_while_others_were_seated_is_given_to_nobody(room: WaitingRoom, seats: Seats) -> None:
+    tabs = come(room, "ann", "bob", "cleo", "dora", "eve")
+    seats.before.append(lambda: room.leave("cleo", tabs[2]))
+    await until(lambda: len(seats.pairs) == 2)
+    assert seats.pairs == [("ann", "bob"), ("dora", "eve")]
+
+
+async def test_who_has_left_before_their_time_was_over_is_not_seated_alone(room: WaitingRoom, seats: Seats) -> None:
+    first, second = come(room, "ann", limit_s=0.0) + come(room, "bob", limit_s=0.0)
+    room.leave("bob", second)
+    second = Tab()
+    room.enter("bob", PairingRequest((1, "none", "episode-1", False), datetime.now(UTC), 0.0), second)
+    seats.before.append(lambda: room.leave("bob", second))
+    await until(lambda: first.closed is not None and len(room) == 0)
+    await asyncio.sleep(0)
+    assert seats.alone == ["ann"]
