@@ -334,7 +334,7 @@ def test_a_browser_that_cannot_make_sound_plays_on(chromium: Browser, server: Fa
     with opened(chromium, server, viewport=DESKTOP) as page:
         troubles: list[str] = []
         page.on("pageerror", lambda error: troubles.append(str(error)))
-        page.evaluate(broken)
+        page.evaluate(f"() => {{ {broken}; }}")
         page.wait_for_selector("#start:visible")
         page.evaluate("document.querySelector('#sound').click()")
         page.click("#start-button")

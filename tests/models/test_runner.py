@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from functools import partial
 from itertools import count
 
 import numpy as np
@@ -135,6 +136,11 @@ async def test_games_of_many_lengths_are_told_apart(shared):
         assert np.argmax(decision.prediction[0]) == seen % 6
 
 
+def new_workers(server, count, killed):
+    """Whether so many answer, none of them killed: a death is noticed a moment later."""
+    return len(server.worker_pids()) == count and killed.isdisjoint(server.worker_pids())
+
+
 async def test_a_killed_worker_comes_back_and_answers_as_if_nothing_had_happened(serving):
     models = ([EVEN], [REMEMBERING])
     server, undisturbed = await serving(*models, hang_s=NEVER_S), await serving(*models, hang_s=NEVER_S)
@@ -146,7 +152,7 @@ async def test_a_killed_worker_comes_back_and_answers_as_if_nothing_had_happened
             for pid in killed:
                 os.kill(pid, signal.SIGKILL)
             assert await server.ask([question], 200) == [None]
-            await until(lambda: len(server.worker_pids()) == 2 and killed.isdisjoint(server.worker_pids()))
+            await until(partial(new_workers, server, 2, killed))
             continue
         assert await server.ask([question], PATIENT_MS) == await undisturbed.ask([question], PATIENT_MS)
     assert server.statistics().restarts == 2
