@@ -130,9 +130,8 @@ def _people() -> Any:
     client_errors = select(func.count()).where(events.c.participant_id == _p.id, events.c.kind == "trouble")
     held = select(func.count()).where(exclusions.c.participant_id == _p.id, exclusions.c.restored_at.is_(None))
     own = [_p[name] for name in Person.__dataclass_fields__ if name in _p]
-    return select(
-        *own, client_errors.scalar_subquery().label("client_errors"), held.scalar_subquery().label("excluded")
-    )
+    counts = [client_errors.scalar_subquery().label("client_errors"), held.scalar_subquery().label("excluded")]
+    return select(*own, *counts)
 
 
 def played(connection: Connection, *ids: str) -> dict[str, Played]:

@@ -5,7 +5,9 @@ A blinded page gets neither conditions nor marks.
 
 import asyncio
 import json
+import logging
 import time
+from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from typing import Any, Final
 
@@ -25,6 +27,7 @@ from server.web.dependencies import Web
 
 FIGURES_EVERY_S: Final = 2.0
 SESSION_EVERY_S: Final = 5.0
+log = logging.getLogger(__name__)
 MOST_BOARDS: Final = 60  # a page can show at once
 
 
@@ -117,16 +120,32 @@ async def watch(socket: WebSocket, name: str) -> None:
         await socket.close(CloseCode.REFUSED)
         return
     watching = Watching(web, live, name, admin)
-    teller = asyncio.create_task(_tell(socket, watching))
+    await converse(socket, _tell(socket, watching), watching.asked)
+
+
+async def converse(socket: WebSocket, tell: Coroutine[Any, Any, None], hear: Callable[[str], None]) -> None:
+    """Tells until the page or we end it. After a fault of ours the socket closes: a page that goes on showing old news
+    looks calm."""
+    teller, reader = asyncio.create_task(tell), asyncio.create_task(_listen(socket, hear))
     try:
-        while not teller.done():
-            watching.asked(await socket.receive_text())
-    except (WebSocketDisconnect, ValueError, KeyError, RuntimeError):
-        pass  # gone, or no page of ours
+        await asyncio.wait({teller, reader}, return_when=asyncio.FIRST_COMPLETED)
+        error = teller.exception() if teller.done() and not teller.cancelled() else None
+        if error is not None:
+            if not isinstance(error, WebSocketDisconnect | RuntimeError):  # nobody to send to any more
+                log.error("a researcher's page cannot be told the news", exc_info=error)
+            with suppress(RuntimeError, WebSocketDisconnect):
+                await socket.close(CloseCode.FAILED, "the server failed")
     finally:
-        await ended(teller)
+        await ended(teller, reader)
         with suppress(RuntimeError, WebSocketDisconnect):
             await socket.close()
+
+
+async def _listen(socket: WebSocket, hear: Callable[[str], None]) -> None:
+    """Until the page is gone, or says what no page of ours says."""
+    with suppress(WebSocketDisconnect, ValueError, KeyError, RuntimeError):
+        while True:
+            hear(await socket.receive_text())
 
 
 async def _tell(socket: WebSocket, watching: Watching) -> None:

@@ -3,13 +3,11 @@
 import asyncio
 import json
 import time
-from contextlib import suppress
 from typing import Final
 
-from fastapi import APIRouter, HTTPException, Request, Response, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, HTTPException, Request, Response, WebSocket
 
 from overcooked.layout import LayoutError
-from server.background_tasks import ended
 from server.monitoring.live_games import Card, LiveGames, card_of, who
 from server.monitoring.peers import View
 from server.monitoring.replay import StoredTicks, input_of, record_json, row_of
@@ -18,7 +16,7 @@ from server.store import decisions, overview
 from server.store.admins import AdminSession
 from server.store.episodes import BrokenEpisode
 from server.web.admin.actions import REASONS, GameDep
-from server.web.admin.live_boards import SESSION_EVERY_S, let_in, still_in
+from server.web.admin.live_boards import SESSION_EVERY_S, converse, let_in, still_in
 from server.web.admin.rendering import AdminPage, study_at
 from server.web.admin.researcher_auth import WatchDep
 from server.web.dependencies import WebDep
@@ -72,16 +70,7 @@ async def follow(socket: WebSocket, name: str, episode: str) -> None:
     if admin is None:
         return
     study_ids = live.web.studies.versions(name)
-    teller = asyncio.create_task(_tell(socket, live, (study_ids, episode), admin))
-    try:
-        while not teller.done():
-            await socket.receive_text()
-    except (WebSocketDisconnect, KeyError, RuntimeError):
-        pass
-    finally:
-        await ended(teller)
-        with suppress(RuntimeError, WebSocketDisconnect):
-            await socket.close()
+    await converse(socket, _tell(socket, live, (study_ids, episode), admin), lambda _: None)
 
 
 async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...], str], admin: AdminSession) -> None:

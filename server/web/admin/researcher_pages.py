@@ -179,7 +179,7 @@ async def latency_history_of(request: Request, name: str, admin: WatchDep, web: 
     """People of the study and lateness of the server over time."""
     study_ids, _ = study_at(web, name)
     return {
-        "machine": request.app.state.course.said(),
+        "machine": request.app.state.latency_history.said(),
         "people": await web.database.read(latency_history.people, study_ids),
     }
 

@@ -20,6 +20,7 @@ let heardMs = null;
  */
 export function listen(path, on, attempt = 0) {
   const socket = new WebSocket(new URL(path, location.href.replace(/^http/, 'ws')));
+  const openedMs = performance.now();
   let tries = attempt;
   /** @param {object} message */
   const send = (message) => {
@@ -27,8 +28,8 @@ export function listen(path, on, attempt = 0) {
   };
   socket.addEventListener('open', () => on.open?.(send));
   socket.addEventListener('message', ({ data }) => {
-    tries = 0;
     heardMs = performance.now();
+    if (heardMs - openedMs > MAX_RETRY_MS) tries = 0; // a server that fails after the first news is not asked at once
     on.message(JSON.parse(data));
   });
   socket.addEventListener('close', ({ code }) => {
