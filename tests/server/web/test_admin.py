@@ -69,7 +69,7 @@ def site(tmp_path: Path) -> Iterator[Site]:
     state.sockets = Sockets(games, lambda *_: asyncio.sleep(0, None), state.web.csrf.is_own_origin)
     state.hashing, state.live = Hashing(), LiveGames(state.web, games, state.sockets)
     state.figures = Dashboard(state.live, tmp_path / "site.db")
-    state.course = LatencyHistory(state.live)
+    state.latency_history = LatencyHistory(state.live)
     state.alerts = Alerts(state.live, tmp_path / "site.db", lambda *_: None)
     state.control = ClusterControl(Control(games, made.database, made.studies))
     for module in (researcher_pages, live_boards, replay_page, actions, downloads):
@@ -387,7 +387,7 @@ def test_the_course_counts_people_and_samples_lateness(site: Site) -> None:
         Visitor(site).consent("small")
     first = site.everybody("small")[0].id
     site.database.write_now(participants.complete, first, "KM-1234")
-    course = site.app.state.course
+    course = site.app.state.latency_history
     course.sample(100.0)
     said = signed_in(site, "watch").get("/admin/s/small/course.json").json()
     assert (said["people"]["consented"], said["people"]["completed"]) == ([1, 2, 3, 3], [0, 0, 0, 1])
@@ -400,7 +400,8 @@ def test_the_table_of_games_shows_what_the_rules_and_the_researcher_say(site: Si
     result = EpisodeResult(episode, "done", "horizon", 0, 0, 0.0, True, "0" * 16)
     site.database.write_now(episodes.end, result)
     researcher = signed_in(site, "act")
-    assert f'data-episode="{episode}" data-pending="yes"' in researcher.get("/admin/s/small/games").text
+    shown = " ".join(researcher.get("/admin/s/small/games").text.split())
+    assert f'data-episode="{episode}" data-pending="yes"' in shown
     said = researcher.get("/admin/s/small/verdicts.json").json()
     proposal, rules = said["verdicts"][episode]
     assert (said["waiting"], proposal) == (0, "drop"), "nobody did anything in it"

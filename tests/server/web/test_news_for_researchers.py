@@ -1,0 +1,66 @@
+"""The sockets that tell researchers what goes on: none stays open without news."""
+
+import asyncio
+import re
+
+import pytest
+from starlette.websockets import WebSocketDisconnect
+
+from server.play.close_codes import CloseCode
+from server.settings import ROOT
+from server.web.admin.live_boards import converse
+
+
+class Page:
+    """A socket whose page says nothing, until it goes."""
+
+    def __init__(self) -> None:
+        self.codes: list[int] = []
+        self.gone = asyncio.Event()
+
+    async def receive_text(self) -> str:
+        await self.gone.wait()
+        raise WebSocketDisconnect
+
+    async def close(self, code: int = CloseCode.FINISHED, reason: str = "") -> None:
+        self.codes.append(code)
+
+
+def ignore(_: str) -> None: ...
+
+
+async def test_a_fault_in_the_news_closes_the_socket_and_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    async def tell() -> None:
+        raise KeyError("a figure")
+
+    page = Page()
+    async with asyncio.timeout(20):
+        await converse(page, tell(), ignore)  # type: ignore[arg-type]
+    assert page.codes[0] == CloseCode.FAILED
+    assert "a figure" in caplog.text
+
+
+async def test_a_page_that_goes_ends_the_news() -> None:
+    page, began, over = Page(), asyncio.Event(), asyncio.Event()
+
+    async def tell() -> None:
+        began.set()
+        try:
+            await asyncio.Event().wait()
+        finally:
+            over.set()
+
+    talk = asyncio.create_task(converse(page, tell(), ignore))  # type: ignore[arg-type]
+    async with asyncio.timeout(20):
+        await began.wait()
+        page.gone.set()
+        await talk
+    assert over.is_set()
+
+
+def test_what_is_read_of_the_application_s_state_is_set_there() -> None:
+    text = "\n".join(path.read_text("utf-8") for path in (ROOT / "server").rglob("*.py"))
+    names = set(re.findall(r"app\.state\.(\w+)", text))
+    made = {name for line in text.splitlines() for name in re.findall(r"app\.state\.(\w+)(?=[^=(]* = )", line)}
+    assert len(names) > 10
+    assert names <= made
