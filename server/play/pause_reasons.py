@@ -9,6 +9,8 @@ DATABASE = "database"
 RESEARCHER = "researcher"
 NOT_STARTED = "not_started"  # the participant has not pressed start yet: no pause, no limit
 
+SHORTEST_S = 0.5  # what an absence counts for at least, so that the pauses of a game are bounded also by their number
+
 Holder = int | str  # a person's seat, DATABASE or RESEARCHER
 
 
@@ -41,7 +43,7 @@ class PauseReasons:
     def release(self, holder: Holder, now: float) -> None:
         held = self._held.pop(holder, None)
         if held is not None and held.reason in AWAY_REASONS:
-            self._away_s += now - held.since
+            self._away_s += max(SHORTEST_S, now - held.since)
 
     def extend(self, seconds: float) -> None:
         """From now on absences in this game may last so much longer, each and all together."""
