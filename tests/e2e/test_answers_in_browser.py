@@ -100,6 +100,21 @@ def test_digit_keys_of_every_keyboard_answer(page: Page, code: str, key: str) ->
     assert chosen(page, "mood") == "3"
 
 
+@pytest.mark.parametrize(
+    ("code", "key", "virtual"),
+    [("Digit1", "&", 49), ("Digit6", "-", 54), ("Numpad1", "1", 97), ("Numpad1", "End", 35)],
+    ids=["azerty 1", "azerty 6", "pad", "pad without NumLock"],
+)
+def test_keys_as_the_machine_sends_them_answer(page: Page, code: str, key: str, virtual: int) -> None:
+    keyboard = page.context.new_cdp_session(page)
+    pressed = {"code": code, "key": key, "windowsVirtualKeyCode": virtual, "isKeypad": code.startswith("Numpad")}
+    written = {"text": key} if len(key) == 1 else {}
+    keyboard.send("Input.dispatchKeyEvent", {"type": "keyDown", **pressed, **written})
+    keyboard.send("Input.dispatchKeyEvent", {"type": "keyUp", **pressed})
+    assert chosen(page, "mood") == (None if key == "End" else code[-1])
+    assert chosen(page, "pace") is None
+
+
 def test_a_digit_that_is_held_down_answers_once(page: Page) -> None:
     for _ in range(3):
         page.keyboard.down("6")
