@@ -1,4 +1,4 @@
-"""How the server is, for machines: alive, ready to play, and its figures in Prometheus' words. Changes nothing."""
+"""Health checks and Prometheus metrics: whether the server is alive, whether it can play, and how much it does."""
 
 import asyncio
 import hmac
@@ -6,11 +6,14 @@ import os
 import resource
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from fastapi import APIRouter, HTTPException, Request, Response
 from fastapi.responses import JSONResponse
+from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
+from prometheus_client.metrics_core import CounterMetricFamily, GaugeMetricFamily, Metric
 
 from server.monitoring.live_games import LiveGames
 from server.monitoring.peers import Process
@@ -22,8 +25,8 @@ READY_WITHIN_S: Final = 3.0  # less than the 4 s that the health check of docker
 _PROVED_FOR_S: Final = 1.0  # however often somebody asks, there is one test commit a second
 _MEMORY: Final = Path("/proc/self/statm")
 _FILES: Final = Path("/proc/self/fd")
-# Figure -> its kind in Prometheus and what it is.
-FIGURES: Final[Mapping[str, tuple[str, str]]] = {
+# Metric (without "kitchenmind_") -> its Prometheus type and its HELP text.
+METRICS: Final[Mapping[str, tuple[str, str]]] = {
     "games": ("gauge", "Games that were taken up, running or not."),
     "moving": ("gauge", "Games that count down or run."),
     "sockets": ("gauge", "Open game sockets."),
@@ -42,7 +45,7 @@ FIGURES: Final[Mapping[str, tuple[str, str]]] = {
 
 
 def figures_of(state: Any) -> dict[str, float]:
-    """The FIGURES of this process; `state` is the application's."""
+    """Return the METRICS of this process; `state` is the application's."""
     live: LiveGames = state.live
     loop, models = live.games.loop, state.models.statistics()
     late_ms = loop.lateness.last() or [0.0]
@@ -129,7 +132,7 @@ async def metrics(request: Request) -> Response:
     _let_in(request)
     peers = request.app.state.live.peers
     processes = [Process(peers.name, figures_of(request.app.state)), *await peers.processes()]
-    return Response("\n".join(_lines(processes)) + "\n", media_type="text/plain; version=0.0.4")
+    return Response(generate_latest(ProcessMetrics(processes)), headers={"Content-Type": CONTENT_TYPE_PLAIN_0_0_4})
 
 
 def _let_in(request: Request) -> None:
@@ -142,10 +145,18 @@ def _let_in(request: Request) -> None:
         raise HTTPException(404, "there are no figures here: KITCHENMIND_METRICS_TOKEN is not set")
 
 
-def _lines(processes: Sequence[Process]) -> Iterator[str]:
-    for name, (kind, meaning) in FIGURES.items():
-        yield f"# HELP kitchenmind_{name} {meaning}"
-        yield f"# TYPE kitchenmind_{name} {kind}"
-        for process in processes:
-            if name in process.figures:
-                yield f'kitchenmind_{name}{{process="{process.name}"}} {process.figures[name]:.10g}'
+@dataclass(frozen=True)
+class ProcessMetrics:
+    """Collect the METRICS of all server processes, labelled by process, for one answer."""
+
+    processes: Sequence[Process]
+
+    def collect(self) -> Iterator[Metric]:
+        for name, (kind, meaning) in METRICS.items():
+            family = (CounterMetricFamily if kind == "counter" else GaugeMetricFamily)(
+                f"kitchenmind_{name}", meaning, labels=["process"]
+            )
+            for process in self.processes:
+                if name in process.figures:
+                    family.add_metric([process.name], process.figures[name])
+            yield family

@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from server import logging_setup
-from server.web.health import FIGURES
+from server.web.health import METRICS
 from tests.support.live_server import LiveServer
 from tests.support.real_server import SHORT_STUDY
 
@@ -69,8 +69,11 @@ def test_figures_are_for_who_has_the_token(live: LiveServer) -> None:
     answer = httpx.get(f"{live.url}/metrics", headers={"Authorization": f"Bearer {TOKEN}"})
     lines = [line for line in answer.text.splitlines() if not line.startswith("#")]
     told = {re.sub(r"\{.*", "", line): float(line.split()[-1]) for line in lines}
-    assert set(told) == {f"kitchenmind_{name}" for name in FIGURES}
+    assert set(told) == {f"kitchenmind_{name}" for name in METRICS}
     assert told["kitchenmind_games"] == 0
+    assert answer.headers["content-type"] == "text/plain; version=0.0.4; charset=utf-8"
+    for name, (kind, meaning) in METRICS.items():
+        assert f"# HELP kitchenmind_{name} {meaning}\n# TYPE kitchenmind_{name} {kind}\n" in answer.text
     assert told["kitchenmind_resident_memory_bytes"] > 1e6
 
 
