@@ -2,17 +2,18 @@
 
 import hashlib
 import hmac
-import time
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from fastapi import Request, Response
+from itsdangerous import BadSignature, Signer, TimestampSigner
 from starlette.requests import HTTPConnection
 
 COOKIE = "participant"
 COOKIE_S = 30 * 24 * 3600
 FORM_S = 12 * 3600
 FORM_FIELD = "form_token"
+_FORM = b"form"  # what a form's token signs; when and for which session is added to it
 BOT_MARK = "simulated_by"  # the field of a consent form with `bot_mark`
 NOBODY = "nobody"  # the session of a form that was made before consent
 _LOCAL_HOSTS = frozenset({"127.0.0.1", "localhost", "[::1]"})
@@ -31,18 +32,18 @@ class CsrfProtection:
         return self.public_url.startswith("https://")
 
     def form_token(self, session: str, now_s: float | None = None) -> str:
-        """What a form must bring back: when it was made, signed together with the session that it was made for."""
-        made = str(int(time.time() if now_s is None else now_s))
-        return f"{made}.{self._sign(made, session)}"
+        """Return what a form must bring back: when it was made, signed for the session that it was made for."""
+        return self._form_signer(session, now_s).sign(_FORM).decode()
 
     def is_own_form(self, token: str, session: str, now_s: float | None = None) -> bool:
-        """Whether the form was made by us for this session, less than half a day ago. One from the future was too: our
-        own signature says so, and the machine's clock was set back since."""
-        made, _, signature = token.partition(".")
-        if not (made.isascii() and made.isdigit() and len(made) < 12):
+        """Return whether we made the form for this session, less than half a day ago. A form from the future counts
+        too: the signature is ours, so the machine's clock was set back since then."""
+        signer = self._form_signer(session, now_s)
+        try:
+            value, made = signer.unsign(token, return_timestamp=True)
+        except BadSignature:
             return False
-        age_s = (time.time() if now_s is None else now_s) - int(made)
-        return hmac.compare_digest(signature, self._sign(made, session)) and abs(age_s) <= FORM_S
+        return value == _FORM and abs(signer.get_timestamp() - made.timestamp()) <= FORM_S
 
     def is_own_origin(self, connection: HTTPConnection) -> bool:
         """Whether a POST or a socket comes from our own pages. A client that is no browser sends no Origin and may
@@ -61,8 +62,20 @@ class CsrfProtection:
             return ()  # a name of somebody else's that was made to lead here (DNS rebinding)
         return (f"http://{host}", f"https://{host}")
 
-    def _sign(self, made: str, session: str) -> str:
-        return hmac.new(self.secret, f"{made}\n{session}".encode(), hashlib.sha256).hexdigest()
+    def _form_signer(self, session: str, now_s: float | None) -> "_FormSigner":
+        # The session goes into the key and not into the token: it is a secret, and the token stands in the page.
+        signer = _FormSigner(self.secret, salt=f"form\n{session}", key_derivation="hmac", digest_method=hashlib.sha256)
+        signer.now_s = now_s
+        return signer
+
+
+class _FormSigner(TimestampSigner):
+    """A TimestampSigner whose clock can be given."""
+
+    now_s: float | None = None
+
+    def get_timestamp(self) -> int:
+        return super().get_timestamp() if self.now_s is None else int(self.now_s)
 
 
 def cookie_name(name: str, secure: bool) -> str:
@@ -91,7 +104,16 @@ def forget_cookie(response: Response, study: str, *, secure: bool) -> None:
 def bot_mark(secret: bytes, visit: str) -> str:
     """Return what a simulated participant sends at consent: only who knows the server's secret can make it, so nobody
     else is counted as a bot."""
-    return hmac.new(secret, f"simulated\n{visit}".encode(), hashlib.sha256).hexdigest()
+    return _bot_signer(secret).get_signature(visit).decode()
+
+
+def is_bot_mark(secret: bytes, visit: str, mark: str) -> bool:
+    """Return whether somebody who knows the server's secret made the mark for this consent page."""
+    return _bot_signer(secret).verify_signature(visit, mark)
+
+
+def _bot_signer(secret: bytes) -> Signer:
+    return Signer(secret, salt="simulated", key_derivation="hmac", digest_method=hashlib.sha256)
 
 
 def session_of(request: Request) -> str:

@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import hmac
 import secrets
 from dataclasses import replace
 
@@ -17,7 +16,7 @@ from server.store import participants
 from server.store.participants import Participant
 from server.study.assignment import StudyFullError
 from server.study.definition import Study
-from server.web.auth import BOT_MARK, bot_mark, forget_cookie, set_cookie, token_for
+from server.web.auth import BOT_MARK, forget_cookie, is_bot_mark, set_cookie, token_for
 from server.web.client_address import address_of
 from server.web.dependencies import (
     AnswersFormDep,
@@ -128,8 +127,7 @@ def _is_simulated(web: Web, form: Form) -> bool:
     """Whether a bot consents. On a public server it proves that with the server's secret: no person is made a bot."""
     if first(form, "simulated") != "yes":
         return False
-    wanted = bot_mark(web.csrf.secret, first(form, "visit"))
-    return not web.production or hmac.compare_digest(first(form, BOT_MARK).encode(), wanted.encode())
+    return not web.production or is_bot_mark(web.csrf.secret, first(form, "visit"), first(form, BOT_MARK))
 
 
 async def _enrol(made: PageResponse, arrival: progress.ConsentArrival, is_new: bool) -> Response | None:

@@ -9,7 +9,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from server.store.database import Database
-from server.web.auth import FORM_S, CsrfProtection
+from server.web.auth import FORM_S, CsrfProtection, token_for
 from server.web.participant.study_pages import MOST_ECHOES
 from server.web.security_headers import policy
 from tests.support.page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
@@ -107,6 +107,14 @@ def test_form_token_is_for_one_session_and_half_a_day() -> None:
     assert csrf.is_own_form(token, "mine", 1000 - 3600), "the clock was set back by an hour"
     assert not csrf.is_own_form(token, "yours", 1000)
     assert not CsrfProtection(b"another").is_own_form(token, "mine", 1000)
+    assert "mine" not in token, "the session is the participant's secret, and a page may be saved or shown around"
+
+
+def test_cookies_of_running_studies_stay_valid() -> None:
+    # A value that participants already have. Another derivation would turn everybody in a running study into somebody new.
+    assert (
+        token_for(b"secret", "small", "visit 1") == "3ced1091b77471f79cc6efd2908907da684840a228c5e240340f0314b2685dc2"
+    )
 
 
 def test_cookie_travels_over_tls_only_where_the_address_is_https() -> None:
