@@ -3,11 +3,11 @@
 import asyncio
 import gc
 import logging
-from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from fastapi import Depends, FastAPI
 from fastapi.concurrency import run_in_threadpool
@@ -50,16 +50,18 @@ from server.web.auth import CsrfProtection, token_of
 from server.web.dependencies import Web, compile_templates, templates
 from server.web.error_pages import install_error_pages
 from server.web.guess_limits import Hashing
-from server.web.health import Commits, figures_of
+from server.web.health import Commits, metrics_of
 from server.web.participant import exits, game_socket, study_pages, watch_agents
 from server.web.participant.game_socket import Sockets
 from server.web.participant.watch_agents import Demonstrations
 from server.web.rate_limits import NewPlaces, Rates, rate_limit
 from server.web.request_boundary import Boundary
 from server.web.security_headers import SecurityHeaders
+from server.web.services import Services
 
 if TYPE_CHECKING:
     from server.cluster.node import ClusterNode
+    from server.monitoring.webhook import Webhook
 
 log = logging.getLogger(__name__)
 MAX_CLIENT_ERRORS = 100  # of one participant that are stored
@@ -78,38 +80,34 @@ _ROUTES = (
 _GARBAGE_THRESHOLDS = (50_000, 20, 20)  # a full collection costs milliseconds, and a game makes hardly any cycles
 
 
-def create_app(settings: Settings, ahead: Launched | None = None) -> FastAPI:
-    """The application; `wired` starts and stops its parts. `ahead`: a model worker's process, launched already."""
+def create_app(settings: Settings) -> FastAPI:
+    """The application with its routes; `wired` starts and stops its parts."""
     limits = [Depends(rate_limit)]
-    app = FastAPI(
-        title="kitchenmind", docs_url=None, redoc_url=None, openapi_url=None, lifespan=wired, dependencies=limits
-    )
-    app.state.launched = ahead
-    app.state.rates = Rates()
-    app.state.settings = settings
-    csrf = CsrfProtection(settings.signing_key(), settings.public_url)
-    app.state.csrf = csrf
-    app.add_middleware(SecurityHeaders, secure=csrf.secure)
+    app = FastAPI(title="kitchenmind", docs_url=None, redoc_url=None, openapi_url=None, dependencies=limits)
+    app.add_middleware(SecurityHeaders, secure=_csrf(settings).secure)
     app.add_middleware(Boundary)
     app.mount("/static", StaticFiles(directory=ROOT / "static"), name="static")
     install_error_pages(app)
-    app.state.hashing, app.state.commits = Hashing(), Commits()
     for module in _ROUTES:
         app.include_router(module.router)
     return app
 
 
+def _csrf(settings: Settings) -> CsrfProtection:
+    return CsrfProtection(settings.signing_key(), settings.public_url)
+
+
 @asynccontextmanager
-async def wired(app: FastAPI) -> AsyncIterator[None]:
-    """The application with all its parts running, as long as the context lasts.
+async def wired(app: FastAPI, settings: Settings, ahead: Launched | None = None) -> AsyncIterator[None]:
+    """The application with all its parts running, as long as the context lasts. `ahead`: a model worker's process,
+    launched already.
 
     Raises StudyError, ModelsDown, DatabaseInUse, DatabaseDown, DatabaseTooNew.
     """
-    settings: Settings = app.state.settings
     files = _served(settings)
     async with AsyncExitStack() as stack:
         several = settings.redis is not None
-        models = _models(settings, files, app.state.launched)
+        models = _models(settings, files, ahead)
         stack.push_async_callback(models.close)
         starting = asyncio.create_task(models.start())  # takes longest, in a process of its own
         stack.push_async_callback(ended, starting)  # nothing keeps running when the server does not start
@@ -122,28 +120,75 @@ async def wired(app: FastAPI) -> AsyncIterator[None]:
             await database.write(to_newest)
         studies = await Studies.opened(database, files)
         await starting
-        app.state.models = models
         production = settings.mode == "production"
         places = NewPlaces(settings.new_per_address, counts_local=production)
-        app.state.web = Web(database, studies, app.state.csrf, templates(), places, production)
-        node = await _node(settings, files, stack) if several else None
-        app.state.games = _games(settings, database, models, node)
-        stack.push_async_callback(app.state.games.stop)
-        app.state.versions = StudyVersions(settings, files, models, studies)
-        await app.state.versions.load_earlier(database)
-        app.state.sockets = _sockets(app, database, studies)
-        app.state.demonstrations = Demonstrations(
-            lambda recorder, load: Games(app.state.games.clock, models, recorder, load),
-            studies,
-            app.state.csrf.is_own_origin,
-        )
-        stack.push_async_callback(app.state.demonstrations.games.stop)
-        stack.push_async_callback((await _researchers(app, settings, node)).stop)
-        stack.push_async_callback(_alarm(app, settings))
+        web = Web(database, studies, _csrf(settings), templates(), places, production)
+        app.state.services = await _services(settings, files, web, models, stack)
         gc.freeze()
         gc.set_threshold(*_GARBAGE_THRESHOLDS)
         gc.enable()
         yield
+
+
+async def _services(
+    settings: Settings, files: list[StudyFile], web: Web, models: ModelServer, stack: AsyncExitStack
+) -> Services:
+    """Connect the parts and start what works in the background; `stack` stops it."""
+    node = await _node(settings, files, stack) if settings.redis is not None else None
+    games = _games(settings, web.database, models, node)
+    stack.push_async_callback(games.stop)
+    versions = StudyVersions(settings, files, models, web.studies)
+    await versions.load_earlier(web.database)
+    sockets = _sockets(web, games, versions)
+    demonstrations = _demonstrations(web, games, models, stack)
+    peers = None if node is None else node.cluster
+    live = LiveGames(web, games, sockets, peers)
+    dashboard = Dashboard(live, _database_file(settings))
+    control = await _control(web, games, stack)
+    if node is not None:
+        node.show(live, control, lambda: metrics_of(live, models))
+    hook = _webhook(settings)
+    alerts = Alerts(live, dashboard.file, _teller(settings, hook), versions)
+    services = Services(
+        settings=settings,
+        web=web,
+        models=models,
+        games=games,
+        versions=versions,
+        sockets=sockets,
+        demonstrations=demonstrations,
+        live=live,
+        dashboard=dashboard,
+        control=ClusterControl(control, peers),
+        alerts=alerts,
+        latency_history=LatencyHistory(live),
+        rates=Rates(),
+        hashing=Hashing(),
+        commits=Commits(),
+    )
+    running = (alerts, services.latency_history, versions, hook)
+    stack.push_async_callback(ended, *(asyncio.create_task(work.run()) for work in running if work is not None))
+    return services
+
+
+def _demonstrations(web: Web, games: Games, models: ModelServer, stack: AsyncExitStack) -> Demonstrations:
+    demonstrations = Demonstrations(
+        lambda recorder, load: Games(games.clock, models, recorder, load), web.studies, web.csrf.is_own_origin
+    )
+    stack.push_async_callback(demonstrations.games.stop)
+    return demonstrations
+
+
+def _database_file(settings: Settings) -> Path | None:
+    url = normal_url(settings.database)
+    return Path(str(url.database)) if url.get_backend_name() == "sqlite" else None
+
+
+async def _control(web: Web, games: Games, stack: AsyncExitStack) -> Control:
+    control = Control(games, web.database, web.studies)
+    await control.begin()
+    stack.push_async_callback(control.stop)
+    return control
 
 
 def _models(settings: Settings, files: Sequence[StudyFile], ahead: Launched | None) -> ModelServer:
@@ -202,61 +247,40 @@ def _games(settings: Settings, database: Database, models: ModelServer, node: "C
     return Games(clock, models, StoreRecorder(database), load)
 
 
-def _sockets(app: FastAPI, database: Database, studies: Studies) -> Sockets:
+def _sockets(web: Web, games: Games, versions: StudyVersions) -> Sockets:
     async def report(participant: str, text: str) -> None:
         event = events.Event("trouble", datetime.now(UTC), participant, detail={"text": text})
         try:
-            await database.write(events.add_at_most, event, MAX_CLIENT_ERRORS)
+            await web.database.write(events.add_at_most, event, MAX_CLIENT_ERRORS)
         except DatabaseDown:
             log.warning("a problem in a browser could not be stored: %r", text)
 
-    seats = Seating(database, studies, app.state.versions.fingerprint, code_version())
+    seats = Seating(web.database, web.studies, versions.fingerprint, code_version())
 
     async def find(connection: HTTPConnection, study: str) -> ConnectedPlayer | None:
         return await seats.find(token_of(connection), study)
 
-    room = WaitingRoom(app.state.games.clock, seats.seat_two, seats.seat_alone)
-    return Sockets(app.state.games, find, app.state.csrf.is_own_origin, report, room)
+    room = WaitingRoom(games.clock, seats.seat_two, seats.seat_alone)
+    return Sockets(games, find, web.csrf.is_own_origin, report, room)
 
 
-async def _researchers(app: FastAPI, settings: Settings, node: "ClusterNode | None") -> Control:
-    """What the researchers' pages look through and reach in with."""
-    web: Web = app.state.web
-    peers = None if node is None else node.cluster
-    app.state.live = LiveGames(web, app.state.games, app.state.sockets, peers)
-    url = normal_url(settings.database)
-    file = Path(str(url.database)) if url.get_backend_name() == "sqlite" else None
-    app.state.figures = Dashboard(app.state.live, file)
-    control = Control(app.state.games, web.database, web.studies)
-    await control.begin()
-    app.state.control = ClusterControl(control, peers)
-    if node is not None:
-        node.show(app.state.live, control, lambda: figures_of(app.state))
-    return control
+def _webhook(settings: Settings) -> "Webhook | None":
+    if not settings.alert_webhook:
+        return None
+    from server.monitoring.webhook import Webhook
+
+    return Webhook(settings.alert_webhook.get_secret_value())
 
 
-def _alarm(app: FastAPI, settings: Settings) -> Callable[[], Coroutine[Any, Any, None]]:
-    """Looks for alerts, posts them where the settings say, and samples the course; returns what stops it."""
-    hook = None
-    if settings.alert_webhook:
-        from server.monitoring.webhook import Webhook
-
-        hook = Webhook(settings.alert_webhook.get_secret_value())
+def _teller(settings: Settings, hook: "Webhook | None") -> Callable[[Alert, bool], None]:
+    """What writes an alert into the log, and posts it where the settings say."""
 
     def tell(alert: Alert, over: bool) -> None:
         log.log(logging.INFO if alert.study else logging.WARNING, "alert%s: %s", " over" if over else "", alert.text)
         if hook is not None:
             hook.send(message_of(alert, over, settings.public_url))
 
-    app.state.alerts = Alerts(app.state.live, app.state.figures.file, tell, app.state.versions)
-    app.state.latency_history = LatencyHistory(app.state.live)
-    running = (app.state.alerts, app.state.latency_history, app.state.versions, hook)
-    tasks = [asyncio.create_task(work.run()) for work in running if work is not None]
-
-    async def stop() -> None:
-        await ended(*tasks)
-
-    return stop
+    return tell
 
 
 def _warm(files: Sequence[StudyFile]) -> None:

@@ -177,8 +177,8 @@ async def _serve(
     from server.uvicorn_protocols import raise_descriptor_limit
 
     raise_descriptor_limit()
-    app = create_app(settings, launched)
-    async with wired(app):
+    app = create_app(settings)
+    async with wired(app, settings, launched):
         server = _server(app, settings, announced=process is None or process.first)
         loop = asyncio.get_running_loop()
 
@@ -214,7 +214,7 @@ def _server(app: "FastAPI", settings: "Settings", announced: bool = True) -> "uv
                 print(f"kitchenmind is at {_address(sockets[0])}  (stop with Ctrl+C)", flush=True)
 
         async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-            await app.state.games.stop()
+            await app.state.services.games.stop()
             await super().shutdown(sockets=sockets)
 
         @contextmanager

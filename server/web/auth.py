@@ -9,6 +9,8 @@ from fastapi import Request, Response
 from itsdangerous import BadSignature, Signer, TimestampSigner
 from starlette.requests import HTTPConnection
 
+from server.web.services import services_of
+
 COOKIE = "participant"
 COOKIE_S = 30 * 24 * 3600
 FORM_S = 12 * 3600
@@ -85,8 +87,8 @@ def cookie_name(name: str, secure: bool) -> str:
 
 def token_of(connection: HTTPConnection) -> str | None:
     """The participant's token, from the cookie."""
-    csrf: CsrfProtection = connection.app.state.web.csrf
-    token = connection.cookies.get(cookie_name(COOKIE, csrf.secure), "")
+    secure = services_of(connection).web.csrf.secure
+    token = connection.cookies.get(cookie_name(COOKIE, secure), "")
     return token if 20 <= len(token) <= 200 else None
 
 

@@ -11,6 +11,7 @@ from fastapi import Depends, HTTPException, Request, Response
 from fastapi.responses import HTMLResponse
 from markdown_it import MarkdownIt
 from markupsafe import Markup
+from starlette.requests import HTTPConnection
 
 from server.participation.recruiter_links import may_start_new
 from server.participation.served_studies import Studies
@@ -23,6 +24,7 @@ from server.web.auth import FORM_FIELD, CsrfProtection, session_of, token_for, t
 from server.web.forms import Form, first, read_form
 from server.web.rate_limits import NewPlaces
 from server.web.security_headers import policy
+from server.web.services import services_of
 
 TEMPLATES = Path(__file__).parents[2] / "templates"
 _markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
@@ -30,7 +32,7 @@ _markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
 
 @dataclass(frozen=True)
 class Web:
-    """What server.main gives the pages (as `app.state.web`)."""
+    """What every page works with (`Services.web`)."""
 
     database: Database
     studies: Studies
@@ -61,9 +63,8 @@ def compile_templates() -> None:
         environment.get_template(name)
 
 
-def web_of(request: Request) -> Web:
-    web: Web = request.app.state.web
-    return web
+def web_of(connection: HTTPConnection) -> Web:
+    return services_of(connection).web
 
 
 WebDep = Annotated[Web, Depends(web_of)]

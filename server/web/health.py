@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 from fastapi import APIRouter, HTTPException, Request, Response
 from fastapi.responses import JSONResponse
@@ -17,8 +17,12 @@ from prometheus_client.metrics_core import CounterMetricFamily, GaugeMetricFamil
 
 from server.monitoring.live_games import LiveGames
 from server.monitoring.peers import Process
+from server.settings import Settings
 from server.store.database import Database, DatabaseDown
-from server.web.dependencies import WebDep
+from server.web.services import ServicesDep
+
+if TYPE_CHECKING:
+    from models.inference.runner import ModelServer
 
 router = APIRouter()
 READY_WITHIN_S: Final = 3.0  # less than the 4 s that the health check of docker-compose.yml waits
@@ -44,10 +48,9 @@ METRICS: Final[Mapping[str, tuple[str, str]]] = {
 }
 
 
-def figures_of(state: Any) -> dict[str, float]:
-    """Return the METRICS of this process; `state` is the application's."""
-    live: LiveGames = state.live
-    loop, models = live.games.loop, state.models.statistics()
+def metrics_of(live: LiveGames, model_server: "ModelServer") -> dict[str, float]:
+    """Return the METRICS of this process."""
+    loop, models = live.games.loop, model_server.statistics()
     late_ms = loop.lateness.last() or [0.0]
     used = resource.getrusage(resource.RUSAGE_SELF)
     return {
@@ -113,30 +116,30 @@ async def live() -> dict[str, str]:
 
 
 @router.get("/health/ready")
-async def ready(request: Request, web: WebDep) -> Response:
+async def ready(services: ServicesDep) -> Response:
     """Games can be played: the database commits and models are there. 503 with what is missing."""
     missing = []
-    if not request.app.state.models.ready:
+    if not services.models.ready:
         missing.append("models")
-    if not await request.app.state.commits.succeed(web.database):
+    if not await services.commits.succeed(services.web.database):
         missing.append("database")
-    if request.app.state.games.stopping:
+    if services.games.stopping:
         missing.append("stopping")
     return JSONResponse({"ready": not missing, "missing": missing}, 503 if missing else 200)
 
 
 @router.get("/metrics")
-async def metrics(request: Request) -> Response:
+async def metrics(request: Request, services: ServicesDep) -> Response:
     """The figures of all server processes. Where KITCHENMIND_METRICS_TOKEN is set only for who has it; otherwise only
     on one's own machine."""
-    _let_in(request)
-    peers = request.app.state.live.peers
-    processes = [Process(peers.name, figures_of(request.app.state)), *await peers.processes()]
+    _let_in(request, services.settings)
+    peers = services.live.peers
+    own = metrics_of(services.live, services.models)
+    processes = [Process(peers.name, own), *await peers.processes()]
     return Response(generate_latest(ProcessMetrics(processes)), headers={"Content-Type": CONTENT_TYPE_PLAIN_0_0_4})
 
 
-def _let_in(request: Request) -> None:
-    settings = request.app.state.settings
+def _let_in(request: Request, settings: Settings) -> None:
     if settings.metrics_token is not None:
         given = request.headers.get("authorization", "").encode()
         if not hmac.compare_digest(given, b"Bearer " + settings.metrics_token.get_secret_value().encode()):

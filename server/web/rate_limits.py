@@ -16,6 +16,7 @@ from starlette.requests import HTTPConnection
 from server.play.token_bucket import TokenBucket
 from server.web.auth import token_of
 from server.web.client_address import HERE, address_of, site_of
+from server.web.services import services_of
 
 PER_S: Final = 10.0  # of one participant
 BURST: Final = 100.0
@@ -129,7 +130,7 @@ async def rate_limit(connection: HTTPConnection) -> None:
     """For every route. Answers 429 to whoever asks too often; sockets have budgets of their own."""
     if connection.scope["type"] != "http":
         return
-    rates: Rates = connection.app.state.rates
+    rates = services_of(connection).rates
     address, token = address_of(connection), token_of(connection)
     allowed = address in HERE or rates.spend(f"address {address}", ADDRESS_PER_S, ADDRESS_BURST)
     if token is not None:

@@ -126,7 +126,7 @@ class FaultMachine(RuleBasedStateMachine):
     @invariant()
     def one_seat_is_taken_once(self) -> None:
         if self.up:
-            for game in self.live.app.state.games:
+            for game in self.live.app.state.services.games:
                 assert len(game.connections) <= 1
 
     def _unlock(self) -> None:

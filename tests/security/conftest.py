@@ -29,8 +29,8 @@ class PopulatedServer:
 
     def __init__(self, live: LiveServer) -> None:
         self.live, self.app = live, live.app
-        self.database = live.app.state.web.database
-        self.csrf = live.app.state.web.csrf
+        self.database = live.app.state.services.web.database
+        self.csrf = live.app.state.services.web.csrf
         for role in ("watch", "act", "own"):
             self.database.write_now(admins.create, role, QUICK_HASH, role)
         self.cookies: dict[str, str] = {"anonymous": ""}
@@ -73,7 +73,7 @@ class PopulatedServer:
         query = select(participants.c.id).where(participants.c.token_hash == hashlib.sha256(token.encode()).hexdigest())
         person = self.database.read_now(lambda connection: connection.execute(query).scalar_one())
         row = self.database.read_now(get, person)
-        studies = self.app.state.web.studies
+        studies = self.app.state.services.web.studies
         step = next(one for one in studies.way(row) if one.kind == "episode")
         spec = episode_spec(studies.of(row), step, row.condition, "en")
         new = episodes.NewEpisode(spec, step.key, (person, None), row.study_id, row.condition)

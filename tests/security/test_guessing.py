@@ -35,7 +35,7 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
 @pytest.fixture
 def ada(live: LiveServer) -> str:
     """An account that nobody has tried yet."""
-    database = live.app.state.web.database
+    database = live.app.state.services.web.database
     for name in ("ada", "mara"):
         database.write_now(admins.remove, name)
         database.write_now(admins.create, name, QUICK_HASH, "own")

@@ -169,7 +169,7 @@ def test_sessions_end_when_idle_and_after_a_day_s_work() -> None:
 def secure(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
     """As behind a TLS proxy."""
     with LiveServer(tmp_path_factory.mktemp("secure"), study=SHORT_GAMES, public_url=PUBLIC) as running:
-        running.app.state.web.database.write_now(admins.create, "ada", hashed("a good long one"), "own")
+        running.app.state.services.web.database.write_now(admins.create, "ada", hashed("a good long one"), "own")
         yield running
 
 
@@ -220,7 +220,7 @@ def test_tokens_are_stored_as_hashes_only(secure: LiveServer) -> None:
     with secure_client(secure) as client:
         answer = client.post("/s/short/consent", data=form_of(client.get("/s/short")) | {"box_0": "yes"})
     token = answer.headers["set-cookie"].partition("=")[2].partition(";")[0]
-    database = secure.app.state.web.database
+    database = secure.app.state.services.web.database
     stored = database.read_now(lambda connection: connection.execute(select(participants.c.token_hash)).scalars().all())
     assert hashlib.sha256(token.encode()).hexdigest() in stored
     sessions = database.read_now(lambda connection: connection.execute(select(admin_sessions)).all())
@@ -242,7 +242,7 @@ def test_fields_that_no_page_has_change_nothing(secure: LiveServer) -> None:
         answer = client.post("/s/short/consent", data=form_of(client.get("/s/short")) | {"box_0": "yes"} | wishes)
     token = answer.headers["set-cookie"].partition("=")[2].partition(";")[0]
     query = select(participants).where(participants.c.token_hash == hashlib.sha256(token.encode()).hexdigest())
-    row = secure.app.state.web.database.read_now(lambda connection: connection.execute(query).one())
+    row = secure.app.state.services.web.database.read_now(lambda connection: connection.execute(query).one())
     assert (row.condition, row.status, row.position, row.completion_code) == ("tom", "active", 0, None)
     assert row.id != "me"
     assert row.seed != 1
@@ -305,7 +305,7 @@ def test_the_log_holds_no_secret_and_no_line_of_somebody_else(tmp_path: Path) ->
 
 
 def test_the_audit_log_keeps_what_it_is_told_as_data(secure: LiveServer) -> None:
-    database = secure.app.state.web.database
+    database = secure.app.state.services.web.database
     database.write_now(audit.add, "ada", "test", {"text": 'x\n{"forged": 1}'})
     assert database.read_now(audit.first_forged) is None
     assert database.read_now(audit.entries)[-1].detail == {"text": 'x\n{"forged": 1}'}

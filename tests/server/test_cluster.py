@@ -62,7 +62,7 @@ async def until(condition: Any, seconds: float = 20.0) -> Any:
 
 def running(live: LiveServer) -> Game | None:
     """Its first game, once it runs."""
-    return next((game for game in live.app.state.games if game.session.phase == "running"), None)
+    return next((game for game in live.app.state.services.games if game.session.phase == "running"), None)
 
 
 @pytest.fixture
@@ -82,13 +82,13 @@ async def bot(pair: Pair) -> AsyncIterator[Bot]:
 
 def peers(live: LiveServer) -> list[Any]:
     """What the dashboard of this server sees of the others."""
-    state = live.app.state
-    return live.do(lambda: state.live.views(state.web.studies.versions("short")))
+    services = live.app.state.services
+    return live.do(lambda: services.live.views(services.web.studies.versions("short")))
 
 
 def runs(live: LiveServer, command: AnyGameCommand) -> bool:
     """Whether the command reached its game from this process."""
-    reached: bool = live.do(lambda: live.app.state.control.run(command))
+    reached: bool = live.do(lambda: live.app.state.services.control.run(command))
     return reached
 
 
@@ -114,14 +114,14 @@ async def test_a_researcher_reaches_a_game_wherever_it_runs(pair: Pair, bot: Bot
     assert runs(there, SendMessage(game.episode, "Nearly done."))
     assert runs(there, ResumeGame(game.episode))
     await until(lambda: game.session.phase == "running")
-    control = there.app.state.control
+    control = there.app.state.services.control
     assert there.do(lambda: control.broadcast(MessageStudy("short", "To all."))) == 1
     there.do(lambda: control.broadcast(PauseStudy("short")))
     await until(lambda: game.session.phase == "paused")
     there.do(lambda: control.broadcast(ResumeStudy("short")))
     await until(lambda: game.session.phase == "running")
     assert runs(there, EndGame(game.episode))
-    await until(lambda: len(here.app.state.games) == 0)
+    await until(lambda: len(here.app.state.services.games) == 0)
     assert not runs(there, PauseGame(game.episode))
 
 
@@ -133,11 +133,11 @@ async def test_another_tab_at_another_process_takes_the_game_over_where_it_stand
     second = BotGame(first.url.replace(str(here.port), str(there.port)), first.cookie, Journal(), Traits.drawn(2))
     playing = asyncio.create_task(second.play())
     taken = await until(lambda: running(there))
-    await until(lambda: len(here.app.state.games) == 0)
+    await until(lambda: len(here.app.state.services.games) == 0)
     assert taken.episode == game.episode
     assert taken.session.simulation.timestep >= game.session.simulation.timestep - 1
     await asyncio.sleep(0.3)
-    database = there.app.state.web.database
+    database = there.app.state.services.web.database
     stored = there.do(lambda: database.read(ticks.of_episode, game.episode))
     assert [tick.timestep for tick in stored] == list(range(len(stored)))
     assert game.session.phase == "ended"
@@ -178,19 +178,19 @@ async def test_the_dashboard_of_each_process_says_which_of_them_is_late(pair: Pa
     game = running(here)
     assert game is not None
     for _ in range(10_000):
-        here.app.state.games.loop.lateness.add(80.0, time.monotonic() + 60)
+        here.app.state.services.games.loop.lateness.add(80.0, time.monotonic() + 60)
 
     def shown(live: LiveServer) -> list[str]:
-        return [str(alert["text"]) for alert in live.app.state.alerts.shown("short")]
+        return [str(alert["text"]) for alert in live.app.state.services.alerts.shown("short")]
 
     def worst(live: LiveServer) -> Any:
-        return live.do(live.app.state.figures._machine)["late_ms"]
+        return live.do(live.app.state.services.dashboard._machine)["late_ms"]
 
     assert (await until(lambda: shown(here)))[0].startswith("Timesteps come late: 80 ms")
-    name = here.app.state.live.peers.name
+    name = here.app.state.services.live.peers.name
     assert (await until(lambda: shown(there)))[0].startswith(f"Timesteps come late in process {name}: 80 ms")
     assert worst(there) == [80.0, 80.0]
-    assert not there.app.state.alerts.open, "one process tells of it, not every one"
+    assert not there.app.state.services.alerts.open, "one process tells of it, not every one"
 
 
 class Nobody:

@@ -59,6 +59,6 @@ def test_kernels_see_every_kitchen_as_the_same_types() -> None:
 
 def test_every_template_is_compiled_before_the_first_page(tmp_path: Path) -> None:
     with LiveServer(tmp_path) as live:
-        environment = live.app.state.web.templates
+        environment = live.app.state.services.web.templates
         assert environment.cache is not None
         assert {name for _, name in environment.cache} == set(environment.list_templates())

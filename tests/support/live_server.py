@@ -92,7 +92,7 @@ class LiveServer:
                 async with AsyncExitStack() as stack:
                     models = server.main.ModelServer if self._real_models else self.models
                     with patch.object(server.main, "ModelServer", models):
-                        await stack.enter_async_context(server.main.wired(self.app))
+                        await stack.enter_async_context(server.main.wired(self.app, self.settings))
                     self._server = _server(self.app, self.settings)
                     serving = asyncio.create_task(self._server.serve(sockets=[listening]))
                     while not self._server.started and not serving.done():
@@ -113,7 +113,7 @@ class LiveServer:
 
     async def _die(self, listening: socket.socket) -> None:
         """No farewell and no last commit: sockets break, whatever waited is gone."""
-        database = self.app.state.web.database
+        database = self.app.state.services.web.database
 
         def refuse(*_: Any) -> Any:
             raise DatabaseDown("the process is gone")

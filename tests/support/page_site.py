@@ -32,6 +32,8 @@ from server.web.error_pages import install_error_pages
 from server.web.participant import exits, study_pages
 from server.web.security_headers import SecurityHeaders
 from tests.support.databases import with_tables
+from server.web.services import Services
+from tests.support.some_services import some_services
 
 SMALL_STUDY = (ROOT / "tests" / "data" / "small_study.yaml").read_text(encoding="utf-8")
 SECRET = b"a secret for tests only, never served"
@@ -51,11 +53,20 @@ class Site:
         install_error_pages(self.app)
         self.app.include_router(study_pages.router)
         self.app.include_router(exits.router)
-        self.app.state.web = Web(self.database, self.studies, CsrfProtection(SECRET), templates())
         control = Control({}, self.database, self.studies)  # type: ignore[arg-type] - no game runs here
-        self.app.state.control = ClusterControl(control)
+        web = Web(self.database, self.studies, CsrfProtection(SECRET), templates())
+        self.use(some_services(web=web, control=ClusterControl(control)))
         self.clients: list[httpx.Client] = []
         self._server = uvicorn.Server(uvicorn.Config(self.app, log_level="warning", ws="websockets-sansio"))
+
+    @property
+    def services(self) -> Services:
+        services: Services = self.app.state.services
+        return services
+
+    def use(self, services: Services) -> None:
+        """From the next request on."""
+        self.app.state.services = services
 
     def __enter__(self) -> "Site":
         listening = socket.create_server(("127.0.0.1", 0))

@@ -4,7 +4,7 @@ import asyncio
 import logging
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, HTTPException, Request, Response
+from fastapi import APIRouter, Depends, HTTPException, Response
 
 from server.cluster.dispatch import ClusterControl
 from server.monitoring.commands import (
@@ -17,7 +17,6 @@ from server.monitoring.commands import (
     ResumeStudy,
     SendMessage,
 )
-from server.participation.study_changes import Versions
 from server.store import audit, decisions, overview, participants, withdrawal
 from server.store.admins import AdminSession
 from server.store.overview import Person, Played
@@ -27,6 +26,7 @@ from server.web.admin.rendering import back_to, own_path, study_at
 from server.web.admin.researcher_auth import ActDep, AdminFormDep
 from server.web.dependencies import Web, WebDep
 from server.web.forms import Form, first
+from server.web.services import ServicesDep
 
 log = logging.getLogger(__name__)
 router = APIRouter(prefix="/admin/s/{name}")
@@ -35,9 +35,8 @@ MOST_MINUTES = 60
 REASONS = ("technical fault", "did not follow the instructions", "not attentive", "took part before", "other")
 
 
-def control_of(request: Request) -> ClusterControl:
-    control: ClusterControl = request.app.state.control
-    return control
+def control_of(services: ServicesDep) -> ClusterControl:
+    return services.control
 
 
 ControlDep = Annotated[ClusterControl, Depends(control_of)]
@@ -85,11 +84,11 @@ async def resume_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep
 
 
 @router.post("/version")
-async def serve_version(request: Request, name: str, admin: ActDep, web: WebDep, form: AdminFormDep) -> Response:
+async def serve_version(name: str, admin: ActDep, services: ServicesDep, form: AdminFormDep) -> Response:
     """Serves the study file as it is now to those who come from now on; the others keep their version."""
+    web, versions = services.web, services.versions
     study_at(web, name)
-    versions: Versions | None = getattr(request.app.state, "versions", None)
-    if versions is None or name not in versions.changed or not versions.can_take:
+    if name not in versions.changed or not versions.can_take:
         return back_to(f"/admin/s/{name}", "gone")
     try:
         sha256 = await versions.take(web.database, name)

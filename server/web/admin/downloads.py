@@ -7,14 +7,14 @@ import tempfile
 from collections.abc import AsyncIterator
 from pathlib import Path
 
-from fastapi import APIRouter, HTTPException, Request, Response
+from fastapi import APIRouter, HTTPException, Response
 from fastapi.responses import StreamingResponse
 
 from server.settings import ROOT
 from server.store import audit
 from server.web.admin.rendering import study_at
 from server.web.admin.researcher_auth import ActDep, AdminFormDep
-from server.web.dependencies import WebDep
+from server.web.services import ServicesDep
 
 router = APIRouter(prefix="/admin/s/{name}")
 CHUNK_BYTES = 256 * 1024
@@ -24,19 +24,18 @@ _ZIP = "import shutil, sys; shutil.make_archive(sys.argv[1], 'zip', *sys.argv[2:
 
 
 @router.post("/export")
-async def export(request: Request, name: str, admin: ActDep, web: WebDep, form: AdminFormDep) -> Response:  # noqa: ARG001 - checks the form
+async def export(name: str, admin: ActDep, services: ServicesDep, form: AdminFormDep) -> Response:  # noqa: ARG001 - checks the form
     """All data of the study as a zip archive. It tells the conditions, so not in blind mode."""
-    study_at(web, name)
+    study_at(services.web, name)
     if admin.blind:
         raise HTTPException(409, "an export tells the conditions: turn blind mode off first")
     if _one_at_a_time.locked():
         raise HTTPException(503, "another export is being made", {"Retry-After": "30"})
-    database: str = request.app.state.settings.database
     async with _one_at_a_time:  # taken before anything else is awaited
-        await web.database.write(audit.add, admin.name, "export", {"study": name})
+        await services.web.database.write(audit.add, admin.name, "export", {"study": name})
         folder = tempfile.TemporaryDirectory(prefix="kitchenmind-export-")
         try:
-            archive = await _make(Path(folder.name), name, database)
+            archive = await _make(Path(folder.name), name, services.settings.database)
         except BaseException:
             folder.cleanup()
             raise

@@ -24,6 +24,7 @@ from server.store.database import DatabaseDown
 from server.web.admin.rendering import study_at
 from server.web.admin.researcher_auth import session_of
 from server.web.dependencies import Web
+from server.web.services import Services, ServicesDep, services_of
 
 FIGURES_EVERY_S: Final = 2.0
 SESSION_EVERY_S: Final = 5.0
@@ -87,7 +88,7 @@ class Watching:
 async def let_in(socket: WebSocket) -> AdminSession | None:
     """Accepts the socket of a researcher who is signed in, from one of our own pages; refuses all others."""
     try:
-        admin = await session_of(socket) if socket.app.state.web.csrf.is_own_origin(socket) else None
+        admin = await session_of(socket) if services_of(socket).web.csrf.is_own_origin(socket) else None
     except DatabaseDown:
         await socket.close(CloseCode.TRY_LATER)
         return None
@@ -109,18 +110,17 @@ router = APIRouter(prefix="/admin")
 
 
 @router.websocket("/s/{name}/live")
-async def watch(socket: WebSocket, name: str) -> None:
+async def watch(socket: WebSocket, name: str, services: ServicesDep) -> None:
     """Cards and boards twice a second, figures every 2 s."""
-    live: LiveGames = socket.app.state.live
-    web: Web = socket.app.state.web
+    web = services.web
     admin = await let_in(socket)
     if admin is None:
         return
     if not web.studies.versions(name):
         await socket.close(CloseCode.REFUSED)
         return
-    watching = Watching(web, live, name, admin)
-    await converse(socket, _tell(socket, watching), watching.asked)
+    watching = Watching(web, services.live, name, admin)
+    await converse(socket, _tell(socket, services, watching), watching.asked)
 
 
 async def converse(socket: WebSocket, tell: Coroutine[Any, Any, None], hear: Callable[[str], None]) -> None:
@@ -148,8 +148,8 @@ async def _listen(socket: WebSocket, hear: Callable[[str], None]) -> None:
             hear(await socket.receive_text())
 
 
-async def _tell(socket: WebSocket, watching: Watching) -> None:
-    figures = socket.app.state.figures
+async def _tell(socket: WebSocket, services: Services, watching: Watching) -> None:
+    dashboard = services.dashboard
     checked = told = time.monotonic() - FIGURES_EVERY_S
     tab = ""
     while True:
@@ -162,7 +162,7 @@ async def _tell(socket: WebSocket, watching: Watching) -> None:
             await socket.send_text(json.dumps(await watching.news(), separators=(",", ":")))
             if now - told >= FIGURES_EVERY_S or tab != watching.tab:
                 told, tab = now, watching.tab
-                news = await figures.of(watching.study_ids, watching.study, watching.tab, watching.admin.blind)
-                news = {"type": "figures", **news, "alerts": socket.app.state.alerts.shown(watching.study.name)}
+                news = await dashboard.of(watching.study_ids, watching.study, watching.tab, watching.admin.blind)
+                news = {"type": "figures", **news, "alerts": services.alerts.shown(watching.study.name)}
                 await socket.send_text(json.dumps(news, separators=(",", ":")))
         await asyncio.sleep(CARDS_EVERY_S)

@@ -20,6 +20,7 @@ from server.web.admin.live_boards import SESSION_EVERY_S, converse, let_in, stil
 from server.web.admin.rendering import AdminPage, study_at
 from server.web.admin.researcher_auth import WatchDep
 from server.web.dependencies import WebDep
+from server.web.services import ServicesDep
 
 router = APIRouter(prefix="/admin/s/{name}/game/{episode}")
 LOOK_EVERY_S: Final = 0.05
@@ -28,10 +29,10 @@ STORED_EVERY_S: Final = 0.2
 
 
 @router.get("")
-async def page(request: Request, name: str, admin: WatchDep, web: WebDep, game: GameDep) -> Response:
+async def page(request: Request, name: str, admin: WatchDep, services: ServicesDep, game: GameDep) -> Response:
     """The game as the participant sees it, its time line, and what can be done about it."""
+    web, live = services.web, services.live
     _, study = study_at(web, name)
-    live: LiveGames = request.app.state.live
     held = await web.database.read(decisions.exclusions_of, [game.participant_id])
     titles = {kitchen.name: kitchen.title.of("en") for kitchen in study.layouts}
     mine = await web.database.read(overview.played_by, game.participant_id)
@@ -63,9 +64,9 @@ async def record(admin: WatchDep, web: WebDep, game: GameDep) -> Response:
 
 
 @router.websocket("/live")
-async def follow(socket: WebSocket, name: str, episode: str) -> None:
+async def follow(socket: WebSocket, name: str, episode: str, services: ServicesDep) -> None:
     """Every new tick of a running game, and how the participant is."""
-    live: LiveGames = socket.app.state.live
+    live = services.live
     admin = await let_in(socket)
     if admin is None:
         return

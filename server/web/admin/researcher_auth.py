@@ -13,12 +13,12 @@ from starlette.requests import HTTPConnection
 
 from server.store import admins, audit
 from server.store.admins import AdminSession
-from server.store.database import Database
 from server.web import guess_limits
 from server.web.auth import cookie_name
 from server.web.dependencies import Web, WebDep
 from server.web.forms import Form, read_form
 from server.web.guess_limits import GuessOutcome, Hashing
+from server.web.services import services_of
 
 COOKIE = "researcher"
 PATH = "/admin"
@@ -31,7 +31,7 @@ def token_hash(token: str) -> str:
 
 
 def _token(connection: HTTPConnection) -> str:
-    secure: bool = connection.app.state.web.csrf.secure
+    secure = services_of(connection).web.csrf.secure
     return connection.cookies.get(cookie_name(COOKIE, secure), "")[:100]
 
 
@@ -40,7 +40,7 @@ async def session_of(connection: HTTPConnection) -> AdminSession | None:
     token = _token(connection)
     if not token:
         return None
-    database: Database = connection.app.state.web.database
+    database = services_of(connection).web.database
     found = await database.read(admins.session, token_hash(token), datetime.now(UTC))
     if found is None:
         return None

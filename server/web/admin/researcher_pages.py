@@ -9,7 +9,6 @@ from server.monitoring.arms import arm_names
 from server.monitoring.dashboard import step_name, way_of
 from server.monitoring.enrolment_flow import arms_of, flow_of, stock
 from server.monitoring.live_games import who
-from server.participation.study_changes import Versions
 from server.store import admins, answers, attempts, audit, decisions, overview
 from server.store.overview import Played
 from server.study.definition import Study
@@ -19,7 +18,8 @@ from server.web.admin.rendering import AdminPage, back_to, own_path, study_at
 from server.web.admin.researcher_auth import ActDep, AdminFormDep, OwnDep, WatchDep
 from server.web.dependencies import Web, WebDep
 from server.web.forms import Form, first
-from server.web.guess_limits import Busy, Hashing
+from server.web.guess_limits import Busy
+from server.web.services import Services, ServicesDep
 
 router = APIRouter(prefix="/admin")
 AUDIT_SHOWN = 500
@@ -34,12 +34,13 @@ async def login_page(request: Request) -> Response:
 
 
 @router.post("/login")
-async def login(request: Request, web: WebDep, form: AdminFormDep) -> Response:
+async def login(request: Request, web: WebDep, form: AdminFormDep, services: ServicesDep) -> Response:
     """A new session, whatever session there was; too many wrong passwords have to wait."""
     name = first(form, "name")[:128]
-    hashing: Hashing = request.app.state.hashing
     try:
-        outcome, stored = await researcher_auth.sign_in(web, hashing, request, name, first(form, "password")[:200])
+        outcome, stored = await researcher_auth.sign_in(
+            web, services.hashing, request, name, first(form, "password")[:200]
+        )
     except Busy:
         return _login_refused(request, form, 429, "Too many people are signing in. Try again in a moment.", BUSY_S)
     if outcome.left is None:
@@ -131,29 +132,31 @@ async def change_account(account: str, action: str, admin: OwnDep, web: WebDep, 
 
 
 @router.get("/s/{name}")
-async def dashboard(request: Request, name: str, admin: WatchDep, web: WebDep) -> Response:
+async def dashboard(request: Request, name: str, admin: WatchDep, services: ServicesDep) -> Response:
     """The live overview of one study; what moves in it comes by websocket."""
+    web, versions = services.web, services.versions
     study_ids, study = study_at(web, name)
     paused = name in await web.database.read(decisions.paused_studies)
     page = AdminPage(request, admin)
-    versions: Versions | None = getattr(request.app.state, "versions", None)
-    changed = versions.changed.get(name) if versions is not None and versions.can_take else None
+    changed = versions.changed.get(name) if versions.can_take else None
     new = changed if changed is not None and not changed.problem and admin.may("act") else None
     return page.render("dashboard.html", tab="live", study=study, versions=len(study_ids), paused=paused, new=new)
 
 
 @router.get("/s/{name}/games")
-async def games(request: Request, name: str, admin: WatchDep, web: WebDep) -> Response:
+async def games(request: Request, name: str, admin: WatchDep, services: ServicesDep) -> Response:
     """The latest episodes of a study, each to be replayed."""
+    web = services.web
     study_ids, study = study_at(web, name)
     played = await web.database.read(overview.latest, study_ids)
-    rows = await _games(request, web, study, played)
+    rows = await _games(services, study, played)
     return AdminPage(request, admin).render("games.html", tab="games", study=study, rows=rows)
 
 
 @router.get("/s/{name}/person/{person}")
-async def person_page(request: Request, name: str, person: str, admin: WatchDep, web: WebDep) -> Response:
+async def person_page(request: Request, name: str, person: str, admin: WatchDep, services: ServicesDep) -> Response:
     """Everything about one participant but what is personal."""
+    web = services.web
     study_ids, study = study_at(web, name)
     found = await web.database.read(overview.person, person)
     if found is None or found.study_id not in study_ids:
@@ -168,19 +171,19 @@ async def person_page(request: Request, name: str, person: str, admin: WatchDep,
         label=f"{'B' if found.simulated else 'P'}-{found.number:03d}",
         arm="" if admin.blind else found.condition,
         now=step_name(way[min(found.position, len(way) - 1)]),
-        rows=await _games(request, web, study, played),
+        rows=await _games(services, study, played),
         exclusions=await web.database.read(decisions.exclusions_of, [person]),
         attention=await web.database.read(answers.attention_of, person),
     )
 
 
 @router.get("/s/{name}/course.json")
-async def latency_history_of(request: Request, name: str, admin: WatchDep, web: WebDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
+async def latency_history_of(name: str, admin: WatchDep, services: ServicesDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
     """People of the study and lateness of the server over time."""
-    study_ids, _ = study_at(web, name)
+    study_ids, _ = study_at(services.web, name)
     return {
-        "machine": request.app.state.latency_history.said(),
-        "people": await web.database.read(latency_history.people, study_ids),
+        "machine": services.latency_history.said(),
+        "people": await services.web.database.read(latency_history.people, study_ids),
     }
 
 
@@ -202,24 +205,24 @@ async def consort_of(web: Web, name: str, blind: bool) -> dict[str, Any]:
 
 
 @router.get("/s/{name}/verdicts.json")
-async def quality_of(request: Request, name: str, admin: WatchDep, web: WebDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
+async def quality_of(name: str, admin: WatchDep, services: ServicesDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
     """What the quality rules say of the latest episodes; `waiting`: how many are still to be judged."""
-    study_ids, _ = study_at(web, name)
-    verdicts = request.app.state.figures.verdicts
+    study_ids, _ = study_at(services.web, name)
+    verdicts = services.dashboard.verdicts
     waiting = await verdicts.look(study_ids)
-    played = [one.id for one in await web.database.read(overview.latest, study_ids)]
+    played = [one.id for one in await services.web.database.read(overview.latest, study_ids)]
     said = {episode: verdict for episode in played if (verdict := verdicts.of(episode))}
     return {"waiting": waiting, "verdicts": {each: [one.proposal, one.rules] for each, one in said.items()}}
 
 
-async def _games(request: Request, web: Web, study: Study, played: list[Played]) -> list[dict[str, Any]]:
+async def _games(services: Services, study: Study, played: list[Played]) -> list[dict[str, Any]]:
     """Rows of a table of games, with what the rules and the researcher say of each."""
     people = list({one.participant_id for one in played})
-    held = await web.database.read(decisions.exclusions_of, people)
+    held = await services.web.database.read(decisions.exclusions_of, people)
     reasons = {one.episode_id or one.participant_id: one.reason for one in held}
     rows = []
     for one in played:
-        said = {"verdict": request.app.state.figures.verdicts.of(one.id)}
+        said: dict[str, Any] = {"verdict": services.dashboard.verdicts.of(one.id)}
         said |= {"excluded": reasons.get(one.id) or reasons.get(one.participant_id, "")}
         rows.append(_game(study, one) | said)
     return rows

@@ -21,6 +21,7 @@ from server.play.recorder import RecorderDown
 from server.play.send_queue import Close, SendQueue
 from server.play.token_bucket import PER_S, TokenBucket
 from server.store.database import DatabaseDown
+from server.web.services import ServicesDep
 
 log = logging.getLogger(__name__)
 BEAT_EVERY_S: Final = 0.25
@@ -274,7 +275,6 @@ router = APIRouter()
 
 
 @router.websocket("/s/{study}/socket")
-async def play(socket: WebSocket, study: str) -> None:
+async def play(socket: WebSocket, study: str, services: ServicesDep) -> None:
     """Plays the participant's current step, if it is a game."""
-    sockets: Sockets = socket.app.state.sockets
-    await sockets.serve(socket, study)
+    await services.sockets.serve(socket, study)

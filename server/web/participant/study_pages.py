@@ -176,9 +176,8 @@ async def start_new(opened: OpenStudyDep, web: WebDep, form: FormDep) -> Respons
 
 
 @router.websocket("/s/{name}/check")
-async def check_connection(socket: WebSocket, name: str) -> None:
+async def check_connection(socket: WebSocket, name: str, web: WebDep) -> None:
     """Sends back what comes, a few times: the entry check measures the connection with it."""
-    web: Web = socket.app.state.web
     if web.studies.open(name) is None or not web.csrf.is_own_origin(socket):
         await socket.close(CloseCode.REFUSED)
         return

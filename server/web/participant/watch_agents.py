@@ -21,6 +21,7 @@ from server.study.locale import best_language, languages
 from server.web.client_address import HERE, address_of
 from server.web.dependencies import WebDep, page
 from server.web.participant.game_socket import IsOurs, Sockets
+from server.web.services import ServicesDep
 
 MOST_GAMES: Final = 12  # so that onlookers never take the time of participants
 MOST_OF_ONE_ADDRESS: Final = 4  # not counted on this machine
@@ -186,10 +187,10 @@ router = APIRouter()
 
 
 @router.get("/watch")
-async def choose(request: Request, web: WebDep) -> Response:
+async def choose(request: Request, services: ServicesDep) -> Response:
     """What there is to watch."""
-    demonstrations: Demonstrations = request.app.state.demonstrations
-    return page(request, web).render("participant/watch.html", offers=demonstrations.offers())
+    offers = services.demonstrations.offers()
+    return page(request, services.web).render("participant/watch.html", offers=offers)
 
 
 @router.get("/watch/game")
@@ -203,11 +204,10 @@ async def game(request: Request, web: WebDep, choice: ChoiceDep) -> Response:
 
 
 @router.websocket("/watch/socket")
-async def watch(socket: WebSocket) -> None:
+async def watch(socket: WebSocket, services: ServicesDep) -> None:
     """Plays the two agents for one onlooker."""
-    demonstrations: Demonstrations = socket.app.state.demonstrations
     wanted = socket.query_params.get("lang", "")
     language = (
         wanted if wanted in languages() else best_language(socket.headers.get("accept-language", ""), languages())
     )
-    await demonstrations.serve(socket, language)
+    await services.demonstrations.serve(socket, language)

@@ -42,6 +42,7 @@ from server.web.admin import actions, downloads, live_boards, replay_page, resea
 from server.web.guess_limits import Hashing
 from server.web.participant.game_socket import Sockets
 from tests.support.page_site import SMALL_STUDY, Site, Visitor
+from tests.support.some_services import some_services
 
 PASSWORD = "a good long password"
 HASH = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1).hash(PASSWORD)  # quick: the cost is in the hash itself
@@ -64,14 +65,21 @@ def site(tmp_path: Path) -> Iterator[Site]:
 
     made = Site(tmp_path, SMALL_STUDY)
     games = Games(Clock(), NoModels(), StoreRecorder(made.database), lambda _: asyncio.sleep(0, None))
-    state = made.app.state
-    state.settings = Settings(database=f"sqlite:///{tmp_path}/site.db")
-    state.sockets = Sockets(games, lambda *_: asyncio.sleep(0, None), state.web.csrf.is_own_origin)
-    state.hashing, state.live = Hashing(), LiveGames(state.web, games, state.sockets)
-    state.figures = Dashboard(state.live, tmp_path / "site.db")
-    state.latency_history = LatencyHistory(state.live)
-    state.alerts = Alerts(state.live, tmp_path / "site.db", lambda *_: None)
-    state.control = ClusterControl(Control(games, made.database, made.studies))
+    web = made.services.web
+    sockets = Sockets(games, lambda *_: asyncio.sleep(0, None), web.csrf.is_own_origin)
+    live = LiveGames(web, games, sockets)
+    services = some_services(
+        web=web,
+        settings=Settings(database=f"sqlite:///{tmp_path}/site.db"),
+        sockets=sockets,
+        hashing=Hashing(),
+        live=live,
+        dashboard=Dashboard(live, tmp_path / "site.db"),
+        latency_history=LatencyHistory(live),
+        alerts=Alerts(live, tmp_path / "site.db", lambda *_: None),
+        control=ClusterControl(Control(games, made.database, made.studies)),
+    )
+    made.use(services)
     for module in (researcher_pages, live_boards, replay_page, actions, downloads):
         made.app.include_router(module.router)
     for role in ROLES:
@@ -304,10 +312,10 @@ def test_the_flow_begins_with_the_links_that_were_opened(site: Site) -> None:
 
 def test_alerts_are_told_when_they_begin_and_when_they_are_over(site: Site, tmp_path: Path) -> None:
     told: list[tuple[str, bool]] = []
-    alerts = Alerts(site.app.state.live, tmp_path / "site.db", lambda alert, over: told.append((alert.key, over)))
+    alerts = Alerts(site.services.live, tmp_path / "site.db", lambda alert, over: told.append((alert.key, over)))
     asyncio.run(alerts.look())
     assert told == []
-    loop = site.app.state.live.games.loop
+    loop = site.services.live.games.loop
     for late_ms in [3.0] * 50 + [90.0]:
         loop.lateness.add(late_ms)
     Visitor(site).consent("small")
@@ -324,7 +332,7 @@ def test_alerts_are_told_when_they_begin_and_when_they_are_over(site: Site, tmp_
 
 
 def test_an_alert_tells_of_people_who_consent_and_do_nothing(site: Site, tmp_path: Path) -> None:
-    alerts = Alerts(site.app.state.live, tmp_path / "site.db", lambda *_: None)
+    alerts = Alerts(site.services.live, tmp_path / "site.db", lambda *_: None)
     for _ in range(invented_participants.FEWEST):
         Visitor(site).consent("small")
     asyncio.run(alerts.look())
@@ -338,8 +346,8 @@ def test_an_alert_tells_of_people_who_consent_and_do_nothing(site: Site, tmp_pat
 
 def test_an_alert_tells_the_newest_figure_and_ends_when_no_tick_was_late_lately(site: Site, tmp_path: Path) -> None:
     told: list[tuple[str, bool]] = []
-    alerts = Alerts(site.app.state.live, tmp_path / "site.db", lambda alert, over: told.append((alert.key, over)))
-    loop = site.app.state.live.games.loop
+    alerts = Alerts(site.services.live, tmp_path / "site.db", lambda alert, over: told.append((alert.key, over)))
+    loop = site.services.live.games.loop
     loop.lateness.add(1274.0)
     asyncio.run(alerts.look())
     (first,) = alerts.open.values()
@@ -367,9 +375,9 @@ def test_of_several_processes_one_tells_what_all_see(site: Site, tmp_path: Path)
     Visitor(site).consent("small")
     person = site.only("small").id
     site.database.write_now(events.add, events.Event("trouble", datetime.now(UTC), person, detail={"text": "x"}))
-    site.app.state.live.peers = several = Several()
+    site.services.live.peers = several = Several()
     for several.other, told in (("another", []), ("the last", [f"trouble {person}"])):
-        alerts = Alerts(site.app.state.live, tmp_path / "site.db", lambda *_: None)
+        alerts = Alerts(site.services.live, tmp_path / "site.db", lambda *_: None)
         asyncio.run(alerts.look())
         assert list(alerts.open) == told
 
@@ -387,7 +395,7 @@ def test_the_course_counts_people_and_samples_lateness(site: Site) -> None:
         Visitor(site).consent("small")
     first = site.everybody("small")[0].id
     site.database.write_now(participants.complete, first, "KM-1234")
-    course = site.app.state.latency_history
+    course = site.services.latency_history
     course.sample(100.0)
     said = signed_in(site, "watch").get("/admin/s/small/course.json").json()
     assert (said["people"]["consented"], said["people"]["completed"]) == ([1, 2, 3, 3], [0, 0, 0, 1])

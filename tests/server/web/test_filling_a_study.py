@@ -36,7 +36,8 @@ def consented_ago(site: Site, minutes: float) -> None:
 
 
 def limit(site: Site, an_hour: int) -> None:
-    site.app.state.web = replace(site.app.state.web, places=NewPlaces(an_hour, counts_local=True))
+    web = replace(site.services.web, places=NewPlaces(an_hour, counts_local=True))
+    site.use(replace(site.services, web=web))
 
 
 def test_one_address_brings_so_many_new_people_and_no_more(site: Site) -> None:
@@ -204,7 +205,7 @@ def test_a_game_that_has_begun_is_a_sign_of_life(site: Site) -> None:
 
 
 def signs(site: Site, name: str, leads: bool = True) -> dict[str, str]:
-    return asyncio.run(invented_participants.signs(site.app.state.web, name, site.studies.versions(name), leads))
+    return asyncio.run(invented_participants.signs(site.services.web, name, site.studies.versions(name), leads))
 
 
 def test_researchers_are_told_of_people_who_consent_and_do_nothing(site: Site) -> None:

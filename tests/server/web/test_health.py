@@ -35,7 +35,7 @@ def test_a_server_without_models_or_on_its_way_out_is_not_ready(
     live: LiveServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live.models, "ready", False)
-    monkeypatch.setattr(live.app.state.games, "stopping", True)
+    monkeypatch.setattr(live.app.state.services.games, "stopping", True)
     answer = httpx.get(f"{live.url}/health/ready")
     assert (answer.status_code, answer.json()["missing"]) == (503, ["models", "stopping"])
     assert httpx.get(f"{live.url}/health/live").status_code == 200
@@ -54,7 +54,7 @@ def test_a_server_whose_database_does_not_commit_is_not_ready(live: LiveServer) 
     intruder = sqlite3.connect(live.database.removeprefix("sqlite:///"), isolation_level=None)
     intruder.execute("BEGIN IMMEDIATE")  # reading continues as if nothing had happened
     until(["database"])
-    jobs = live.app.state.web.database._jobs
+    jobs = live.app.state.services.web.database._jobs
     for _ in range(5):
         assert missing() == ["database"]
     assert jobs.qsize() <= 1, "one test commit waits, however often somebody asks"

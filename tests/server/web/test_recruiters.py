@@ -71,14 +71,15 @@ def test_no_code_is_shown_before_everything_is_stored(site: Site) -> None:
     me = site.everybody("prolific")[-1]
     site.database.write_now(participants.advance, me.id, me.position, len(site.studies.way(me)) - 2)
     visitor.get("/s/prolific/now")
-    web = site.app.state.web
+    services = site.services
     away = Database("postgresql://nobody@127.0.0.1:1/none", read_only=True)
     fields = visitor.fields()
-    site.app.state.web = replace(web, database=HalfAway(web.database, away))
+    web = replace(services.web, database=HalfAway(services.web.database, away))
+    site.use(replace(services, web=web))
     try:
         page = visitor.send("/s/prolific/now", fields)
     finally:
-        site.app.state.web = web
+        site.use(services)
         away.close()
     assert (page.status_code, "DONE1" in page.text) == (503, False)
     assert site.everybody("prolific")[-1].status == "active"

@@ -288,8 +288,8 @@ def test_an_id_has_to_look_like_one_of_the_recruiter_s(site: Site, name: str, pe
 def test_on_a_public_server_only_who_knows_its_secret_is_a_bot(
     site: Site, production: bool, mark: str, is_bot: bool
 ) -> None:
-    web = site.app.state.web
-    site.app.state.web = replace(web, production=production)
+    web = replace(site.services.web, production=production)
+    site.use(replace(site.services, web=web))
     visitor = Visitor(site)
     visitor.get("/s/small")
     fields = visitor.fields("/consent") | {"box_0": "yes", "simulated": "yes"}

@@ -151,7 +151,7 @@ def test_the_practice_is_skipped_only_where_the_file_allows_it(site: Site, tmp_p
         assert 'id="skip"' not in visitor.page.text
         me = strict.only("every_setting")
         fields = {"step": "tutorial"} | {
-            "form_token": strict.app.state.web.csrf.form_token(visitor.client.cookies["participant"])
+            "form_token": strict.app.state.services.web.csrf.form_token(visitor.client.cookies["participant"])
         }
         visitor.send("/s/every_setting/now", fields)
         assert strict.step(me).key == "tutorial"

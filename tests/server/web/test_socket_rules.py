@@ -33,6 +33,7 @@ from server.web.auth import CsrfProtection
 from server.web.participant import game_socket
 from server.web.participant.game_socket import Sockets
 from tests.support.live_fakes import MemoryRecorder, RuleModels, make_spec
+from tests.support.some_services import some_services
 
 # Half a megabyte of small messages, masked with zeros.
 FLOOD = 30_000 * (bytes([0x81, 0x80 | 10, 0, 0, 0, 0]) + b'{"type":1}')
@@ -50,7 +51,7 @@ class Served:
         self.app = FastAPI()
         self.app.include_router(game_socket.router)
         self.sockets = Sockets(self.games, self.find, CsrfProtection(b"secret").is_own_origin, self.report)
-        self.app.state.sockets = self.sockets
+        self.app.state.services = some_services(sockets=self.sockets)
         self.url = ""
         self.database_down = False
 

@@ -3,6 +3,7 @@
 import asyncio
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,7 @@ def models() -> AddedModels:
 def versions(site: Site, file: Path, models: AddedModels) -> StudyVersions:
     settings = Settings(database=f"sqlite:///{file.parent}/site.db")
     made = StudyVersions(settings, [load_study(file)], models, site.studies)  # type: ignore[arg-type]
-    site.app.state.versions = made
+    site.use(replace(site.services, versions=made))
     return made
 
 
@@ -68,7 +69,7 @@ def test_a_changed_file_is_told_with_what_is_wrong_in_it_until_it_is_as_served(
 ) -> None:
     told: list[str] = []
     alerts = Alerts(
-        site.app.state.live, tmp_path / "site.db", lambda alert, over: told.append(f"{over} {alert.text}"), versions
+        site.services.live, tmp_path / "site.db", lambda alert, over: told.append(f"{over} {alert.text}"), versions
     )
     versions.look()
     assert versions.changed == {}

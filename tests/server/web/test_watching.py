@@ -45,7 +45,7 @@ async def heard(socket: ClientConnection, kind: str) -> None:
 
 
 async def until_nothing_is_left(live: LiveServer) -> None:
-    demonstrations: Demonstrations = live.app.state.demonstrations
+    demonstrations: Demonstrations = live.app.state.services.demonstrations
     async with asyncio.timeout(60):
         while demonstrations._onlookers or len(demonstrations.games) or len(demonstrations.sockets):
             await asyncio.sleep(0.02)

@@ -49,10 +49,10 @@ async def half_open(folder: Path, tries: int, seed: int = 0) -> FaultResult:
                 async with crowd:
                     silent = time.monotonic()
                     proxy.deaf = True
-                    while len(live.app.state.sockets) and time.monotonic() - silent < 10:
+                    while len(live.app.state.services.sockets) and time.monotonic() - silent < 10:
                         await asyncio.sleep(0.02)
                     took.append(time.monotonic() - silent)
-                    ghosts += len(live.app.state.sockets)
+                    ghosts += len(live.app.state.services.sockets)
     figure = {"noticed_most_s": rounded(max(took)), "ghosts": ghosts, "goal_s": GOAL_HALF_OPEN_S}
     return FaultResult(10, "half-open connection", tries, not ghosts and max(took) <= GOAL_HALF_OPEN_S, figure)
 
@@ -73,9 +73,9 @@ async def reconnects(folder: Path, tries: int) -> FaultResult:
         await client.close()
         found = held_against(live.database, [client])
         left = after.descriptors - before.descriptors
-        figure = found.figures() | {"descriptors_left": left, "ghosts": len(live.app.state.sockets)}
+        figure = found.figures() | {"descriptors_left": left, "ghosts": len(live.app.state.services.sockets)}
         figure["rss_growth_kib"] = after.rss_kib - before.rss_kib
-        passed = found.ok and left <= 0 and not figure["ghosts"] and len(live.app.state.games) == 1
+        passed = found.ok and left <= 0 and not figure["ghosts"] and len(live.app.state.services.games) == 1
     return FaultResult(12, "reconnects of one participant", tries, passed, figure)
 
 
@@ -103,10 +103,10 @@ async def _visit(game: Game) -> None:
 
 async def _ghosts(live: LiveServer) -> int:
     for _ in range(100):
-        if not len(live.app.state.sockets):
+        if not len(live.app.state.services.sockets):
             break
         await asyncio.sleep(0.05)
-    return len(live.app.state.sockets)
+    return len(live.app.state.services.sockets)
 
 
 async def _settled(live: LiveServer) -> Holdings:
@@ -126,7 +126,9 @@ async def slow_reader(folder: Path, seconds: float) -> FaultResult:
             waiting, ends = 0, time.monotonic() + seconds
             while time.monotonic() < ends:
                 await asyncio.sleep(0.05)
-                waiting = max([waiting, *(len(one.send_queue._line) for one in list(live.app.state.sockets._open))])
+                waiting = max(
+                    [waiting, *(len(one.send_queue._line) for one in list(live.app.state.services.sockets._open))]
+                )
             slow_growth = (await _settled_now()).rss_kib - before.rss_kib
             await others.moving(time.monotonic())
         calm = {episode for one in others.clients for episode, _ in one.log.states}

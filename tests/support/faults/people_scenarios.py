@@ -49,7 +49,7 @@ async def clock_jumps(folder: Path, seconds: float) -> FaultResult:
                     consented = await newcomer.http.post("/s/short/consent", data=page.form)
                     assert consented.status_code == 200, consented.text
                     began = time.monotonic()
-                    next(iter(live.app.state.games)).pause(0, "blur")
+                    next(iter(live.app.state.services.games)).pause(0, "blur")
                     await asyncio.sleep(seconds)
                     await crowd.moving(began)
                 await newcomer.close()
