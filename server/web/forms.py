@@ -34,6 +34,8 @@ async def read_form(
             body = await _body(request)
     except TimeoutError:
         raise HTTPException(408, f"a form has to arrive within {FORM_WITHIN_S:g} s", {"Connection": "close"}) from None
+    # Not `Request.form()`: Starlette needs python-multipart even for this encoding, does not limit the time that a form
+    # takes, and accepts bytes that are not UTF-8.
     try:
         form = parse_qs(body.decode("utf-8"), keep_blank_values=True, max_num_fields=MOST_FIELDS, errors="strict")
     except ValueError:  # also UnicodeDecodeError
