@@ -33,6 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     from sqlalchemy.exc import DBAPIError
 
     from server.commands.databases import open_stored
+    from server.store import participants
     from server.store.engines import DatabaseDown
     from server.store.migrate import DatabaseTooNew
 
@@ -40,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
         with open_stored(arguments.database) as database:
             found = database.read_now(_find, arguments)
             url = database.url
-        print(f"P-{found.number:03d} of {arguments.study}: participant id {found.id}, {found.status}")
+        print(f"{participants.label(found.number)} of {arguments.study}: participant id {found.id}, {found.status}")
         if arguments.person_verb == "find":
             return 0
         # Asked before the transaction: nothing is locked while somebody thinks.
@@ -75,7 +76,7 @@ def _confirmed() -> bool:
 
 
 def _delete(url: "URL", found: "Participant", arguments: argparse.Namespace) -> None:
-    from server.store import engines
+    from server.store import engines, participants
     from server.store.concurrent_changes import beside_the_server
     from server.store.migrate import migrate
     from server.store.withdrawal import Deletion, withdraw
@@ -85,9 +86,8 @@ def _delete(url: "URL", found: "Participant", arguments: argparse.Namespace) -> 
     deletion = Deletion("command line", "delete participant", {"study": arguments.study, "reason": arguments.reason})
     with beside_the_server(url) as connection:
         if _is_playing(connection, found.id):
-            raise ValueError(
-                f"P-{found.number:03d} is in a game now. Wait, or use the dashboard, which ends the game first"
-            )
+            who = participants.label(found.number)
+            raise ValueError(f"{who} is in a game now. Wait, or use the dashboard, which ends the game first")
         if not withdraw(connection, found.id, deletion):
             raise ValueError("the participant is deleted already")
 

@@ -20,7 +20,7 @@ from server.monitoring.live_games import LiveGames, who
 from server.monitoring.peers import Process
 from server.participation.study_changes import Versions, remedy
 from server.play.pause_reasons import DATABASE
-from server.store import overview
+from server.store import overview, participants
 from server.store.database import DatabaseDown
 
 log = logging.getLogger(__name__)
@@ -155,7 +155,10 @@ class Alerts:
         people = await self._live.web.database.read(_with_client_errors, versions)
         return [
             Alert(
-                f"trouble {person}", f"{name}: the browser of P-{number:03d} reports errors.", f"/admin/s/{name}", name
+                f"trouble {person}",
+                f"{name}: the browser of {participants.label(number)} reports errors.",
+                f"/admin/s/{name}",
+                name,
             )
             for person, number in people.items()
         ]

@@ -14,7 +14,7 @@ from server.monitoring.data_quality import DataQuality
 from server.monitoring.enrolment_flow import GONE, arms_of, flow_of, stock
 from server.monitoring.live_games import LiveGames
 from server.participation.served_studies import Studies
-from server.store import decisions, overview
+from server.store import decisions, overview, participants
 from server.store.accuracy import RunningAccuracy, wilson
 from server.store.displays import DisplayCount
 from server.store.overview import Person
@@ -92,7 +92,7 @@ class Dashboard:
             "stored": overview.stored(connection, study_ids),
             "paused": study.name in decisions.paused_studies(connection),
             "troubles": [
-                {"at": at.isoformat(), "person": person, "who": f"P-{number:03d}", "text": text}
+                {"at": at.isoformat(), "person": person, "who": participants.label(number), "text": text}
                 for at, person, number, text in overview.client_errors(connection, study_ids)
             ],
         }
@@ -103,7 +103,7 @@ class Dashboard:
         until = person.completed_at or person.last_seen_at
         return {
             "id": person.id,
-            "who": f"{'B' if person.simulated else 'P'}-{person.number:03d}",
+            "who": participants.label(person.number, person.simulated),
             "status": person.status,
             "now": step_name(step) if person.status == "active" else GONE.get(person.status, "completed"),
             "done": person.position if person.status != "completed" else len(way),

@@ -11,7 +11,7 @@ from server.monitoring.peers import Peers, SingleProcess, View
 from server.monitoring.site import OpenSockets, Site
 from server.play.game import Game
 from server.play.games import Games
-from server.store import overview
+from server.store import overview, participants
 from server.store.overview import Played
 
 CARDS_EVERY_S: Final = 0.5
@@ -103,8 +103,8 @@ class LiveGames:
 
 
 def who(played: Played) -> str:
-    """What a participant is called: P-012 of people, B-012 of bots."""
-    return f"{'B' if played.simulated else 'P'}-{played.number:03d}"
+    """Return the label of the participant who plays or played."""
+    return participants.label(played.number, played.simulated)
 
 
 def card_of(live: LiveGames, card: Card, arms: dict[str, str]) -> dict[str, Any]:

@@ -2,10 +2,20 @@
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Final
 
 from sqlalchemy import Connection, select, update
 
 from server.store.tables import exclusions, study_pauses
+
+# What a researcher can choose from; stored with the decision and shown in the analysis as it is.
+EXCLUSION_REASONS: Final = (
+    "technical fault",
+    "did not follow the instructions",
+    "not attentive",
+    "took part before",
+    "other",
+)
 
 
 @dataclass(frozen=True)

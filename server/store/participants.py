@@ -14,6 +14,11 @@ from server.store.tables import RECRUITMENT_ID, episodes, participants, personal
 Counts = dict[str, dict[str, int]]
 
 
+def label(number: int, simulated: bool = False) -> str:
+    """Return what researchers call a participant: P-012 of people, B-012 of bots."""
+    return f"{'B' if simulated else 'P'}-{number:03d}"
+
+
 @dataclass(frozen=True)
 class Participant:
     """One row, without anything personal and without the token's hash."""

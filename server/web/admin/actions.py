@@ -32,7 +32,6 @@ log = logging.getLogger(__name__)
 router = APIRouter(prefix="/admin/s/{name}")
 LONGEST_TEXT = 500
 MOST_MINUTES = 60
-REASONS = ("technical fault", "did not follow the instructions", "not attentive", "took part before", "other")
 
 
 def control_of(services: ServicesDep) -> ClusterControl:
@@ -206,7 +205,7 @@ def _required(form: Form, name: str) -> str:
 
 def _why(form: Form) -> tuple[str, str]:
     reason = first(form, "reason")
-    if reason not in REASONS:
+    if reason not in decisions.EXCLUSION_REASONS:
         raise HTTPException(400, "an exclusion needs a reason")
     return reason, _text(form, "note")
 

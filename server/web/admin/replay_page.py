@@ -15,7 +15,7 @@ from server.play.close_codes import CloseCode
 from server.store import decisions, overview
 from server.store.admins import AdminSession
 from server.store.episodes import BrokenEpisode
-from server.web.admin.actions import REASONS, GameDep
+from server.web.admin.actions import GameDep
 from server.web.admin.live_boards import SESSION_EVERY_S, converse, let_in, still_in
 from server.web.admin.rendering import AdminPage, study_at
 from server.web.admin.researcher_auth import WatchDep
@@ -48,7 +48,7 @@ async def page(request: Request, name: str, admin: WatchDep, services: ServicesD
         others=[one for one in mine if one.started_at is not None],
         is_live=live.games.get(game.id) is not None or await live.peer_plays(game),
         exclusions=[one for one in held if one.episode_id in (None, game.id)],
-        reasons=REASONS,
+        reasons=decisions.EXCLUSION_REASONS,
     )
 
 

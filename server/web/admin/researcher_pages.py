@@ -9,7 +9,7 @@ from server.monitoring.arms import arm_names
 from server.monitoring.dashboard import step_name, way_of
 from server.monitoring.enrolment_flow import arms_of, flow_of, stock
 from server.monitoring.live_games import who
-from server.store import admins, answers, attempts, audit, decisions, overview
+from server.store import admins, answers, attempts, audit, decisions, overview, participants
 from server.store.overview import Played
 from server.study.definition import Study
 from server.web import guess_limits
@@ -168,11 +168,12 @@ async def person_page(request: Request, name: str, person: str, admin: WatchDep,
         tab="live",
         study=study,
         person=found,
-        label=f"{'B' if found.simulated else 'P'}-{found.number:03d}",
+        label=participants.label(found.number, found.simulated),
         arm="" if admin.blind else found.condition,
         now=step_name(way[min(found.position, len(way) - 1)]),
         rows=await _games(services, study, played),
         exclusions=await web.database.read(decisions.exclusions_of, [person]),
+        reasons=decisions.EXCLUSION_REASONS,
         attention=await web.database.read(answers.attention_of, person),
     )
 
