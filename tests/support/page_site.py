@@ -31,8 +31,8 @@ from server.web.dependencies import Web, templates
 from server.web.error_pages import install_error_pages
 from server.web.participant import exits, study_pages
 from server.web.security_headers import SecurityHeaders
-from tests.support.databases import with_tables
 from server.web.services import Services
+from tests.support.databases import with_tables
 from tests.support.some_services import some_services
 
 SMALL_STUDY = (ROOT / "tests" / "data" / "small_study.yaml").read_text(encoding="utf-8")
