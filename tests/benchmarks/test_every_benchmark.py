@@ -58,12 +58,12 @@ def test_the_benchmark_runs_in_its_quick_form(name: str) -> None:
             assert [row for row in figures if "error" in row["figure"]] == []
 
 
-def row(number: int, passed: bool = True) -> "faults.Row":
-    return faults.Row(number, "a fault", 1, passed, {"lost": 0})
+def row(number: int, passed: bool = True) -> "faults.FaultResult":
+    return faults.FaultResult(number, "a fault", 1, passed, {"lost": 0})
 
 
 def test_a_row_that_breaks_is_a_row_that_failed_and_the_others_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    def breaks(folder: Path) -> "faults.Row":
+    def breaks(folder: Path) -> "faults.FaultResult":
         raise ValueError("min() iterable argument is empty")
 
     made = [(1, lambda folder: row(1)), (28, breaks), (30, lambda folder: row(30))]
@@ -78,7 +78,7 @@ def test_every_row_is_printed_as_soon_as_it_is_made(as_json: bool) -> None:
     out = io.StringIO()
     seen = []
 
-    def rows() -> Iterator["faults.Row"]:
+    def rows() -> Iterator["faults.FaultResult"]:
         for number in (1, 2):
             yield row(number, passed=number == 1)
             seen.append(out.getvalue())  # what was printed when the next row is asked for

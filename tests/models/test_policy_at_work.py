@@ -60,8 +60,8 @@ def test_agents_and_predictors_of_every_form_are_served_without_torch(tmp_path):
     code = f"""
 import sys
 sys.modules["torch"] = None
-from models.worker import Worker
-from models.wire import Load
+from models.inference.worker import Worker
+from models.inference.wire import Load
 ring = "coordination_ring"
 Worker(Load(((ring, "sp"), (ring, "fcp"), (ring, {str(tmp_path / "cnn")!r})), ((ring, "sp_predictor_stream"),)))
 """

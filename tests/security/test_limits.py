@@ -36,13 +36,13 @@ async def test_one_participant_who_asks_too_often_waits_and_another_does_not(
     monkeypatch.setattr(rate_limits, "BURST", 10.0)
     monkeypatch.setattr(rate_limits, "PER_S", 0.1)
     eager, calm = await enrolled(live), await enrolled(live)
-    statuses = [(await eager.client.get("/s/short/now")).status_code for _ in range(12)]
+    statuses = [(await eager.http.get("/s/short/now")).status_code for _ in range(12)]
     assert statuses[:5] == [200] * 5
     assert statuses[-1] == 429
-    refused = await eager.client.get("/s/short/now")
+    refused = await eager.http.get("/s/short/now")
     assert refused.headers["retry-after"]
     assert "default-src 'none'" in refused.headers["content-security-policy"]
-    assert (await calm.client.get("/s/short/now")).status_code == 200
+    assert (await calm.http.get("/s/short/now")).status_code == 200
     await eager.close()
     await calm.close()
 
@@ -59,7 +59,7 @@ def test_who_is_remembered_is_bounded() -> None:
     counted = rate_limits.Rates()
     for number in range(rate_limits._MOST_REMEMBERED + 100):
         counted.spend(str(number), 1, 1)
-    assert len(counted._budgets) == rate_limits._MOST_REMEMBERED
+    assert len(counted._buckets) == rate_limits._MOST_REMEMBERED
 
 
 async def test_a_form_that_trickles_in_is_given_up(live: LiveServer, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,7 +74,7 @@ async def test_a_form_that_trickles_in_is_given_up(live: LiveServer, monkeypatch
 async def test_a_form_that_is_sent_twenty_times_at_once_moves_on_once(live: LiveServer) -> None:
     once, often = await enrolled(live), await enrolled(live)
     page = await often.ask("GET", "/s/short/now")
-    answers = await asyncio.gather(*(often.client.post("/s/short/now", data=page.form) for _ in range(20)))
+    answers = await asyncio.gather(*(often.http.post("/s/short/now", data=page.form) for _ in range(20)))
     assert {answer.status_code for answer in answers} == {200}
     wanted = await once.submit(await once.ask("GET", "/s/short/now"))
     assert (await often.ask("GET", "/s/short/now")).form["step"] == wanted.form["step"] != page.form["step"]

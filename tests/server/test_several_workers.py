@@ -105,7 +105,7 @@ async def play_through_kills(serving: SeveralWorkers, players: int, kills: int, 
 
 
 async def test_when_a_process_is_killed_its_games_go_on_in_the_other(serving: SeveralWorkers) -> None:
-    await play_through_kills(serving, players=4, kills=1, horizon=250)
+    await play_through_kills(serving, players=6, kills=2, horizon=250)
 
 
 @pytest.mark.slow

@@ -18,6 +18,7 @@ def _template() -> Path:
 
 
 def with_tables(file: Path) -> str:
-    """Make `file` a database with the tables and without rows; its address."""
-    shutil.copyfile(_template(), file)
+    """Make `file` a database with the tables and without rows, unless it is there; return its address."""
+    if not file.exists():
+        shutil.copyfile(_template(), file)
     return f"sqlite:///{file}"

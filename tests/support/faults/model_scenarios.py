@@ -16,16 +16,16 @@ from tests.support.faults.fault_scenario import FaultResult, rounded
 from tests.support.faults.invariants import held_against, lateness_ms, p99
 from tests.support.live_server import LiveServer
 
-HERE = Path(__file__).parent
+ROOT = Path(__file__).parents[3]
 
 
 async def troubled(folder: Path, model: str, seconds: float, games: int = 3) -> FaultResult:
     """All partners are played by `model` of troubled_models."""
     study = LONG_STUDY.replace(
         "agents: [{name: planner, predictor: sp_predictor_stream}]",
-        f'agents: [{{name: mine, model: "troubled_models:{model}", predictor: random}}]',
+        f'agents: [{{name: mine, model: "tests.support.faults.troubled_models:{model}", predictor: random}}]',
     )
-    path = os.pathsep.join(filter(None, [str(HERE), os.environ.get("PYTHONPATH")]))
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
     with (
         patch.dict(os.environ, PYTHONPATH=path),
         LiveServer(folder, study=study, speed=1.0, real_models=True) as live,
