@@ -26,6 +26,7 @@ class BrowserCook:
         self.timesteps: list[int] = []  # of the ticks of the current episode, as they came
         self.predictions: list[tuple[tuple[int, int], ...]] = []
         self.ended: list[messages.Ended] = []
+        self._ends_seen = 0  # by `play`: a short game can be over before `play` is called
         self.paused: list[str] = []
         self.episode = ""
         self._kitchen: SeenKitchen | None = None
@@ -68,13 +69,14 @@ class BrowserCook:
 
     def play(self, until_timestep: int = 10**9, seconds: float = 150.0) -> None:
         """Plays until the episode is over, or has come so far."""
-        ended, deadline = len(self.ended), time.monotonic() + seconds
-        while len(self.ended) == ended and (not self.timesteps or self.timesteps[-1] < until_timestep):
+        deadline = time.monotonic() + seconds
+        while len(self.ended) == self._ends_seen and (not self.timesteps or self.timesteps[-1] < until_timestep):
             assert time.monotonic() < deadline, f"the game got stuck at timestep {self.timesteps[-1:]}"
             self.page.wait_for_timeout(LOOK_MS)
             pending = time.monotonic() - self._pressed < PRESS_AGAIN_S
             if self._fresh and not pending and self._applied >= self._sent and self._kitchen is not None:
                 self._act(self._kitchen)
+        self._ends_seen = len(self.ended)
 
     def _act(self, kitchen: SeenKitchen) -> None:
         self._fresh = False
