@@ -54,7 +54,7 @@ def company(connection: Connection, studies: Studies, participant: Participant, 
     return Company(other) if is_there else Company(alone="partner_left")
 
 
-def choice(
+def request(
     connection: Connection, studies: Studies, participant: Participant, step: StudyStep, partner: str | None
 ) -> PairingRequest:
     """What the participant waits for, since they first opened the page of the round."""

@@ -28,7 +28,7 @@ class ConnectedPlayer:
     episode: str | None  # None: their current step is not a game
     seat: int  # server.play.session.VIEWER for somebody who watches two agents
     next_url: str
-    choice: PairingRequest | None = None  # they wait for another person
+    request: PairingRequest | None = None  # they wait for another person
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,8 @@ class Seating:
         else:
             mates = pairing.company(connection, self.studies, participant, step)
             if not mates.alone:
-                choice = pairing.choice(connection, self.studies, participant, step, mates.partner)
-                return ConnectedPlayer(participant_id, None, VIEWER, self._next_url(participant), choice)
+                request = pairing.request(connection, self.studies, participant, step, mates.partner)
+                return ConnectedPlayer(participant_id, None, VIEWER, self._next_url(participant), request)
             pairing.go_alone(connection, self.studies, self._sit, participant_id, mates.alone)
         return self._seated(connection, participant, step)
 

@@ -36,7 +36,7 @@ class PairingRequest:
 @dataclass
 class _Waiter:
     participant: str
-    choice: PairingRequest
+    request: PairingRequest
     connection: Connection
     told_at: float = -TELL_EVERY_S
     busy: bool = False  # being seated
@@ -58,19 +58,19 @@ class WaitingRoom:
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def enter(self, participant: str, choice: PairingRequest, connection: Connection) -> None:
-        """Waits from now on; the newest tab of somebody who waits already takes over.
+    def enter(self, participant: str, request: PairingRequest, connection: Connection) -> None:
+        """Wait from now on; the newest tab of a waiting participant takes over.
 
-        Who was given a seat since their choice was read is called at once: they have a game already.
+        A participant who got a seat after the request was read is called at once: they have a game already.
         """
-        if self._seated.pop(participant, None) == choice.room:
+        if self._seated.pop(participant, None) == request.room:
             connection.close(CloseCode.GAME_READY, "there is a game now")
             return
         before = self._waiting.get(participant)
         if before is not None and before.connection is not connection:
             before.connection.send(Superseded())
             before.connection.close(CloseCode.SUPERSEDED, "another tab has taken over")
-        self._waiting[participant] = _Waiter(participant, choice, connection, busy=before is not None and before.busy)
+        self._waiting[participant] = _Waiter(participant, request, connection, busy=before is not None and before.busy)
         if self._keeper is None or self._keeper.done():
             self._keeper = asyncio.create_task(self._keep())
 
@@ -82,7 +82,7 @@ class WaitingRoom:
 
     async def _keep(self) -> None:
         while self._waiting:
-            waiting = sorted(self._waiting.values(), key=lambda waiter: waiter.choice.since)
+            waiting = sorted(self._waiting.values(), key=lambda waiter: waiter.request.since)
             for index, waiter in enumerate(waiting):
                 if not self._is_free(waiter):
                     continue
@@ -91,7 +91,7 @@ class WaitingRoom:
             await self._clock.sleep(LOOK_EVERY_S)
 
     def _is_free(self, waiter: _Waiter) -> bool:
-        """Whether they wait still, in this tab, and nobody is seating them: each seating takes its time."""
+        """Whether they still wait in this tab and are not being seated (seating awaits the database)."""
         return self._waiting.get(waiter.participant) is waiter and not waiter.busy
 
     async def _serve(self, waiter: _Waiter, other: _Waiter | None) -> None:
@@ -126,7 +126,7 @@ class WaitingRoom:
 
     def _remember(self, waiter: _Waiter) -> None:
         self._seated.pop(waiter.participant, None)
-        self._seated[waiter.participant] = waiter.choice.room
+        self._seated[waiter.participant] = waiter.request.room
         if len(self._seated) > MOST_SEATED:
             del self._seated[next(iter(self._seated))]
 
@@ -142,12 +142,12 @@ class WaitingRoom:
             waiter.connection.send(Waiting(round(self._left_s(waiter) / self._clock.speed, 1)))
 
     def _left_s(self, waiter: _Waiter) -> float:
-        waited_s = (self._clock.wall() - waiter.choice.since).total_seconds() * self._clock.speed
-        return waiter.choice.limit_s - waited_s
+        waited_s = (self._clock.wall() - waiter.request.since).total_seconds() * self._clock.speed
+        return waiter.request.limit_s - waited_s
 
 
 def fit(one: _Waiter, other: _Waiter) -> bool:
     """Whether two may be seated together."""
-    if one.choice.room != other.choice.room:
+    if one.request.room != other.request.room:
         return False
-    return one.choice.partner in (None, other.participant) and other.choice.partner in (None, one.participant)
+    return one.request.partner in (None, other.participant) and other.request.partner in (None, one.participant)

@@ -64,7 +64,7 @@ def room(seats: Seats) -> WaitingRoom:
     return WaitingRoom(Clock(), seats.two, seats.one)
 
 
-def choice(limit_s: float = 600.0) -> PairingRequest:
+def request(limit_s: float = 600.0) -> PairingRequest:
     return PairingRequest(ROOM, datetime.now(UTC), limit_s)
 
 
@@ -77,21 +77,21 @@ async def until(condition: Callable[[], bool]) -> None:
 def come(room: WaitingRoom, *people: str, limit_s: float = 600.0) -> list[Tab]:
     tabs = [Tab() for _ in people]
     for person, tab in zip(people, tabs, strict=True):
-        room.enter(person, choice(limit_s), tab)
+        room.enter(person, request(limit_s), tab)
     return tabs
 
 
 async def test_who_asked_for_a_partner_before_the_seat_was_stored_is_called_at_once(
     room: WaitingRoom, seats: Seats
 ) -> None:
-    asked_before = choice()
+    asked_before = request()
     tabs = come(room, "ann", "bob")
     await until(lambda: all(tab.closed for tab in tabs))
     late = Tab()  # another socket of hers: what it knows is older than the seat
     room.enter("ann", asked_before, late)
     assert late.closed == CloseCode.GAME_READY
     again = Tab()  # and who has no game after all waits, without an endless circle
-    room.enter("ann", choice(), again)
+    room.enter("ann", request(), again)
     assert again.closed is None
     assert seats.pairs == [("ann", "bob")]
 

@@ -250,8 +250,8 @@ class Sockets:
         if hello.protocol != messages.PROTOCOL:
             mine.send(messages.Refused("protocol", f"this server speaks protocol {messages.PROTOCOL}: reload the page"))
             mine.close(CloseCode.REFUSED, "another protocol")
-        elif player.choice is not None and self._room is not None:
-            self._room.enter(player.participant, player.choice, mine)
+        elif player.request is not None and self._room is not None:
+            self._room.enter(player.participant, player.request, mine)
         elif player.episode is None:
             mine.send(messages.Refused("no_game", "no game is to be played now: reload the page"))
             mine.close(CloseCode.NO_GAME, "no game")
