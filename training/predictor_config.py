@@ -18,7 +18,7 @@ class TrainingConfig:
     stretches: int = 24  # stream: stretches of games in an update
     stretch: int = 100  # timesteps of one
     windows: int = 512  # window: windows in an update
-    partner_weight: float = 0.0  # of foretelling the partner too, by a decoder that is not kept
+    partner_weight: float = 0.0  # of predicting the partner too, by a decoder that is not kept
     weight_decay: float = 0.02
     gradient_norm: float = 1.0
     averaging: float = 0.998  # of the weights that are kept and shipped (exponential moving average)

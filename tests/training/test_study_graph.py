@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from training.config import ConfigError
-from training.pipeline.agent_tasks import STUDY_LAYOUTS, agent_tasks, foretelling_tasks, load_preset, study_tasks
+from training.pipeline.agent_tasks import STUDY_LAYOUTS, agent_tasks, load_preset, prediction_tasks, study_tasks
 from training.pipeline.study_tasks import Graph, Task, Work
 from training.runlog import open_run
 
@@ -82,16 +82,16 @@ def test_every_preset_makes_a_whole_cast_for_every_kitchen(name: str, tmp_path: 
 
 def test_a_crowd_is_only_trained_on_and_never_meets_the_population(tmp_path: Path) -> None:
     preset = load_preset("cpu")
-    agents, foretelling = (make("coordination_ring", preset) for make in (study_tasks, foretelling_tasks))
-    graph = Graph([*agents, *foretelling], tmp_path)
-    crowd = [task for task in foretelling if task.name.startswith("crowd")]
+    agents, predicting = (make("coordination_ring", preset) for make in (study_tasks, prediction_tasks))
+    graph = Graph([*agents, *predicting], tmp_path)
+    crowd = [task for task in predicting if task.name.startswith("crowd")]
     assert len(crowd) == preset.crowd("coordination_ring") * 3 // 2 > 0
     assert all(needed.startswith("crowd_sp") for task in crowd for needed in task.inputs)
     games = graph.tasks["coordination_ring/games_sp"].inputs
     assert {task.name for task in crowd} < set(games)
     assert "clones" in games
     assert not any(needed.startswith("crowd") or needed == "clones" for task in agents for needed in task.inputs)
-    assert not any(task.name.startswith(("crowd", "clones")) for task in foretelling_tasks("matrix", preset))
+    assert not any(task.name.startswith(("crowd", "clones")) for task in prediction_tasks("matrix", preset))
 
 
 def test_finished_tasks_travel_in_a_folder_and_only_with_the_same_settings(tmp_path: Path) -> None:
@@ -145,7 +145,7 @@ def test_a_run_that_learned_nothing_is_trained_again_with_another_seed(tmp_path:
 
 def test_the_published_recipe_uses_the_31_partners_of_the_paper(tmp_path: Path) -> None:
     for name, wanted in (("published", False), ("cpu", None)):
-        tasks = foretelling_tasks("coordination_ring", load_preset(name))
+        tasks = prediction_tasks("coordination_ring", load_preset(name))
         (games,) = (task for task in tasks if task.name == "games_sp")
         assert games.settings.get("extras") is wanted
         assert ("clones" in games.inputs) is (name == "cpu")

@@ -124,7 +124,7 @@ def _show(config: AgentConfig) -> None:
 
 def _train_study(arguments: argparse.Namespace) -> int:
     from overcooked.layout import load_layout
-    from training.pipeline.agent_tasks import STUDY_LAYOUTS, foretelling_tasks, load_preset, study_tasks
+    from training.pipeline.agent_tasks import STUDY_LAYOUTS, load_preset, prediction_tasks, study_tasks
     from training.pipeline.schedule import run_here, run_on_ray, run_task, show_plan
     from training.pipeline.study_tasks import Graph
 
@@ -133,7 +133,7 @@ def _train_study(arguments: argparse.Namespace) -> int:
     for layout in layouts:
         load_layout(layout)
     # All agents first: they can be played with while the predictors learn.
-    tasks = [task for made in (study_tasks, foretelling_tasks) for layout in layouts for task in made(layout, preset)]
+    tasks = [task for made in (study_tasks, prediction_tasks) for layout in layouts for task in made(layout, preset)]
     graph = Graph(tasks, arguments.runs / "study")
     if arguments.only:
         graph = graph.limited(arguments.only)

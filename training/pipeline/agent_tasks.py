@@ -136,7 +136,7 @@ def study_tasks(layout: str, preset: Preset) -> list[Task]:
     return [*agents, *choice, Task(layout, "weights", lambda work: ship_cast(work, grid), {}, everybody, 0.1)]
 
 
-def foretelling_tasks(layout: str, preset: Preset) -> list[Task]:
+def prediction_tasks(layout: str, preset: Preset) -> list[Task]:
     """The crowd of a kitchen and the predictors of both its targets; their inputs are tasks of `study_tasks`."""
     population = (*seeds("population_sp", preset), *seeds("population_fcp", preset))
     (lender,) = seeds("features", preset)
