@@ -14,23 +14,11 @@ from overcooked.state import Kitchens
 from server.play.episode_spec import EpisodeSpec
 from server.play.recorder import EpisodeResult, InputRecord, KeyRecord, PauseRecord, TickRecord
 from server.store import answers, audit, episodes, events, participants, studies, ticks
+from tests.support.live_fakes import make_spec
 
 START = datetime(2026, 3, 1, 12, 0, 0, 250, tzinfo=UTC)
 RING = load_layout("coordination_ring")
-SPEC = EpisodeSpec(
-    kind="episode",
-    number=1,
-    episodes=10,
-    layout=RING.name,
-    grid=RING.text,
-    title="Coordination Ring",
-    agents=(None, "sp"),
-    predictor="sp_predictor_window",
-    watched_seat=1,
-    shown="predictor",
-    seed=2**63 - 1,
-    horizon=40,
-)
+SPEC = make_spec(episodes=10, seed=2**63 - 1)
 
 
 def new_participant(connection: Connection, study_id: int, condition: str = "tom", **known: str) -> str:
