@@ -34,7 +34,7 @@ _DOWN: Final = (RedisError, OSError, TimeoutError)
 
 
 class LetGo(Struct, frozen=True, tag_field="command", tag="let_go"):
-    """The sender took over the episode with this fence: whoever still plays it must stop."""
+    """The sender took over the episode with this fence: a process that still plays it must stop."""
 
     episode: str
     fence: int
@@ -134,7 +134,7 @@ class Cluster:
             await pipe.execute()
 
     async def taken(self, episode: str, fence: int) -> None:
-        """Tells whoever played the game that it continues here. Should nobody hear it, their next tick tells them."""
+        """Tell the former owner that the game continues here. If the message is lost, its next tick finds out."""
         with suppress(*_DOWN):
             await self._send("all", LetGo(episode, fence))
             await self._redis.set(self._key("game", episode), self.name, ex=LEASE_S)

@@ -124,15 +124,15 @@ async def watch(socket: WebSocket, name: str, services: ServicesDep) -> None:
 
 
 async def converse(socket: WebSocket, tell: Coroutine[Any, Any, None], hear: Callable[[str], None]) -> None:
-    """Tells until the page or we end it. After a fault of ours the socket closes: a page that goes on showing old news
-    looks calm."""
+    """Send news until one side ends it. After an error here the socket closes, because a page that keeps showing old
+    news looks calm."""
     teller, reader = asyncio.create_task(tell), asyncio.create_task(_listen(socket, hear))
     try:
         await asyncio.wait({teller, reader}, return_when=asyncio.FIRST_COMPLETED)
         error = teller.exception() if teller.done() and not teller.cancelled() else None
         if error is not None:
             if not isinstance(error, WebSocketDisconnect | RuntimeError):  # nobody to send to any more
-                log.error("a researcher's page cannot be told the news", exc_info=error)
+                log.error("cannot send news to a researcher's page", exc_info=error)
             with suppress(RuntimeError, WebSocketDisconnect):
                 await socket.close(CloseCode.FAILED, "the server failed")
     finally:
@@ -142,7 +142,7 @@ async def converse(socket: WebSocket, tell: Coroutine[Any, Any, None], hear: Cal
 
 
 async def _listen(socket: WebSocket, hear: Callable[[str], None]) -> None:
-    """Until the page is gone, or says what no page of ours says."""
+    """Receive until the page is gone or sends something invalid."""
     with suppress(WebSocketDisconnect, ValueError, KeyError, RuntimeError):
         while True:
             hear(await socket.receive_text())

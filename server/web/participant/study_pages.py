@@ -54,7 +54,7 @@ async def choose(request: Request, web: WebDep) -> Response:
 
 @router.get("/s/{name}")
 async def consent_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
-    """The consent page; whoever is in the study already continues. Stores nothing, so a link preview burns nothing."""
+    """Show the consent page; a participant of the study continues instead. Stores nothing: link previews are safe."""
     study, made = opened.study, page(request, web, opened.study)
     person, extra = recruitment_of(study.recruitment, dict(request.query_params))
     before = await web.database.read(progress.known, web.studies, study.name, person) if person else None

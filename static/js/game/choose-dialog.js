@@ -10,7 +10,7 @@ import { isStarted } from '../board/state.js';
  * @property {DialogName} name
  * @property {string} reason
  * @property {number | null} seconds whole seconds left; null: none to show
- * @property {boolean} action whether the participant can go on by a button
+ * @property {boolean} action whether the participant can continue with a button
  */
 
 const LOST_AFTER_MS = 700; // the first connection of a page may take this long before the page mentions it

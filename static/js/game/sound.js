@@ -65,7 +65,7 @@ export class Sound {
       const context = (this.context ??= new AudioContext());
       for (const note of tune) playNote(context, note);
     } catch (error) {
-      this.context = null; // without sound (no WebAudio, no free device) the game goes on
+      this.context = null; // without sound (no WebAudio, no free device) the game continues
       console.info('no sound:', error);
     }
   }

@@ -1,4 +1,4 @@
-"""The sockets that tell researchers what goes on: none stays open without news."""
+"""Sockets for researchers: none stays open without news."""
 
 import asyncio
 import re
