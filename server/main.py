@@ -16,16 +16,15 @@ from starlette.requests import HTTPConnection
 
 from models.inference.launch import Launched
 from models.inference.runner import ModelServer
-from overcooked.compiled import only_our_kernels
-from overcooked.constants import STAY
+from server import warm_up
 from server.background_tasks import ended
 from server.cluster.dispatch import ClusterControl
 from server.monitoring.alerts import Alert, Alerts, message_of
 from server.monitoring.control import Control
 from server.monitoring.dashboard import Dashboard
+from server.monitoring.data_quality import load_rules
 from server.monitoring.latency_history import LatencyHistory
 from server.monitoring.live_games import LiveGames
-from server.participation.episode_specs import layout_of
 from server.participation.seating import ConnectedPlayer, Seating
 from server.participation.served_studies import Studies
 from server.participation.study_versions import StudyVersions
@@ -33,7 +32,6 @@ from server.participation.waiting_room import WaitingRoom
 from server.play.clock import Clock
 from server.play.games import Games
 from server.play.recorder import EpisodeRecord, RecorderDown
-from server.play.simulation import Simulation
 from server.required_models import required_models
 from server.settings import ROOT, Settings
 from server.store import episodes, events
@@ -47,7 +45,7 @@ from server.version import code_version
 from server.web import health
 from server.web.admin import actions, downloads, live_boards, replay_page, researcher_pages
 from server.web.auth import CsrfProtection, token_of
-from server.web.dependencies import Web, compile_templates, templates
+from server.web.dependencies import Web, templates
 from server.web.error_pages import install_error_pages
 from server.web.guess_limits import Hashing
 from server.web.health import Commits, metrics_of
@@ -111,7 +109,9 @@ async def wired(app: FastAPI, settings: Settings, ahead: Launched | None = None)
         stack.push_async_callback(models.close)
         starting = asyncio.create_task(models.start())  # takes longest, in a process of its own
         stack.push_async_callback(ended, starting)  # nothing keeps running when the server does not start
-        await run_in_threadpool(_warm, files)  # starlette's own way, which imports its parts at the first call
+        await run_in_threadpool(
+            warm_up.compile_all, files
+        )  # starlette's own way, which imports its parts at the first call
         if several:
             await asyncio.to_thread(migrate_shared, settings.database)
         database = Database(settings.database, shared=several, in_turn=several)
@@ -124,9 +124,12 @@ async def wired(app: FastAPI, settings: Settings, ahead: Launched | None = None)
         places = NewPlaces(settings.new_per_address, counts_local=production)
         web = Web(database, studies, _csrf(settings), templates(), places, production)
         app.state.services = await _services(settings, files, web, models, stack)
+        warm_up.prepare_routes(app)
         gc.freeze()
         gc.set_threshold(*_GARBAGE_THRESHOLDS)
         gc.enable()
+        loading = asyncio.create_task(asyncio.to_thread(load_rules))  # after the start, which it would make longer
+        stack.push_async_callback(ended, loading)
         yield
 
 
@@ -281,13 +284,3 @@ def _teller(settings: Settings, hook: "Webhook | None") -> Callable[[Alert, bool
             hook.send(message_of(alert, over, settings.public_url))
 
     return tell
-
-
-def _warm(files: Sequence[StudyFile]) -> None:
-    """Nothing is compiled once pages can be opened: the first game would stand still for it."""
-    compile_templates()
-    with only_our_kernels():
-        for file in files:
-            simulation = Simulation(layout_of(file.study.layouts[0]), horizon=1)
-            simulation.step((STAY, STAY))
-            simulation.history(0)(1)

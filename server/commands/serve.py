@@ -146,6 +146,8 @@ def serve(settings: "Settings", listening: socket.socket, process: Supervised | 
     """Runs the application on the socket until a signal stops it; the exit status."""
     from models.inference.launch import launch
 
+    # How long a thread may keep the interpreter from a timestep that is due. Python's own value is 5 ms.
+    sys.setswitchinterval(0.001)
     gc.disable()  # nothing of what a start makes is garbage; `wired` lets it work again
     launched = launch()  # the models' process starts while this one still imports
     import uvloop

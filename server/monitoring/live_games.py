@@ -6,11 +6,14 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Any, Final
 
+import msgspec
+
 from server.monitoring.attention import Attention, Flag
 from server.monitoring.peers import Peers, SingleProcess, View
 from server.monitoring.site import OpenSockets, Site
 from server.play.game import Game
 from server.play.games import Games
+from server.play.marks import Displayed
 from server.store import overview, participants
 from server.store.overview import Played
 
@@ -40,6 +43,7 @@ class LiveGames:
         self._cards: tuple[float, list[Card]] = (-1e9, [])
         self._views: tuple[float, list[View]] = (-1e9, [])
         self._looking = asyncio.Lock()
+        self._boards: dict[tuple[str, bool], tuple[int, Displayed, msgspec.Raw]] = {}
 
     async def cards(self, study_ids: tuple[int, ...]) -> list[Card]:
         """The running games of a study; looked at afresh at most twice a second, however many watch."""
@@ -85,6 +89,7 @@ class LiveGames:
             self._played |= await self.web.database.read(overview.played, *unknown)
         self._played = {episode: played for episode, played in self._played.items() if episode in known}
         self._attention.forget(known)
+        self._boards = {key: board for key, board in self._boards.items() if key[0] in known}
         rtts, now = self.sockets.rtts_ms(), self.games.clock.now()
         cards = []
         for game in running:
@@ -96,6 +101,16 @@ class LiveGames:
             if record is not None and game.session.phase == "running":
                 self.models_ms.append(record.models_ms)
         self._cards = (time.monotonic(), cards)
+
+    def encoded_board(self, game: Game, blind: bool) -> msgspec.Raw:
+        """`board_of` as JSON, made once a timestep however many pages show it."""
+        session, key = game.session, (game.episode, blind)
+        timestep, displayed = session.simulation.timestep, session.displayed
+        kept = self._boards.get(key)
+        if kept is None or kept[0] != timestep or kept[1] is not displayed:
+            encoded = msgspec.Raw(msgspec.json.encode(board_of(game, blind)))
+            kept = self._boards[key] = (timestep, displayed, encoded)
+        return kept[2]
 
     def since_s(self, flag: Flag) -> int | None:
         """For how many seconds the flag has been up."""

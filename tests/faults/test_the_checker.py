@@ -10,7 +10,7 @@ from sqlalchemy import delete, insert, select, text, update
 from server.store.database import Database
 from server.store.tables import participants, ticks
 from tests.support.faults.crowd import LONG_STUDY, Crowd
-from tests.support.faults.invariants import Findings, held_against, untrue
+from tests.support.faults.invariants import Findings, held_against, lateness_ms, untrue
 from tests.support.faults.recording_client import ClientLog, LogEntry, RecordingClient
 from tests.support.live_server import LiveServer
 
@@ -94,3 +94,14 @@ def test_a_game_that_moves_while_it_is_said_to_stand_still_is_found() -> None:
 
 def test_a_game_that_stands_still_without_a_word_is_found() -> None:
     assert untrue(said((0, "welcome", 0), (1, "countdown", None), (4, "tick", 1), (9, "tick", 2)))
+
+
+def test_lateness_of_a_period_counts_the_timesteps_made_in_it(
+    played: tuple[Path, list[RecordingClient]],
+) -> None:
+    url = f"sqlite:///{played[0]}"
+    with Database(url, read_only=True) as database:
+        made = sorted(database.read_now(lambda c: c.execute(select(ticks.c.made_unix_ms, ticks.c.late_ms)).all()))
+    middle = made[len(made) // 2].made_unix_ms
+    assert sorted(lateness_ms(url, since_ms=middle)) == sorted(row.late_ms for row in made if row[0] >= middle)
+    assert len(lateness_ms(url)) == len(made)

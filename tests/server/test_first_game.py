@@ -2,7 +2,10 @@
 
 import sys
 from pathlib import Path
+from typing import Any
 
+import fastapi.routing
+import httpx
 import numba
 import pytest
 from numba.core.dispatcher import Dispatcher
@@ -34,6 +37,22 @@ async def test_a_game_compiles_nothing_that_the_start_has_not(tmp_path: Path) ->
         journal = await Bot(live.url, "short", 1).walk()  # a tutorial in a kitchen with one pot, and episodes
         assert len(journal.ended) >= 2
         assert signatures() == before
+
+
+async def test_the_first_request_finds_its_routes_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[str] = []
+    original = fastapi.routing._populate_api_route_state
+
+    def counted(route: Any, path: str, *arguments: Any, **named: Any) -> None:
+        made.append(path)
+        original(route, path, *arguments, **named)
+
+    with LiveServer(tmp_path) as live:
+        monkeypatch.setattr(fastapi.routing, "_populate_api_route_state", counted)
+        async with httpx.AsyncClient(base_url=live.url) as client:
+            for path in ("/", "/s/short", "/admin/login", "/health/live"):
+                assert (await client.get(path)).status_code == 200
+    assert made == []
 
 
 @pytest.mark.slow  # half a minute of compiling

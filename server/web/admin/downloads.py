@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import subprocess
 import sys
 import tempfile
 from collections.abc import AsyncIterator
@@ -20,7 +21,6 @@ router = APIRouter(prefix="/admin/s/{name}")
 CHUNK_BYTES = 256 * 1024
 LONGEST_S = 600
 _one_at_a_time = asyncio.Lock()
-_ZIP = "import shutil, sys; shutil.make_archive(sys.argv[1], 'zip', *sys.argv[2:4])"
 
 
 @router.post("/export")
@@ -44,27 +44,31 @@ async def export(name: str, admin: ActDep, services: ServicesDep, form: AdminFor
 
 
 async def _make(folder: Path, study: str, database: str) -> Path:
-    """The archive. The address of the database goes by the environment: it may hold a password."""
-    words = [str(ROOT / "kitchenmind.py"), "export", "--out", str(folder / study), "--study", study]
-    await _run([sys.executable, *words], {"KITCHENMIND_DATABASE": database})
-    await _run([sys.executable, "-c", _ZIP, str(folder / "archive"), str(folder), study], {})
+    """The archive. The address of the database goes by the environment: it may hold a password.
+
+    The event loop's own way to start a process forks: that copies the page tables of a large process and stopped all
+    games for 30 ms. In a thread it is started without a copy (vfork).
+    """
+    process = await asyncio.to_thread(_start, folder, study, database)
+    try:
+        output, _ = await asyncio.to_thread(process.communicate, timeout=LONGEST_S)
+    finally:
+        if process.poll() is None:
+            process.kill()
+    if process.returncode:
+        raise HTTPException(500, output.decode(errors="replace")[-300:])
     return folder / "archive.zip"
 
 
-async def _run(line: list[str], environment: dict[str, str]) -> None:
-    process = await asyncio.create_subprocess_exec(
-        "nice", "-n", "10", *line,
-        env={**os.environ, **environment}, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.STDOUT,
-    )  # fmt: skip
-    try:
-        async with asyncio.timeout(LONGEST_S):
-            output, _ = await process.communicate()
-    except BaseException:
-        if process.returncode is None:
-            process.kill()
-        raise
-    if process.returncode:
-        raise HTTPException(500, output.decode(errors="replace")[-300:])
+def _start(folder: Path, study: str, database: str) -> "subprocess.Popen[bytes]":
+    path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    return subprocess.Popen(  # noqa: S603
+        [sys.executable, "-m", "server.commands.export_archive", str(folder), study],
+        env={**os.environ, "PYTHONPATH": path, "KITCHENMIND_DATABASE": database},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )
 
 
 async def _stream(archive: Path, folder: "tempfile.TemporaryDirectory[str]") -> AsyncIterator[bytes]:

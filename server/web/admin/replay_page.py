@@ -1,7 +1,6 @@
 """Routes of one episode for researchers, running or ended. A blinded researcher gets neither marks nor predictions."""
 
 import asyncio
-import json
 import time
 from typing import Final
 
@@ -16,7 +15,7 @@ from server.store import decisions, overview
 from server.store.admins import AdminSession
 from server.store.episodes import BrokenEpisode
 from server.web.admin.actions import GameDep
-from server.web.admin.live_boards import SESSION_EVERY_S, converse, let_in, still_in
+from server.web.admin.live_boards import SESSION_EVERY_S, converse, let_in, send_news, still_in
 from server.web.admin.rendering import AdminPage, study_at
 from server.web.admin.researcher_auth import WatchDep
 from server.web.dependencies import WebDep
@@ -88,11 +87,11 @@ async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...]
             looked = now
             card = await _status(socket, live, which)
             if card is None:
-                await socket.send_text('{"type":"over"}')
+                await send_news(socket, {"type": "over"})
                 return await socket.close(CloseCode.FINISHED, "the game is over")
         if isinstance(card, View):
             for row in await stored.new_rows(admin.blind):
-                await socket.send_text(json.dumps({"type": "tick", "row": row}, separators=(",", ":")))
+                await send_news(socket, {"type": "tick", "row": row})
             await asyncio.sleep(STORED_EVERY_S)
             continue
         session = card.game.session
@@ -100,7 +99,7 @@ async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...]
             told = session.simulation.timestep
             row = row_of(session.record, session.simulation, admin.blind)
             new = [input_of(one, session.spec.tick_ms) for one in session.record.inputs]
-            await socket.send_text(json.dumps({"type": "tick", "row": row, "inputs": new}, separators=(",", ":")))
+            await send_news(socket, {"type": "tick", "row": row, "inputs": new})
         await asyncio.sleep(LOOK_EVERY_S)
 
 
@@ -115,5 +114,5 @@ async def _status(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ..
         status = view.card | {"type": "status", "phase": view.phase}
     else:
         return None
-    await socket.send_text(json.dumps(status, separators=(",", ":")))
+    await send_news(socket, status)
     return card or view

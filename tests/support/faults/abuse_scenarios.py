@@ -166,13 +166,13 @@ async def flood(folder: Path, seconds: float, goal_ms: float | None = None) -> F
             bad = RecordingClient(server.url, "short", 78)
             await bad.to_the_game()
             await asyncio.sleep(seconds)
-            calm = lateness_ms(server.database)
+            calm, since_ms = lateness_ms(server.database), time.time() * 1000
             before, ends = Holdings.of(server.pid), time.monotonic() + seconds
             while time.monotonic() < ends:
                 told.append(await _flood_once(bad, insist_s=1.0))
                 await asyncio.sleep(0.3)
             growth = Holdings.of(server.pid).rss_kib - before.rss_kib
-            loud = lateness_ms(server.database)[len(calm) :]
+            loud = lateness_ms(server.database, since_ms=since_ms)
             await others.moving(time.monotonic())
             await bad.close()
         found = held_against(server.database, others.clients)
@@ -265,12 +265,13 @@ async def neighbours(folder: Path, seconds: float, games: int, goal_ms: float | 
         await bad.to_the_game()
         async with Crowd(server.url, games, idle=0.9) as crowd:
             await asyncio.sleep(seconds)
-            calm, ends, chance = lateness_ms(server.database), time.monotonic() + seconds, random.Random(19)
+            calm, since_ms = lateness_ms(server.database), time.time() * 1000
+            ends, chance = time.monotonic() + seconds, random.Random(19)
             while time.monotonic() < ends:
                 await _throw(bad, chance, 40)
                 await _flood_once(bad, insist_s=0.5)
                 await asyncio.sleep(0.5)
-            loud = lateness_ms(server.database)[len(calm) :]
+            loud = lateness_ms(server.database, since_ms=since_ms)
         await bad.close()
         found = held_against(server.database, crowd.clients)
         found.people.clear()  # the one who does harm is one more

@@ -171,9 +171,11 @@ def _untrue_of(said: Sequence[LogEntry], silence_s: float) -> list[str]:
     return faults
 
 
-def lateness_ms(url: str, episodes_of: Iterable[str] | None = None) -> list[float]:
-    """I5: how late each stored timestep began, of these episodes or all."""
-    wanted, query = None if episodes_of is None else set(episodes_of), select(ticks.c.episode_id, ticks.c.late_ms)
+def lateness_ms(url: str, episodes_of: Iterable[str] | None = None, since_ms: float = 0.0) -> list[float]:
+    """I5: how late each stored timestep began, of these episodes or all. `since_ms`: made at or after this Unix time;
+    the database returns rows in no particular order, so a period is never a slice of them."""
+    wanted = None if episodes_of is None else set(episodes_of)
+    query = select(ticks.c.episode_id, ticks.c.late_ms).where(ticks.c.made_unix_ms >= since_ms)
     with Database(url, read_only=True) as database:
         rows = database.read_now(lambda connection: connection.execute(query).all())
     return [late for episode, late in rows if wanted is None or episode in wanted]

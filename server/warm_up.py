@@ -1,0 +1,29 @@
+"""What is done before the first page or beside it, so that it never holds up a running game."""
+
+from collections.abc import Sequence
+
+from fastapi import FastAPI
+
+from overcooked.compiled import only_our_kernels
+from overcooked.constants import STAY
+from server.participation.episode_specs import layout_of
+from server.play.simulation import Simulation
+from server.study.loader import StudyFile
+from server.web.dependencies import compile_templates
+
+
+def compile_all(files: Sequence[StudyFile]) -> None:
+    """Compile every page and the kernels of every study's first kitchen."""
+    compile_templates()
+    with only_our_kernels():
+        for file in files:
+            simulation = Simulation(layout_of(file.study.layouts[0]), horizon=1)
+            simulation.step((STAY, STAY))
+            simulation.history(0)(1)
+
+
+def prepare_routes(app: FastAPI) -> None:
+    """FastAPI makes each router's routes at the first request, which would hold up games for some 15 ms a router."""
+    scope = {"type": "http", "method": "GET", "path": "/not a page", "root_path": ""}
+    for route in app.router.routes:
+        route.matches(scope)
