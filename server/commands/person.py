@@ -41,7 +41,8 @@ def run(arguments: argparse.Namespace) -> int:
         with open_stored(arguments.database) as database:
             found = database.read_now(_find, arguments)
             url = database.url
-        print(f"{participants.label(found.number)} of {arguments.study}: participant id {found.id}, {found.status}")
+        who = participants.label(found.number, found.simulated)
+        print(f"{who} of {arguments.study}: participant id {found.id}, {found.status}")
         if arguments.person_verb == "find":
             return 0
         # Asked before the transaction: nothing is locked while somebody thinks.
@@ -86,7 +87,7 @@ def _delete(url: "URL", found: "Participant", arguments: argparse.Namespace) -> 
     deletion = Deletion("command line", "delete participant", {"study": arguments.study, "reason": arguments.reason})
     with beside_the_server(url) as connection:
         if _is_playing(connection, found.id):
-            who = participants.label(found.number)
+            who = participants.label(found.number, found.simulated)
             raise ValueError(f"{who} is in a game now. Wait, or use the dashboard, which ends the game first")
         if not withdraw(connection, found.id, deletion):
             raise ValueError("the participant is deleted already")

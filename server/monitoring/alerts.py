@@ -20,7 +20,7 @@ from server.monitoring.live_games import LiveGames, who
 from server.monitoring.peers import Process
 from server.participation.study_changes import Versions, remedy
 from server.play.pause_reasons import DATABASE
-from server.store import overview, participants
+from server.store import overview
 from server.store.database import DatabaseDown
 
 log = logging.getLogger(__name__)
@@ -156,11 +156,11 @@ class Alerts:
         return [
             Alert(
                 f"trouble {person}",
-                f"{name}: the browser of {participants.label(number)} reports errors.",
+                f"{name}: the browser of {who} reports errors.",
                 f"/admin/s/{name}",
                 name,
             )
-            for person, number in people.items()
+            for person, who in people.items()
         ]
 
 
@@ -173,7 +173,7 @@ def _displays(name: str, broken: list[int]) -> Iterator[Alert]:
         yield Alert(f"display {name}", text, f"/admin/s/{name}", name)
 
 
-def _with_client_errors(connection: Connection, versions: tuple[int, ...]) -> dict[str, int]:
-    """Whose browsers reported errors lately, with their numbers."""
+def _with_client_errors(connection: Connection, versions: tuple[int, ...]) -> dict[str, str]:
+    """Whose browsers reported errors lately, with their labels."""
     lately = datetime.now(UTC) - overview.HERE
-    return {person: number for at, person, number, _ in overview.client_errors(connection, versions) if at > lately}
+    return {person: who for at, person, who, _ in overview.client_errors(connection, versions) if at > lately}

@@ -92,8 +92,8 @@ class Dashboard:
             "stored": overview.stored(connection, study_ids),
             "paused": study.name in decisions.paused_studies(connection),
             "troubles": [
-                {"at": at.isoformat(), "person": person, "who": participants.label(number), "text": text}
-                for at, person, number, text in overview.client_errors(connection, study_ids)
+                {"at": at.isoformat(), "person": person, "who": who, "text": text}
+                for at, person, who, text in overview.client_errors(connection, study_ids)
             ],
         }
 

@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import ColumnElement, Connection, case, func, or_, select
 
 from server.store.events import ATTENTION_SCREENED_OUT
+from server.store.participants import label
 from server.store.tables import answers, episodes, events, exclusions, participants, ticks, withdrawals
 
 _p, _e = participants.c, episodes.c
@@ -167,12 +168,13 @@ def _played(
 
 def client_errors(
     connection: Connection, study_ids: Sequence[int], most: int = 20
-) -> list[tuple[datetime, str, int, str]]:
-    """Errors on participants' consoles, latest first: when, whose, the participant's number, the text."""
-    query = select(events.c.at, _p.id, _p.number, events.c.detail).join_from(events, participants)
+) -> list[tuple[datetime, str, str, str]]:
+    """Errors on participants' consoles, latest first: when, whose, the participant's label, the text."""
+    query = select(events.c.at, _p.id, _p.number, _p.simulated, events.c.detail).join_from(events, participants)
     query = query.where(_p.study_id.in_(study_ids), events.c.kind == "trouble").order_by(events.c.id.desc())
     return [
-        (row.at, row.id, row.number, str(row.detail.get("text", ""))) for row in connection.execute(query.limit(most))
+        (row.at, row.id, label(row.number, row.simulated), str(row.detail.get("text", "")))
+        for row in connection.execute(query.limit(most))
     ]
 
 

@@ -120,6 +120,16 @@ def test_every_pause_says_why(chromium: Browser, server: FakeGameServer, reason:
         assert page.inner_text("#urgent")
 
 
+@pytest.mark.parametrize(("left_s", "words"), [(1.0, "1 second left."), (30.0, "30 seconds left.")])
+def test_a_pause_says_how_long_it_may_last(
+    chromium: Browser, server: FakeGameServer, left_s: float, words: str
+) -> None:
+    with opened(chromium, server) as page:
+        start(page, server)
+        server.send(Paused("partner", left_s))
+        page.wait_for_function("words => document.querySelector('#pause-left').textContent === words", arg=words)
+
+
 def test_a_message_of_the_researcher_is_shown_as_text(chromium: Browser, server: FakeGameServer) -> None:
     with opened(chromium, server) as page:
         start(page, server)

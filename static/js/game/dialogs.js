@@ -140,9 +140,14 @@ export class Dialogs {
     if (dialog.name === 'count') this.#countdown(dialog.seconds ?? 0);
     const place = SECONDS[dialog.name];
     if (!place) return;
-    const words = dialog.seconds === null ? '' : this.text('seconds_left', { seconds: dialog.seconds });
+    const words = dialog.seconds === null ? '' : this.#secondsLeft(dialog.seconds);
     const element = this.#find(place);
     if (element.textContent !== words) element.textContent = words;
+  }
+
+  /** @param {number} seconds */
+  #secondsLeft(seconds) {
+    return seconds === 1 ? this.text('second_left') : this.text('seconds_left', { seconds });
   }
 
   /** @param {number} seconds */

@@ -5,7 +5,7 @@ import pytest
 from sqlalchemy import Connection, delete, func, select, update
 from sqlalchemy.exc import DBAPIError
 
-from server.store import answers, audit, events, participants, studies
+from server.store import answers, audit, events, overview, participants, studies
 from server.store.database import Database
 from server.store.migrate import migrate
 from server.store.participants import NewParticipant
@@ -271,3 +271,13 @@ def test_failed_enrolment_leaves_no_gap_in_the_numbers(database: Database, study
     second = database.read_now(participants.get, database.write_now(new_participant, study_id))
     assert second is not None
     assert second.number == 2
+
+
+def test_errors_of_browsers_are_listed_with_the_labels_of_people_and_bots(database: Database, study_id: int) -> None:
+    for simulated in (False, True):
+        new = NewParticipant(study_id, "tom", 1, participants.new_token(), simulated=simulated)
+        made = database.write_now(participants.create, new)
+        error = events.Event("trouble", datetime.now(UTC), made.id, detail={"text": "it broke"})
+        database.write_now(events.add, error)
+    listed = database.read_now(overview.client_errors, [study_id])
+    assert [(who, text) for _, _, who, text in listed] == [("B-002", "it broke"), ("P-001", "it broke")]
