@@ -19,7 +19,7 @@ from server.play.recorder import GamesLost, Recorder, RecorderDown, TickRecord
 from server.play.session import COUNTDOWN_S, Session
 
 log = logging.getLogger(__name__)
-SLOT_MS: Final = 10
+SLOT_MS: Final = 40  # five batches in a tick of 200 ms: each costs the same 4 ms, however few games are in it
 PATIENT_SLOTS: Final = 3  # a patient clock has no moments to spread over: models and database like large batches
 COMMIT_S: Final = 1.0  # a commit that takes longer counts as RecorderDown
 PROBE_S: Final = 0.5

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from itertools import zip_longest
-from typing import Any
+from typing import Any, Final
 
 import msgspec
-from sqlalchemy import Connection, func, or_, select, update
+from sqlalchemy import Connection, bindparam, func, or_, select, update
 from sqlalchemy.exc import IntegrityError
 
 from server.play.episode_spec import EpisodeSpec
@@ -202,22 +202,28 @@ def pause(connection: Connection, record: PauseRecord) -> None:
 
     A game has one pause at a time: one that is still open was left by a server that died, and ends where this begins.
     """
-    row: dict[str, Any] = {
-        "timestep": record.timestep,
-        "reason": record.reason,
-        "duration_ms": record.duration_ms,
-    }
-    here = (pauses.c.episode_id == record.episode, pauses.c.started_at == record.started_at)
-    if connection.execute(update(pauses).where(*here).values(row)).rowcount:
+    here = {"episode": record.episode, "start": record.started_at}
+    row = {"timestep": record.timestep, "reason": record.reason, "duration_ms": record.duration_ms}
+    if connection.execute(_END_PAUSE, here | row).rowcount:
         return input_rows.insert(connection, record.inputs)
-    if connection.execute(select(episodes.c.id).where(episodes.c.id == record.episode)).first() is None:
+    if connection.execute(_EPISODE_IS_STORED, here).first() is None:
         return None
-    open_ones = (pauses.c.episode_id == record.episode, pauses.c.duration_ms.is_(None))
-    for left in connection.execute(select(pauses).where(*open_ones, pauses.c.started_at < record.started_at)).all():
+    for left in connection.execute(_OPEN_BEFORE, here).all():
         lasted_ms = (record.started_at - left.started_at) / timedelta(milliseconds=1)
         pause(connection, PauseRecord(record.episode, left.timestep, left.reason, left.started_at, lasted_ms))
-    connection.execute(pauses.insert().values(episode_id=record.episode, started_at=record.started_at, **row))
+    connection.execute(_BEGIN_PAUSE, {"episode_id": record.episode, "started_at": record.started_at, **row})
     return input_rows.insert(connection, record.inputs)
+
+
+# Made once: many games pause in the same moment when a machine or a network halts, and building a statement each time
+# took longer than running it.
+_HERE: Final = pauses.c.episode_id == bindparam("episode")
+_END_PAUSE: Final = update(pauses).where(_HERE, pauses.c.started_at == bindparam("start"))
+_EPISODE_IS_STORED: Final = select(episodes.c.id).where(episodes.c.id == bindparam("episode"))
+_OPEN_BEFORE: Final = select(pauses).where(
+    _HERE, pauses.c.duration_ms.is_(None), pauses.c.started_at < bindparam("start")
+)
+_BEGIN_PAUSE: Final = pauses.insert()
 
 
 def pauses_of(connection: Connection, episode_id: str) -> list[PauseRecord]:

@@ -13,6 +13,7 @@ from server.play import messages as m
 from server.play.clock import Clock
 from server.play.episode_spec import EpisodeSpec, PauseLimits
 from server.play.games import Games, NoGame
+from server.play.loop import SLOT_MS
 from server.play.recorder import EpisodeRecord, TickRecord
 from tests.support.live_fakes import MemoryRecorder, QuietConnection, RuleModels, make_spec
 
@@ -121,7 +122,7 @@ async def test_games_share_batches_and_spread_over_the_slots(house: House) -> No
         house.specs[f"e{number}"] = make_spec(seed=number)
     connections = await asyncio.gather(*(house.play(f"e{number}") for number in range(40)))
     slots = set(house.games.loop._slot_of.values())
-    assert {len(slot.games) for slot in slots} == {2}
+    assert {len(slot.games) for slot in slots} == {40 * SLOT_MS // make_spec().tick_ms}
     await until(lambda: all(connection.closed for connection in connections))
     assert all(house.ticks(f"e{number}") == 41 for number in range(40))
     assert max(house.models.batches) >= 2
