@@ -76,43 +76,53 @@ def _set_pot(out, cell, inside):
 
 @kernel
 def encode_game(static, pots, counters, players, contents, timestep, horizon, out, game):
-    """The planes of one game for both chefs. [lossless_state_encoding]
+    """The planes of one of many games for both chefs. [lossless_state_encoding]
 
-    `static` (width, height, 26) from `static_planes`; `out` is the flat view of (games, 2, width, height, 26), of which
-    row `game` is written: [k] is what chef k sees, channels last. A horizon of 0 means an endless game (the urgency
-    plane stays empty). Flat and unsigned, as only then the copy of the static planes is compiled to wide moves.
+    `static` is the flat view of (width, height, 26) from `static_planes`; `out` is the flat view of (games, 2, width,
+    height, 26), of which row `game` is written: [k] is what chef k sees, channels last. A horizon of 0 means an endless
+    game (the urgency plane stays empty). Flat and unsigned, as only then the copy of the static planes is compiled to
+    wide moves; all games' arrays and an index, as a view of one game costs a third of its encoding.
     """
-    height = contents.shape[1]
-    flat_static = static.reshape(-1)
-    size = np.uint64(flat_static.size)
-    for me in range(2):
-        view = np.uint64(2 * game + me) * size
-        for i in range(size):
-            out[view + i] = flat_static[i]
-        other = 1 - me
-        mine = view + np.uint64((players[me, X] * height + players[me, Y]) * PLANES)
-        others = view + np.uint64((players[other, X] * height + players[other, Y]) * PLANES)
+    height = contents.shape[2]
+    size = np.uint64(static.size)
+    first = np.uint64(2 * game) * size
+    second = first + size
+    for i in range(size):
+        out[first + i] = static[i]
+    for i in range(size):
+        out[second + i] = static[i]
+    # Both views at once: what lies on a station is read once and written twice.
+    for k in range(pots.shape[0]):
+        inside = contents[game, pots[k, 0], pots[k, 1]]
+        if inside != NOTHING:
+            cell = np.uint64((pots[k, 0] * height + pots[k, 1]) * PLANES)
+            _set_pot(out, first + cell, inside)
+            _set_pot(out, second + cell, inside)
+    for k in range(counters.shape[0]):
+        item = contents[game, counters[k, 0], counters[k, 1]]
+        if item != NOTHING:
+            cell = np.uint64((counters[k, 0] * height + counters[k, 1]) * PLANES)
+            _add_item(out, first + cell, item)
+            _add_item(out, second + cell, item)
+    for chef in range(2):
+        cell = np.uint64((players[game, chef, X] * height + players[game, chef, Y]) * PLANES)
+        mine = first + cell if chef == 0 else second + cell
+        others = second + cell if chef == 0 else first + cell
+        facing = players[game, chef, FACING]
         out[mine + _ME] = 1
         out[others + _OTHER] = 1
-        out[mine + np.uint64(_MY_FACING + players[me, FACING])] = 1
-        out[others + np.uint64(_OTHER_FACING + players[other, FACING])] = 1
-        for k in range(pots.shape[0]):
-            cell = view + np.uint64((pots[k, 0] * height + pots[k, 1]) * PLANES)
-            _set_pot(out, cell, contents[pots[k, 0], pots[k, 1]])
-        for k in range(counters.shape[0]):
-            item = contents[counters[k, 0], counters[k, 1]]
-            if item != NOTHING:
-                _add_item(out, view + np.uint64((counters[k, 0] * height + counters[k, 1]) * PLANES), item)
-        _add_item(out, mine, players[me, HELD])
-        _add_item(out, others, players[other, HELD])
-        if horizon > 0 and horizon - timestep < URGENT_TIMESTEPS:
-            for cell in range(view, view + size, np.uint64(PLANES)):
-                out[cell + _URGENT] = 1
+        out[mine + np.uint64(_MY_FACING + facing)] = 1
+        out[others + np.uint64(_OTHER_FACING + facing)] = 1
+        _add_item(out, mine, players[game, chef, HELD])
+        _add_item(out, others, players[game, chef, HELD])
+    if horizon > 0 and horizon - timestep[game] < URGENT_TIMESTEPS:
+        for cell in range(first, second + size, np.uint64(PLANES)):
+            out[cell + _URGENT] = 1
 
 
 @kernel
 def encode(static, pots, counters, players, contents, timestep, horizon, out):
     """The planes of many games: `out` (games, 2, width, height, 26), contiguous, any 8-bit or wider integer type."""
-    flat = out.reshape(-1)
+    flat_static, flat = static.reshape(-1), out.reshape(-1)
     for game in range(players.shape[0]):
-        encode_game(static, pots, counters, players[game], contents[game], timestep[game], horizon, flat, game)
+        encode_game(flat_static, pots, counters, players, contents, timestep, horizon, flat, game)

@@ -201,19 +201,22 @@ def _step(
     tiles, pots, counters, starts, cells, static, players, contents, timestep, horizon, random, random_chance,
     sums, finished, finished_count, actions, events, sparse, shaped, dones, observations,
 ):  # fmt: skip
-    flat = observations.reshape(-1)
+    flat_static, flat = static.reshape(-1), observations.reshape(-1)
     for game in range(players.shape[0]):
         step_game(
             tiles, pots, counters, players[game], contents[game], actions[game, 0], actions[game, 1], events[game]
         )
         timestep[game] += 1
         for k in range(2):
-            points = sparse_reward(events[game, k])
-            shaping = shaped_reward(events[game, k])
-            sparse[game, k] = points
-            shaped[game, k] = shaping
-            sums[game, _SPARSE] += points
-            sums[game, _SHAPED_FIRST + k] += shaping
+            sparse[game, k] = 0
+            shaped[game, k] = 0
+            if events[game, k] != 0:  # in most timesteps nothing happens
+                points = sparse_reward(events[game, k])
+                shaping = shaped_reward(events[game, k])
+                sparse[game, k] = points
+                shaped[game, k] = shaping
+                sums[game, _SPARSE] += points
+                sums[game, _SHAPED_FIRST + k] += shaping
         sums[game, _LENGTH] += 1
         dones[game] = timestep[game] >= horizon
         if dones[game]:
@@ -222,4 +225,4 @@ def _step(
             _begin(starts, cells, pots, players[game], contents[game], sums[game], random, game, random_chance)
             timestep[game] = 0
         if observations.shape[0] > 0:
-            encode_game(static, pots, counters, players[game], contents[game], timestep[game], horizon, flat, game)
+            encode_game(flat_static, pots, counters, players, contents, timestep, horizon, flat, game)

@@ -48,9 +48,9 @@ WRONG = {
     "every dish is shaped": ("score", "events & USEFUL_DISH_PICKUP", "events & (1 << 7)"),
     "a placed onion is not shaped": ("score", "PLACEMENT_REWARD = 3", "PLACEMENT_REWARD = 0"),
     "the cooking plane counts up": ("observe", "COOK_TIME - (inside - COOKING)", "inside - COOKING"),
-    "the urgent plane comes a timestep early": ("observe", "horizon - timestep < URGENT", "horizon - timestep <= URGENT"),
+    "the urgent plane comes a timestep early": ("observe", "horizon - timestep[game] < URGENT", "horizon - timestep[game] <= URGENT"),
     "the two chefs' facings are exchanged": ("observe", "_MY_FACING, _OTHER_FACING = 2, 6", "_MY_FACING, _OTHER_FACING = 6, 2"),
-    "a held object is drawn only for its holder": ("observe", "        _add_item(out, others, players[other, HELD])\n", ""),
+    "a held object is drawn only for its holder": ("observe", "        _add_item(out, others, players[game, chef, HELD])\n", ""),
     "a soup in hand is not drawn as ready": ("observe", "        out[cell + _SOUP_READY] += 1\n", ""),
 }  # fmt: skip
 
