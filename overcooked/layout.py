@@ -13,6 +13,7 @@ from overcooked.constants import COUNTER, FLOOR, PLAYERS, POT, STEP_X, STEP_Y, T
 from overcooked.layout_file import LayoutError as LayoutError
 from overcooked.layout_file import grid_rows, read_text
 from overcooked.observe import PLANES, static_planes
+from overcooked.other_names import bundled_name
 
 LAYOUT_FOLDER = Path(__file__).parent / "layouts"
 _REQUIRED = {"O": "onion dispenser", "D": "dish dispenser", "P": "pot", "S": "exit"}
@@ -57,13 +58,14 @@ class Layout:
 
 
 def load_layout(name_or_path: str | Path) -> Layout:
-    """A shipped layout by its name, or a `.layout` file (a drawn grid, or overcooked_ai's dictionary).
+    """A shipped layout by its name (or another one, see `other_names`), or a `.layout` file (a drawn grid, or
+    overcooked_ai's dictionary).
 
     Raises LayoutError for a bad grid, FileNotFoundError (with the names there are) for an unknown layout.
     """
     path = Path(name_or_path)
     if path.suffix != ".layout":
-        path = LAYOUT_FOLDER / f"{name_or_path}.layout"
+        path = LAYOUT_FOLDER / f"{bundled_name(str(name_or_path))}.layout"
     if not path.is_file():
         known = ", ".join(layout_names())
         raise FileNotFoundError(
@@ -77,7 +79,7 @@ def bundled_layout(name: str) -> Layout:
 
     Raises FileNotFoundError (with the names there are) for any other name.
     """
-    if name not in layout_names():
+    if bundled_name(name) not in layout_names():
         raise FileNotFoundError(f"there is no layout {name!r}. Known: {', '.join(layout_names())}; or give its grid.")
     return load_layout(name)
 

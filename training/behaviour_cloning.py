@@ -1,8 +1,8 @@
 """Partners like people: small networks that do what humans did in recorded games (behaviour cloning).
 
-The recordings are Carroll et al.'s human-human games on Coordination Ring (tests/data). Half of the games make the
-clone with whom predictors are measured, the other half the clones that they learn with: no pair of people is in both.
-It must not know how clones are used. Run it as `python -m training.behaviour_cloning`.
+The recordings are Carroll et al.'s human-human games on the five classic layouts (tests/data). The later half of the
+games makes the clone with whom predictors are measured, the earlier half the clones that they learn with: no pair of
+people is in both. It must not know how clones are used. Run it as `python -m training.behaviour_cloning`.
 """
 
 import argparse
@@ -27,7 +27,8 @@ from overcooked.state import Kitchens
 from training.runlog import revision
 
 RECORDED = "coordination_ring"
-RECORDINGS = Path(__file__).parent.parent / "tests" / "data" / "coordination_ring_train.jsonl.gz"
+_DATA = Path(__file__).parent.parent / "tests" / "data"
+RECORDINGS = _DATA / "coordination_ring_train.jsonl.gz"
 NAME = "human_bc"
 LIKE_PEOPLE = Mode(temperature=1.0, stuck_after=3, stuck_mix=0.5)  # cloned people get stuck far more than people do
 MEASURED_GAMES, LEARNT_GAMES = (4, 5, 6, 7), (0, 1, 2, 3)  # of the 8 recorded
@@ -74,6 +75,12 @@ def read_human_games(path: Path, layout: Layout) -> HumanGames:
         raise ValueError(f"{path}: holds no recorded actions. Give a file of recorded human games.")
     observations = np.concatenate(seen)
     return HumanGames(observations, np.array(done, np.int64).ravel(), np.array(games, np.int64).ravel())
+
+
+def measured_games(games: HumanGames) -> tuple[int, ...]:
+    """The later half of the recorded games: those that the clone for measuring imitates."""
+    count = int(games.game[-1]) + 1
+    return tuple(range(count // 2, count))
 
 
 def companions() -> dict[str, tuple[CloningConfig, Mode]]:
@@ -163,9 +170,10 @@ def save_clone(
         [
             f"# {folder.name}: a behaviour-cloned human for {layout.name}",
             "",
-            f"A small network that imitates the people of games {numbers} of 8 human-human games (9,619 joint steps,",
-            "150 ms each): Carroll et al. 2019, collected by CHAI, UC Berkeley, anonymised by them, MIT. Predictors",
-            "learn with clones of games 1 to 4 and are measured with one of games 5 to 8. It is no study partner.",
+            f"A small network that imitates the people of games {numbers} of the human-human games recorded on this",
+            "layout (150 ms a step): Carroll et al. 2019, collected by CHAI, UC Berkeley, anonymised by them, MIT.",
+            "Predictors learn with clones of the earlier half of the games; one of the later half measures them.",
+            "It is no study partner.",
             f"Samples (temperature {mode.temperature:g}); after {mode.stuck_after}",
             f"timesteps without a change of its own cell, facing or hand, {mode.stuck_mix:.0%} of the probability goes",
             "to the four moves.",
@@ -196,17 +204,19 @@ def save_clone(
 def main() -> None:
     """Clones the shipped recordings and writes the agent where studies and evaluations find it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--recordings", type=Path, default=RECORDINGS)
+    parser.add_argument("--recordings", type=Path, help="default: tests/data/LAYOUT_train.jsonl.gz")
     parser.add_argument("--layout", default=RECORDED)
     parser.add_argument("--out", type=Path, help="default: models/weights/LAYOUT/human_bc")
     parser.add_argument("--companions", type=Path, metavar="FOLDER", help="instead those that predictors learn with")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     if arguments.companions:
-        print(*make_companions(arguments.companions, arguments.recordings), sep="\n")
+        print(*make_companions(arguments.companions, arguments.recordings or RECORDINGS), sep="\n")
         return
-    layout, config = load_layout(arguments.layout), CloningConfig()
-    network, figures = clone(read_human_games(arguments.recordings, layout), layout, config)
+    layout = load_layout(arguments.layout)
+    games = read_human_games(arguments.recordings or _DATA / f"{layout.name}_train.jsonl.gz", layout)
+    config = CloningConfig(games=measured_games(games))
+    network, figures = clone(games, layout, config)
     folder = arguments.out or WEIGHTS / layout.name / NAME
     save_clone(folder, network, layout, config, figures)
     print(f"{folder}: right in {figures['accuracy']:.1%} of a game it never saw")

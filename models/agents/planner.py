@@ -5,6 +5,8 @@ It knows its layout only through what it sees, and its partner only by place and
 
 import numpy as np
 
+from models.agents.handing_over import must_hand_over
+from models.agents.handing_over import wishes as handing_over_wishes
 from models.agents.observation_parser import Cell, ParsedObservation, Walk, certain, distances, parse_observation
 from models.protocols import Mode, Observations, Probabilities
 from overcooked.constants import ACTIONS, DISH, INTERACT, NOTHING, ONION, ONIONS_PER_SOUP, SOUP, STAY, STEP_X, STEP_Y
@@ -26,7 +28,10 @@ def _action(seen: ParsedObservation) -> int:
     """The first wish that can be reached decides; with nothing to do, the cook makes room by waiting."""
     around = distances(seen.floor, seen.me, seen.other)
     through = distances(seen.floor, seen.me, None)  # as if the other would step aside
-    for wish in _wishes(seen):
+    wishes = _wishes(seen)
+    if must_hand_over(seen, through):
+        wishes = handing_over_wishes(seen, through, distances(seen.floor, seen.other, None))
+    for wish in wishes:
         for reached in (around, through):
             walk = _nearest(seen, reached, wish)
             if walk is not None:

@@ -2,8 +2,9 @@
 
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 
+from overcooked.other_names import bundled_name
 from server.study.locale import languages, locale
 from server.study.questionnaire import AnyQuestion, Key, Questionnaire
 from server.study.recruitment import Recruitment
@@ -64,6 +65,14 @@ class KitchenChoice(StrictModel):
     """The name that participants see."""
     grid: str | None = None
     """Your own layout, row by row: X counter, O onions, D dishes, P pot, S exit, space floor, 1 and 2 the chefs."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bundled_name(cls, values: Any) -> Any:
+        """A layout that overcooked_ai calls otherwise (random0) has one name in the data."""
+        if isinstance(values, dict) and isinstance(values.get("name"), str) and values.get("grid") is None:
+            return values | {"name": bundled_name(values["name"])}
+        return values
 
 
 class Order(StrictModel):

@@ -60,6 +60,19 @@ def test_two_planners_serve_soup_in_every_kitchen_and_never_jam_for_good(name: s
     assert games.longest_jam < 60
 
 
+def test_planners_hand_things_over_where_no_chef_reaches_everything() -> None:
+    layout = load_layout("forced_coordination")
+    planner = EvaluatedAgent(*load_agent("planner", layout))
+    assert with_itself(layout, planner, episodes=4).scores.min() >= 200
+
+
+def test_a_planner_leaves_things_for_somebody_who_never_takes_them_and_stops() -> None:
+    layout = load_layout("forced_coordination")
+    planner, waiter = (EvaluatedAgent(*load_agent(name, layout)) for name in ("planner", "stay"))
+    for seats in ((planner, waiter), (waiter, planner)):
+        assert play(layout, seats, 2, seed=0).scores.max() == 0
+
+
 def test_a_planner_cooks_beside_somebody_who_only_waits() -> None:
     layout = load_layout("double_rings")
     planner, waiter = (EvaluatedAgent(*load_agent(name, layout)) for name in ("planner", "stay"))

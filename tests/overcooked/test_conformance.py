@@ -18,6 +18,13 @@ from overcooked.state import Kitchens
 
 DATA = Path(__file__).parent.parent / "data"
 SOUP_REWARD_OF_2019 = 5
+GAMES_OF_PEOPLE = {  # joint steps of the recorded games
+    "asymmetric_advantages_train": 10_768,
+    "coordination_ring_train": 9_619,
+    "counter_circuit_train": 9_627,
+    "cramped_room_train": 9_564,
+    "forced_coordination_train": 7_151,
+}
 Recorded = dict[str, Any]
 
 
@@ -68,7 +75,8 @@ def check_transition(kitchen: Kitchens, line: Recorded) -> None:
 
 def test_recorded_layouts_are_the_shipped_ones_of_that_name() -> None:
     recorded_layouts = layouts_of("episodes")
-    assert set(recorded_layouts) == set(layout_names()) - {"practice"}
+    of_people = {name.removesuffix("_train") for name in GAMES_OF_PEOPLE}
+    assert set(recorded_layouts) | of_people == set(layout_names()) - {"practice"}
     assert all(load_layout(name).sha256 == layout.sha256 for name, layout in recorded_layouts.items())
 
 
@@ -102,9 +110,11 @@ def test_recorded_single_transitions_are_reproduced_bit_for_bit() -> None:
     assert count == 7_500
 
 
-def test_recorded_games_of_people_replay() -> None:
+@pytest.mark.parametrize(("name", "joint_steps"), GAMES_OF_PEOPLE.items())
+def test_recorded_games_of_people_replay(name: str, joint_steps: int) -> None:
     events, steps_played = np.zeros((1, 2), np.int32), 0
-    for layout, steps in episodes("coordination_ring_train"):
+    assert load_layout(name.removesuffix("_train")).sha256 == layouts_of(name)[name.removesuffix("_train")].sha256
+    for layout, steps in episodes(name):
         kitchen = Kitchens.start(layout)
         for line in steps:
             assert kitchen.record() == state_of(line)
@@ -112,7 +122,7 @@ def test_recorded_games_of_people_replay() -> None:
             soups = sum(sparse_reward(int(bits)) for bits in events[0]) / 20
             assert soups * SOUP_REWARD_OF_2019 == line["r"]
             steps_played += 1
-    assert steps_played == 9_619
+    assert steps_played == joint_steps
 
 
 @pytest.mark.parametrize("games", [1, 7])

@@ -8,10 +8,14 @@ from overcooked.state import Kitchens
 
 # Literals on purpose: stored episodes carry such hashes, so a change of the hash needs a migration, not a new literal.
 START_HASHES = {
+    "asymmetric_advantages": "fcc7b89d9bb56ef0",
     "clear_division": "ac2bff05217cbbf8",
     "coordination_ring": "4b9a750f01eef36c",
+    "counter_circuit": "10a1bf04dd7d3e7b",
+    "cramped_room": "92b256112eeda1e4",
     "double_counters": "864545d740a5ee5f",
     "double_rings": "46201ded4003f212",
+    "forced_coordination": "22f76ab8122ee78e",
     "matrix": "3222586deb40ac31",
     "practice": "2cc455e7b4884d5a",
 }

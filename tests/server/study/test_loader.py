@@ -202,3 +202,8 @@ def test_text_falls_back_to_a_language_that_has_words() -> None:
     assert Text({"en": "Hello", "zh": "你好"}).of("zh") == "你好"
     assert Text({"en": "Hello"}).of("fr") == "Hello"
     assert Text.model_validate(7).of("fr") == "7"
+
+
+def test_a_kitchen_named_as_in_overcooked_ai_has_one_name_in_the_data() -> None:
+    study = parse_study(SMALL_STUDY.replace("name: coordination_ring", "name: random3")).study
+    assert "counter_circuit" in {kitchen.name for kitchen in study.layouts}

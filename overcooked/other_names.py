@@ -1,0 +1,15 @@
+"""What overcooked_ai and older papers call bundled layouts."""
+
+from typing import Final
+
+OTHER_NAMES: Final = {
+    "random0": "forced_coordination",
+    "random1": "coordination_ring",
+    "random3": "counter_circuit",
+    "counter_circuit_o_1order": "counter_circuit",
+}
+
+
+def bundled_name(name: str) -> str:
+    """Return the name that the layout has here and in the data."""
+    return OTHER_NAMES.get(name, name)
