@@ -50,7 +50,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         if error.name is None or (Path(__file__).parent / error.name.split(".")[0]).exists():
             raise
-        print(f"kitchenmind {verb} needs the Python package {error.name}: run `make setup`.", file=sys.stderr)
+        is_checkout = (Path(__file__).parent / "pyproject.toml").is_file()
+        remedy = "make setup" if is_checkout else "pip install 'kitchenmind[training,analysis]'"
+        print(f"kitchenmind {verb} needs the Python package {error.name}: run `{remedy}`.", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 130

@@ -20,7 +20,7 @@ from sqlalchemy import inspect
 from models.networks.checkpoint import CheckpointError, load_checkpoint
 from server.commands.serve import listen
 from server.required_models import folder_of, required_models
-from server.settings import VAR, Settings
+from server.settings import Settings
 from server.store import engines
 from server.store.database import Database, DatabaseDown
 from server.store.engines import encoding_problem, normal_url
@@ -62,7 +62,7 @@ def _secret(settings: Settings) -> Iterator[HealthFinding]:
     if settings.secret is not None:
         yield HealthFinding("secret", "good", "KITCHENMIND_SECRET is set")
         return
-    path = VAR / "secret"
+    path = settings.data / "secret"
     if path.is_file() and stat.S_IMODE(path.stat().st_mode) & 0o077:
         yield HealthFinding("secret", "bad", f"{path} can be read by others. Run `chmod 600 {path}`.")
     else:

@@ -8,7 +8,7 @@ import os
 import re
 import secrets
 from pathlib import Path
-from typing import Literal, Self
+from typing import Any, Literal, Self
 from urllib.parse import quote, urlsplit
 
 from pydantic import Field, SecretStr, model_validator
@@ -16,8 +16,9 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from server.weak_secrets import is_weak
 
-ROOT = Path(__file__).resolve().parent.parent
-VAR = ROOT / "var"
+ROOT = Path(__file__).resolve().parent.parent  # a checkout, or the folder in which packages are installed
+IS_CHECKOUT = (ROOT / "pyproject.toml").is_file()
+DATABASE_FILE = "kitchenmind.sqlite3"
 _LOCAL_HOSTS = frozenset({"127.0.0.1", "::1", "localhost"})
 _SHORTEST_SECRET, _SHORTEST_TOKEN = 32, 16
 _RANDOM_OF_SECRET, _RANDOM_OF_TOKEN = 20, 12  # characters of it that nobody can foresee
@@ -42,15 +43,19 @@ class Settings(BaseSettings):
     """The address to listen on. `0.0.0.0` means every address of the machine."""
     port: int = Field(default=8000, ge=0, le=65535)
     """The port to listen on. `0` takes a free one."""
-    database: str = f"sqlite:///{quote(str(VAR / 'kitchenmind.sqlite3'))}"
-    """The database: `sqlite:///path/to/file` or `postgresql://user@host/name`."""
+    data: Path = ROOT / "var" if IS_CHECKOUT else Path("kitchenmind-data")
+    """The folder for what the server keeps: the database, unless `database` names another, and the secret of local
+    mode. Default: `var` in a checkout, else `kitchenmind-data` in the folder where the command runs."""
+    database: str = ""
+    """The database: `sqlite:///path/to/file` or `postgresql://user@host/name`. Empty: the file `kitchenmind.sqlite3` in
+    the folder `data`."""
     studies: tuple[Path, ...] = (ROOT / "studies" / "quick_look.yaml", ROOT / "studies" / "external_predictor.yaml")
     """The study files to serve, as a JSON list: `["studies/quick_look.yaml"]`."""
     models_folder: Path | None = None
     """The folder in which relative model paths start. Empty: the folder of the study file."""
     secret: SecretStr | None = None
     """Signs forms: at least 32 random characters. Production refuses rows of digits or keys and repeated characters.
-    In local mode the server makes a secret and keeps it in `var`."""
+    In local mode the server makes a secret and keeps it in the folder `data`."""
     public_url: str = ""
     """The address that browsers use: scheme, name and port only, such as `https://lab.example.org`. Empty: the address
     of each request."""
@@ -82,6 +87,13 @@ class Settings(BaseSettings):
     them. Production requires at least 16 random characters."""
     alert_webhook: SecretStr | None = None
     """The address to which alerts are posted as JSON, such as a chat's incoming webhook. Keep it secret."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _database_in_the_folder(cls, values: dict[str, Any]) -> dict[str, Any]:
+        if values.get("database"):
+            return values
+        return values | {"database": _database_in(Path(values.get("data") or cls.model_fields["data"].default))}
 
     @model_validator(mode="after")
     def _several_can_share(self) -> Self:
@@ -154,12 +166,17 @@ class Settings(BaseSettings):
             )
         return self
 
+    def make_data_folder(self) -> None:
+        """Create the folder `data` if something will be kept in it. Raises OSError."""
+        if self.secret is None or self.database == _database_in(self.data):
+            self.data.mkdir(mode=0o700, parents=True, exist_ok=True)
+
     def signing_key(self) -> bytes:
         """The secret; for local use one is made at the first start and kept, readable by the owner only."""
         if self.secret is not None:
             return self.secret.get_secret_value().encode()
-        VAR.mkdir(mode=0o700, exist_ok=True)
-        path = VAR / "secret"
+        self.make_data_folder()
+        path = self.data / "secret"
         try:
             descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         except FileExistsError:
@@ -167,6 +184,10 @@ class Settings(BaseSettings):
         with os.fdopen(descriptor, "wb") as file:
             file.write(secrets.token_urlsafe(32).encode())
         return path.read_bytes()
+
+
+def _database_in(folder: Path) -> str:
+    return f"sqlite:///{quote(str(folder.absolute() / DATABASE_FILE))}"
 
 
 def _check_proxies(trusted: str) -> None:

@@ -4,7 +4,6 @@ import argparse
 import json
 from pathlib import Path
 from typing import Any, Final
-from urllib.parse import quote
 
 from docs.generate.markdown import cell, code, plain_type
 from server.commands import serve
@@ -53,7 +52,7 @@ def _setting_default(value: object) -> str:
         return "empty"
     if isinstance(value, tuple):
         return code(json.dumps([str(path.relative_to(ROOT)) for path in value]))
-    return code(str(value).replace(quote(str(ROOT / "var")), "var"))
+    return code(str(value).replace(str(ROOT / "var"), "var"))
 
 
 def _type(value: dict[str, Any]) -> str:

@@ -41,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--host", help="address to listen on (127.0.0.1)")
     parser.add_argument("--port", type=int, help="port to listen on (8000; 0 takes a free one)")
+    parser.add_argument("--data", type=Path, metavar="DIR", help="the folder for the database and what else is kept")
     parser.add_argument("--database", metavar="URL", help="sqlite:///path or postgresql://user@host/name")
     parser.add_argument("--workers", type=int, metavar="N", help="server processes (1); more need PostgreSQL and Redis")
     parser.add_argument("--redis", metavar="URL", help="redis://host:6379/0, for several server processes")
@@ -56,6 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
         try:
             stack.enter_context(unbundled(arguments))
             settings = settings_of(arguments)
+            settings.make_data_folder()
             process = supervised()
             listening = stack.enter_context(process.listening if process else listen(settings.host, settings.port))
         except (ValueError, OSError) as error:
@@ -96,6 +98,7 @@ def settings_of(arguments: argparse.Namespace) -> "Settings":
         "models_folder": getattr(arguments, "models_folder", None),
         "host": arguments.host,
         "port": arguments.port,
+        "data": getattr(arguments, "data", None),
         "database": arguments.database,
         "workers": arguments.workers,
         "redis": arguments.redis,
@@ -213,7 +216,7 @@ def _server(app: "FastAPI", settings: "Settings", announced: bool = True) -> "uv
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
             await super().startup(sockets=sockets)
             if self.started and sockets and announced:
-                print(f"kitchenmind is at {_address(sockets[0])}  (stop with Ctrl+C)", flush=True)
+                _announce(settings, sockets[0])
 
         async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
             await app.state.services.games.stop()
@@ -241,6 +244,14 @@ def _server(app: "FastAPI", settings: "Settings", announced: bool = True) -> "uv
             timeout_graceful_shutdown=10,
         )
     )
+
+
+def _announce(settings: "Settings", listening: socket.socket) -> None:
+    from server.settings import IS_CHECKOUT
+
+    if not IS_CHECKOUT:
+        print(f"data are kept in {settings.data.absolute()}", flush=True)
+    print(f"kitchenmind is at {_address(listening)}  (stop with Ctrl+C)", flush=True)
 
 
 def _address(listening: socket.socket) -> str:

@@ -25,7 +25,7 @@ STUDY = ROOT / "tests" / "data" / "small_study.yaml"
 @pytest.fixture
 def where(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of one's own, with a secret that only its owner can read."""
-    monkeypatch.setattr(doctor, "VAR", tmp_path)
+    monkeypatch.setenv("KITCHENMIND_DATA", str(tmp_path))
     for name in ("MODE", "SECRET", "PUBLIC_URL", "STUDIES", "DATABASE"):
         monkeypatch.delenv(f"KITCHENMIND_{name}", raising=False)
     monkeypatch.chdir(tmp_path)
