@@ -1,27 +1,27 @@
 """A real headless Chromium for every end-to-end test."""
 
-import shutil
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser
 
-from tests.support.browser.chromium import CHROMIUM_ARGUMENTS
+from tests.support.browser.chromium import SharedChromium
 from tests.support.browser.fake_game_server import FakeGameServer
 
 
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
-    """The installed Chromium. Its absence is a failure: `make setup` says how to install it.
+@pytest.fixture(scope="session")
+def shared_chromium() -> Iterator[SharedChromium]:
+    """One for each worker: Playwright and Chromium take several seconds of a processor to start."""
+    shared = SharedChromium()
+    yield shared
+    shared.close()
 
-    Once a module: while Playwright is open its event loop counts as running, and asynchronous tests could not follow.
-    """
-    executable = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    assert executable, "no Chromium is installed: run `make setup`, or install the package `chromium`"
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=executable, args=CHROMIUM_ARGUMENTS)
+
+@pytest.fixture(scope="module")
+def chromium(shared_chromium: SharedChromium) -> Iterator[Browser]:
+    """The browser of this worker. Each test opens a context of its own; none outlives the file."""
+    with shared_chromium.in_use() as browser:
         yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")

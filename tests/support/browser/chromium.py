@@ -1,5 +1,12 @@
 """How the tests and benchmarks start Chromium."""
 
+import asyncio
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from playwright.sync_api import Browser, sync_playwright
+
 CHROMIUM_ARGUMENTS = [
     "--no-sandbox",
     "--disable-gpu",
@@ -8,3 +15,45 @@ CHROMIUM_ARGUMENTS = [
     "--disable-component-update",
     "--disable-sync",
 ]
+
+
+class SharedChromium:
+    """The installed Chromium, started once for all test files of a process."""
+
+    def __init__(self) -> None:
+        """Fail if it is not installed: `make setup` says how to install it."""
+        executable = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+        assert executable, "no Chromium is installed: run `make setup`, or install the package `chromium`"
+        self._executable = executable
+        self._playwright = sync_playwright().start()
+        self._browser = self._launched()
+        self._loop = asyncio.get_running_loop()
+        asyncio._set_running_loop(None)
+
+    def _launched(self) -> Browser:
+        return self._playwright.chromium.launch(executable_path=self._executable, args=CHROMIUM_ARGUMENTS)
+
+    @contextmanager
+    def in_use(self) -> Iterator[Browser]:
+        """Lend the browser, and close every context that is left in it.
+
+        Between two calls Playwright's event loop counts as running, so that no asynchronous test could follow. Only
+        inside this block does it: the loop is put aside at the end and taken up at the beginning.
+        """
+        asyncio._set_running_loop(self._loop)
+        try:
+            if not self._browser.is_connected():  # a test may have ended it, or the system for want of memory
+                self._browser = self._launched()
+            yield self._browser
+            if self._browser.is_connected():
+                for context in self._browser.contexts:
+                    context.close()
+        finally:
+            asyncio._set_running_loop(None)
+
+    def close(self) -> None:
+        with self.in_use() as browser:
+            browser.close()
+        asyncio._set_running_loop(self._loop)
+        self._playwright.stop()
+        asyncio._set_running_loop(None)
