@@ -33,7 +33,7 @@ VERBS: dict[str, tuple[str, str]] = {
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs one verb; returns the exit status: 0 done, 1 failed, 2 wrong input, 130 stopped by Ctrl+C."""
+    """Run one verb; return the exit status: 0 done, 1 failed, 2 wrong input, 130 stopped by Ctrl+C."""
     words = list(sys.argv[1:] if argv is None else argv)
     verb = words[0] if words else None
     parser = argparse.ArgumentParser(prog="kitchenmind", description=__doc__ if verb is None else None)

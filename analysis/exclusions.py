@@ -19,7 +19,7 @@ REASONS = {
 
 
 def flow(export: Export, episodes: pl.DataFrame, analysed: pl.DataFrame) -> list[Result]:
-    """Counts by condition (and `all`), in the order of a flow diagram; `note` holds a reason, `test` names the step:
+    """Count by condition (and `all`), in the order of a flow diagram; `note` holds a reason, `test` names the step:
     assigned, left, excluded, analysed (people), played, unfinished, removed, analysed (episodes)."""
     participants, conditions = export.participants, export.conditions
     everybody = pl.concat([participants.select("condition"), export.withdrawals.select("condition")])

@@ -58,7 +58,7 @@ STYLE = {
 
 
 def save(figure: Figure, folder: Path, name: str) -> str:
-    """Writes name.svg and name.png (300 dpi) and returns the SVG to put into a page, its ids made unique by name."""
+    """Write name.svg and name.png (300 dpi) and return the SVG to put into a page, its ids made unique by name."""
     with rc_context({**STYLE, "svg.hashsalt": name}):  # type: ignore[arg-type, dict-item, unused-ignore]
         figure.savefig(folder / f"{name}.png", dpi=DPI, facecolor=CARD)
         stream = StringIO()

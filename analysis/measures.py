@@ -63,7 +63,7 @@ def analysed(episodes: pl.DataFrame, participants: pl.DataFrame) -> pl.DataFrame
 
 
 def _runs(ticks: pl.DataFrame) -> pl.DataFrame:
-    """Runs of the same action of the person: episode, person, length."""
+    """Return runs of the same action of the person: episode, person, length."""
     return (
         ticks.sort("episode", "timestep")
         .with_columns(run=pl.struct("episode", "person").rle_id())
@@ -79,8 +79,8 @@ def longest_idle(ticks: pl.DataFrame) -> pl.DataFrame:
 
 
 def pushing(ticks: pl.DataFrame) -> pl.DataFrame:
-    """Share of timesteps beyond the eighth of one and the same move in a row: whoever does that stands at a wall or at
-    the partner. A sign of being stuck that needs the actions only."""
+    """Share of timesteps beyond the eighth of one and the same move in a row: the chef stands at a wall or at the
+    partner. A sign of being stuck that needs the actions only."""
     beyond = pl.when(pl.col("person") < MOVES).then((pl.col("length").cast(pl.Int64) - PUSHES).clip(0)).otherwise(0)
     return _runs(ticks).group_by("episode").agg(pushing_share=beyond.sum() / pl.col("length").sum())
 

@@ -65,7 +65,7 @@ def main_contrast(conditions: Sequence[str]) -> tuple[str, str] | None:
 
 
 def analyse(export: Export, options: Options) -> Analysis:
-    """Computes all. Where data are missing a row says why, or there is none. Raises ExportError: unknown layout."""
+    """Compute all. Where data are missing a row says why, or there is none. Raises ExportError: unknown layout."""
     every = measures.episode_measures(export)
     episodes = measures.analysed(every, export.participants)
     conditions = tuple(name for name in export.conditions if name in set(episodes["condition"]))

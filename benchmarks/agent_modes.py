@@ -29,7 +29,7 @@ MODES = (
 
 
 def main() -> None:
-    """Prints a table, a row a mode."""
+    """Print a table, a row a mode."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--layout", default="coordination_ring")
     parser.add_argument("--agent", default="sp")

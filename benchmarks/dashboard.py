@@ -74,7 +74,7 @@ class Watched(Player):
 
 
 def account(server: Server) -> str:
-    """Makes a researcher; the password."""
+    """Make a researcher; the password."""
     words = ["admin", "--database", f"sqlite:///{server.database}", "create", "mara", "--role", "act"]
     line = [sys.executable, str(ROOT / "kitchenmind.py"), *words]
     made = subprocess.run(line, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL)

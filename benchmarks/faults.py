@@ -115,7 +115,7 @@ def main() -> int:
 
 
 def printed(found: Iterable[FaultResult], to: TextIO, as_json: bool) -> bool:
-    """Prints every row as soon as it is made, with `as_json` as the items of one JSON list; whether all passed."""
+    """Print every row as soon as it is made, with `as_json` as the items of one JSON list; whether all passed."""
     passed, first = True, True
     for row in found:
         passed &= row.passed

@@ -40,7 +40,7 @@ _EPISODES, _EPISODE = 60, 400  # of the made-up games
 
 
 def main() -> None:
-    """Prints a table, or one JSON object."""
+    """Print a table, or one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--device", default="auto", help="auto, cpu, cuda or mps")

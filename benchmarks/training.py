@@ -41,7 +41,7 @@ _MOST_S = 300.0
 
 
 def main() -> None:
-    """Prints a table, or one JSON object."""
+    """Print a table, or one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--seeds", type=int, default=3, help="runs of the time to 200 points")

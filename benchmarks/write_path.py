@@ -45,7 +45,7 @@ def games_of(database: Database, count: int) -> dict[str, int]:
 
 
 def one_process(url: str, games: int, timesteps: int, begin: Any, told: Any) -> None:
-    """Feeds its games' ticks, each slot at its time, or as fast as they are taken."""
+    """Feed its games' ticks, each slot at its time, or as fast as they are taken."""
     with Database(url, shared=True, readers=1) as database:
         owned = games_of(database, games)
         names = list(owned)

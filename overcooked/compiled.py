@@ -18,7 +18,7 @@ _KERNEL_SOURCES = ("compiled.py", "constants.py", "observe.py", "rules.py", "sco
 
 
 def forget_stale_code(folder: Path = _FOLDER) -> int:
-    """Deletes compiled code older than any kernel's source; returns how many files.
+    """Delete compiled code older than any kernel's source; return how many files.
 
     numba looks only at the file that a function is in. A changed rule would otherwise live on in `vector_env`.
     """

@@ -46,7 +46,7 @@ class Layout:
 
     @cached_property
     def sha256(self) -> str:
-        """Names the grid in data and checkpoints: the hash of `text`."""
+        """Name the grid in data and checkpoints: the hash of `text`."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     @cached_property
@@ -110,7 +110,7 @@ def _cells(tiles: NDArray[np.int8], tile: int) -> NDArray[np.int8]:
 
 
 def _check_grid(rows: list[str], source: str) -> list[tuple[int, int]]:
-    """Refuses anything that is not a closed rectangle of known tiles with all it needs; returns the start cells."""
+    """Refuse anything that is not a closed rectangle of known tiles with all it needs; return the start cells."""
     if not rows or not rows[0]:
         raise LayoutError(
             source, "the grid is empty", "Draw at least 3 rows, e.g. the shipped coordination_ring.layout."
@@ -167,7 +167,7 @@ def _check_cell(
 
 
 def _check_reach(rows: list[str], tiles: NDArray[np.int8], starts: list[tuple[int, int]], source: str) -> None:
-    """Refuses a station that nobody can stand next to, however the chefs walk."""
+    """Refuse a station that nobody can stand next to, however the chefs walk."""
     reached = set(starts)
     queue = deque(starts)
     while queue:

@@ -35,7 +35,7 @@ _DISH, _ONION = np.uint64(22), np.uint64(23)
 
 @kernel
 def static_planes(tiles, out):
-    """Writes the planes that never change in a layout into `out` (width, height, 26) and clears the others."""
+    """Write the planes that never change in a layout into `out` (width, height, 26) and clear the others."""
     out[:] = 0
     for x in range(tiles.shape[0]):
         for y in range(tiles.shape[1]):

@@ -44,7 +44,7 @@ class Replay:
 
 
 def simulate(episode: RecordedEpisode) -> Replay:
-    """Plays an episode from the standard start. States: `Kitchens.record` and `crc`, zlib.crc32 of each chef's view."""
+    """Play an episode from the standard start. States: `Kitchens.record` and `crc`, zlib.crc32 of each chef's view."""
     kitchen, events = Kitchens.start(episode.layout), np.zeros((1, PLAYERS), np.int32)
     replay = Replay([_seen(kitchen)], [], [])
     for joint_action in episode.joint_actions:
@@ -106,7 +106,7 @@ def _is_joint_action(value: object) -> bool:
 
 
 def write_replays(source: Path, target: Path) -> int:
-    """Replays every episode of `source` to a line of `target`; returns how many. `target` comes whole or not at all."""
+    """Replay every episode of `source` to a line of `target`; return how many. `target` comes whole or not at all."""
     count = 0
     with _whole_or_nothing(target) as lines:
         for episode in read_episodes(source):

@@ -34,7 +34,7 @@ class TrajectoryError(ValueError):
 
 
 def write_trajectories(played: Iterable[Played], file: TextIO) -> int:
-    """Writes episodes that began in the standard start state; returns how many."""
+    """Write episodes that began in the standard start state; return how many."""
     columns: dict[str, list[Any]] = {}
     count = 0
     for layout, joint_actions in played:

@@ -120,7 +120,7 @@ class VectorEnv:
         return {**arrays, "sums": self._sums, "random": self._random}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Continues from what `state` gave in an environment of the same layout, games, horizon and starts."""
+        """Continue from what `state` gave in an environment of the same layout, games, horizon and starts."""
         for name, array in self.state().items():
             array[:] = state[name]
 
@@ -164,7 +164,7 @@ def _below(random, game, limit):
 
 @kernel
 def _begin(starts, cells, pots, players, contents, sums, random, game, random_chance):
-    """Puts one game into the first state of an episode and clears its sums."""
+    """Put one game into the first state of an episode and clear its sums."""
     contents[:] = 0
     players[:] = 0
     for k in range(2):

@@ -7,7 +7,7 @@ _ASK_AGAIN_S: Final = 0.2
 
 
 async def ended(*tasks: "asyncio.Task[Any] | None") -> None:
-    """Cancels the tasks and returns when they are over, whatever they raise.
+    """Cancel the tasks and return when they are over, whatever they raise.
 
     One request may not do: `asyncio.wait_for` of Python 3.11 loses a cancellation that comes in the moment in which
     what it waits for is done, and Redis' client waits like that for every command.

@@ -191,7 +191,7 @@ def _tls(settings: Settings) -> Iterator[HealthFinding]:
 
 
 def _days_of_certificate(host: str, port: int) -> float:
-    """Raises ssl.SSLCertVerificationError, OSError."""
+    """Return how many days it is valid. Raises ssl.SSLCertVerificationError, OSError."""
     context = ssl.create_default_context()
     with (
         socket.create_connection((host, port), PATIENCE_S) as line,

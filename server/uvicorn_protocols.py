@@ -41,7 +41,8 @@ def raise_descriptor_limit() -> None:
 class PatientProtocol(H11Protocol):
     """uvicorn's HTTP connection, which by itself would wait for ever for a request to be finished.
 
-    When all places are taken, whoever has been silent longest makes room; if nobody is silent, the newcomer gets a 503.
+    When all places are taken, the connection that has been silent longest is closed; if none is silent, the newcomer
+    gets a 503.
     """
 
     # By server: who has not said anything whole, oldest first.

@@ -33,7 +33,7 @@ def verify_all(connection: Connection, study_ids: tuple[int, ...] | None = None)
 
 
 def verify(connection: Connection, episode_id: str) -> VerificationResult:
-    """Plays one episode again: every state's hash, rewards and events, then score, soups, progress and final hash."""
+    """Play one episode again: every state's hash, rewards and events, then score, soups, progress and final hash."""
     ended = episodes.get(connection, episode_id)
     try:
         record = episodes.load(connection, episode_id)

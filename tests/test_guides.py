@@ -160,7 +160,7 @@ def test_no_contact_in_a_guide_repeats_the_words_in_front_of_it() -> None:
 
 
 def parse(words: list[str]) -> None:
-    """Reads the words as their verb does; SystemExit where it does not know them."""
+    """Read the words as their verb does; SystemExit where it does not know them."""
     module = importlib.import_module(kitchenmind.VERBS[words[0]][0])
     parser = argparse.ArgumentParser(prog=f"kitchenmind {words[0]}")
     module.add_arguments(parser)

@@ -80,7 +80,7 @@ def ship(
     mode: Mode = PEOPLE,
     figures: Mapping[str, Any] = NO_FIGURES,
 ) -> str:
-    """Writes a run's network at a skill level as a checkpoint with its card; returns its sha256."""
+    """Write a run's network at a skill level as a checkpoint with its card; return its sha256."""
     settings = folder.settings
     layout = parse_layout(settings["grid"], settings["layout"])
     config = changed(AgentConfig(), settings["config"], str(folder.path))
@@ -100,8 +100,8 @@ def ship(
 
 
 def publish(folder: Path, target: Path, name: str, figures: Mapping[str, Any]) -> str:
-    """Writes a finished agent's checkpoint again under the name that studies use, with what was measured of it in its
-    config and card; returns its sha256."""
+    """Write a finished agent's checkpoint again under the name that studies use, with what was measured of it in its
+    config and card; return its sha256."""
     checkpoint = load_checkpoint(folder)
     network, layout, config = network_of(checkpoint)
     facts = {key: checkpoint.config[key] for key in ("seed", "skill", "timesteps", "training_reward", "revision")}

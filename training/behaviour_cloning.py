@@ -143,7 +143,7 @@ def _changing(games: HumanGames, config: CloningConfig, network: MlpPolicy) -> t
 
 
 def make_companions(folder: Path, recordings: Path = RECORDINGS) -> list[Path]:
-    """Writes the clones that predictors learn with, a checkpoint folder each, and says where they are; those that are
+    """Write the clones that predictors learn with, a checkpoint folder each, and say where they are; those that are
     there already stay."""
     layout, made = load_layout(RECORDED), []
     games = read_human_games(recordings, layout)
@@ -164,7 +164,7 @@ def save_clone(
     figures: dict[str, float],
     mode: Mode = LIKE_PEOPLE,
 ) -> str:
-    """Writes the agent's checkpoint folder, whose name is the agent's, with its card; returns its sha256."""
+    """Write the agent's checkpoint folder, whose name is the agent's, with its card; return its sha256."""
     numbers = ", ".join(str(game + 1) for game in config.games)
     card = "\n".join(
         [
@@ -202,7 +202,7 @@ def save_clone(
 
 
 def main() -> None:
-    """Clones the shipped recordings and writes the agent where studies and evaluations find it."""
+    """Clone the bundled recordings and write the agent where studies and evaluations find it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--recordings", type=Path, help="default: tests/data/LAYOUT_train.jsonl.gz")
     parser.add_argument("--layout", default=RECORDED)

@@ -56,7 +56,7 @@ def best_fcp(scores: Mapping[str, Mapping[str, float]], of_sp: float) -> str:
 
 
 def ship_cast(work: Work, layout: Layout) -> None:
-    """Copies the chosen agents, the feature lender and the population into models/weights/<layout>."""
+    """Copy the chosen agents, the pretrained encoder and the population into models/weights/<layout>."""
     target = WEIGHTS / layout.name
     for name, folder in work.inputs.items():
         role, _, seed = name.rpartition("_")

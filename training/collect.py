@@ -93,7 +93,7 @@ def collect(
     plan: CollectionPlan,
     report: Report | None = None,
 ) -> Path:
-    """Writes a shard a partner and the manifest to `folder`; what is there already from the same settings stays.
+    """Write a shard a partner and the manifest to `folder`; what is there already from the same settings stays.
     Returns the manifest's path. Raises ValueError where `folder` holds other games."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / MANIFEST

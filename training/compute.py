@@ -76,7 +76,7 @@ _requested = [Request()]
 
 
 def request(device: str = "auto", precision: str = "auto") -> Request:
-    """Sets what this process computes with, as `torch.set_num_threads` does for threads. Raises ComputeError."""
+    """Set what this process computes with, as `torch.set_num_threads` does for threads. Raises ComputeError."""
     for option, value, known in (("--device", device, DEVICES), ("--precision", precision, PRECISIONS)):
         if value not in known:
             raise ComputeError(f"{option} {value}: unknown. Write one of {', '.join(known)}.")

@@ -15,7 +15,7 @@ from models.protocols import STEPS
 from overcooked.constants import ACTIONS
 from training.dataset import NONE, Episodes, stream_batch, window_batch
 
-STUCK_AFTER = 3  # timesteps without a change of cell, facing or hand: a tick counts as stuck, whoever it is
+STUCK_AFTER = 3  # timesteps without a change of cell, facing or hand: a tick counts as stuck, for people and agents
 BINS = 15  # of the confidence, for the calibration error
 _AT_ONCE = {"stream": 16, "window": 4096}  # episodes, windows
 

@@ -106,7 +106,7 @@ def _backward(
     found: tuple[Floats, Floats],
     before: Floats,
 ) -> None:
-    """Adds to `found`, the gradients of both kernels (2, 3 * 3 * filters * filters) and biases (2, filters)."""
+    """Add to `found`, the gradients of both kernels (2, 3 * 3 * filters * filters) and biases (2, filters)."""
     rows, width, height, filters = before.shape
     for start in range(0, rows, LANES):
         end = min(rows, start + LANES)

@@ -109,7 +109,7 @@ class PpoTrainer:
 
     @torch.inference_mode()
     def _play(self, random: np.random.Generator, shaping: float) -> None:
-        """Fills the buffers with `rollout` timesteps of every game."""
+        """Fill the buffers with `rollout` timesteps of every game."""
         config, seats, games = self.config, self.seats, self.seats.games
         frozen = self.fast.frozen()
         flat = self.observations.reshape(PLAYERS * games, -1)  # (rows, width * height * 26), a view
@@ -184,7 +184,7 @@ class PpoTrainer:
         return tensors, {"timesteps": self.timesteps}
 
     def restore(self, tensors: dict[str, Tensor], numbers: dict[str, Any]) -> None:
-        """Continues from `state`."""
+        """Continue from `state`."""
         self.network.load_state_dict(_under(tensors, "network."))
         state = self.optimizer.state_dict()
         for index, (name, _) in enumerate(self.network.named_parameters()):
@@ -197,7 +197,7 @@ class PpoTrainer:
 
 
 def train(trainer: PpoTrainer, folder: RunFolder, progress: Progress | None = None, save_every_s: float = 60) -> None:
-    """Runs to the end of the config, from where the folder's state left off. Snapshots go to the folder."""
+    """Run to the end of the config, from where the folder's state left off. Snapshots go to the folder."""
     config = trainer.config
     state = folder.load()
     if state is not None:
@@ -286,7 +286,7 @@ def _gather(flat, rows, columns, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _draw(logits, uniform, rows, joint, actions, log_probabilities):  # type: ignore[no-untyped-def]
-    """Draws an action a row by inverse transform and notes its logarithm of probability."""
+    """Draw an action a row by inverse transform and note its logarithm of probability."""
     for i in range(len(rows)):
         largest = logits[i].max()
         total = 0.0

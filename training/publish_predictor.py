@@ -81,7 +81,7 @@ def partners_met(manifest: Mapping[str, Any]) -> dict[str, str]:
 def write_predictor(
     folder: Path, network: PredictorNetwork, layout: Layout, target: Target, test: Episodes, how: Mapping[str, Any]
 ) -> Evaluation:
-    """Measures the predictor on `test` and writes its checkpoint with the card; `how` joins the card. Returns what was
+    """Measure the predictor on `test` and write its checkpoint with the card; `how` joins the card. Returns what was
     measured (with the weights as trained; they are stored as 16 bits)."""
     result = evaluate(network, test)
     steps = {f"step{k + 1}": round(share, 4) for k, share in enumerate(result.accuracy.steps)}

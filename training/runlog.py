@@ -50,7 +50,7 @@ class RunFolder:
         return tensors, numbers
 
     def save(self, tensors: Mapping[str, torch.Tensor], numbers: Mapping[str, Any]) -> None:
-        """Replaces the state; `numbers` must hold `timesteps`."""
+        """Replace the state; `numbers` must hold `timesteps`."""
         contiguous = {name: tensor.detach().contiguous() for name, tensor in tensors.items()}
         _replace(self.path / "state.safetensors", save(contiguous, {"numbers": json.dumps(numbers)}))
 
@@ -70,7 +70,7 @@ class RunFolder:
         return [json.loads(line) for line in lines if line.endswith("}")]
 
     def snapshot(self, tensors: Mapping[str, torch.Tensor], timesteps: int, reward: float) -> None:
-        """Keeps a copy of the network as it is now, named by when it was and what it earned then."""
+        """Keep a copy of the network as it is now, named by when it was and what it earned then."""
         contiguous = {name: tensor.detach().half().contiguous() for name, tensor in tensors.items()}
         numbers = json.dumps({"timesteps": timesteps, "reward": reward})
         _replace(self.path / "snapshots" / f"{timesteps:010d}.safetensors", save(contiguous, {"numbers": numbers}))
@@ -85,7 +85,7 @@ class RunFolder:
         return found
 
     def note_compute(self, chosen: str, measured: Mapping[str, float]) -> None:
-        """Records what this process computes the run with; it may differ from one process of the run to the next."""
+        """Record what this process computes the run with; it may differ from one process of the run to the next."""
         line = {"chosen": chosen, "milliseconds": dict(measured)}
         print(f"computing with {chosen} ({_listed(measured)})" if measured else f"computing with {chosen}", flush=True)
         with (self.path / "compute.jsonl").open("a", encoding="utf-8") as file:

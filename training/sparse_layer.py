@@ -86,7 +86,7 @@ def _by_plane(kernel: Tensor) -> NDArray[np.float32]:
 
 @njit(cache=True, fastmath=True)
 def _set_places(entries, r, places):  # type: ignore[no-untyped-def]
-    """Writes the columns that are not zero in row `r` to `places`; returns how many. Without a branch: what is set
+    """Write the columns that are not zero in row `r` to `places`; return how many. Without a branch: what is set
     differs from row to row, and a wrongly predicted branch costs more than a write."""
     count = 0
     for c in range(entries.shape[1]):
@@ -112,7 +112,7 @@ def linear_forward(entries, weight, bias, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, fastmath=True)
 def linear_backward(entries, gradient, weight_gradient):  # type: ignore[no-untyped-def]
-    """Adds each row's gradient to the lines of the weight that the row used."""
+    """Add each row's gradient to the lines of the weight that the row used."""
     places = np.empty(entries.shape[1] + 1, np.int64)
     for r in range(entries.shape[0]):
         for j in range(_set_places(entries, r, places)):
@@ -144,7 +144,7 @@ def convolution_forward(entries, xs, ys, planes, kernel, constant, out):  # type
 
 @njit(cache=True, fastmath=True)
 def convolution_backward(entries, xs, ys, planes, gradient, kernel_gradient):  # type: ignore[no-untyped-def]
-    """Adds each row's gradient around an entry to the kernel column that the entry used."""
+    """Add each row's gradient around an entry to the kernel column that the entry used."""
     filters = kernel_gradient.shape[2] // kernel_gradient.shape[1]
     width, height = gradient.shape[1], gradient.shape[2] // filters
     margin = kernel_gradient.shape[1] // 2

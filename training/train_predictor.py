@@ -128,7 +128,7 @@ class PredictorTrainer:
         return loss
 
     def look(self) -> Evaluation:
-        """Validates the averaged weights and remembers them if they are the best."""
+        """Validate the averaged weights and remember them if they are the best."""
         current = {name: value.clone() for name, value in self._learned().items()}
         self._load(self.average)
         result = evaluate(self.network, self.validation)
@@ -144,7 +144,7 @@ class PredictorTrainer:
         return self.update >= self.config.updates or self.looks_since_best >= self.config.patience
 
     def use_best(self) -> None:
-        """Leaves the best weights in the network, calibrated on validation."""
+        """Leave the best weights in the network, calibrated on validation."""
         self._load(self.best)
         said = logits(self.network, self.validation) * self.network.temperature.cpu()[:, None]
         self.network.temperature.copy_(fitted_temperature(said, torch.from_numpy(self.validation.labels())))
@@ -163,7 +163,7 @@ class PredictorTrainer:
         return tensors, numbers
 
     def restore(self, tensors: dict[str, Tensor], numbers: dict[str, Any]) -> None:
-        """Continues from what `state` gave."""
+        """Continue from what `state` gave."""
         names = ("now", "average", "best", "partner", "adam", "random")
         groups: dict[str, dict[str, Tensor]] = {name: {} for name in names}
         for full, value in tensors.items():
@@ -235,7 +235,7 @@ def _take_weights(learner: PredictorNetwork, folder: Path) -> None:
 
 
 def train_predictor(trainer: PredictorTrainer, folder: RunFolder, progress: Progress | None = None) -> PredictorNetwork:
-    """Trains until validation gets no better (or continues with an interrupted run); returns the calibrated best.
+    """Train until validation gets no better (or continue with an interrupted run); return the calibrated best.
 
     Raises TimeoutError when the config's `minutes` are over before: the next call continues, and `usable` gives what
     has been learned so far.

@@ -22,7 +22,7 @@ class StudyPlan:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declares what the verb takes."""
+    """Declare what the verb takes."""
     parser.add_argument("source", type=Path, metavar="STUDY_OR_EXPORT", help="a study file, or the export of a pilot")
     parser.add_argument(
         "--effect",
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Prints a sentence for every effect, writes power.csv, power.svg and power.png; 2 with a reason for bad input."""
+    """Print a sentence for every effect; write power.csv, power.svg and power.png; 2 with a reason for bad input."""
     from analysis import figures, power
 
     try:

@@ -86,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def check_policy(policy: Policy, mode: Mode, layout: Layout) -> AgentFinding:
-    """Asks an agent about states of random games. Raises NotFit, and whatever the agent raises."""
+    """Ask an agent about states of random games. Raises NotFit, and whatever the agent raises."""
     states, _ = random_games(layout)
 
     def ask(games: int, timestep: int) -> NDArray[np.float32]:
@@ -97,7 +97,7 @@ def check_policy(policy: Policy, mode: Mode, layout: Layout) -> AgentFinding:
 
 
 def check_predictor(predictor: Predictor, layout: Layout) -> AgentFinding:
-    """Lets a predictor watch random games. Raises NotFit, and whatever the predictor raises."""
+    """Let a predictor watch random games. Raises NotFit, and whatever the predictor raises."""
     states, actions = random_games(layout)
 
     def ask(games: int, timestep: int) -> NDArray[np.float32]:

@@ -50,7 +50,7 @@ class HttpAgent:
             raise BlackBoxError(f"{self._url} does not answer as an agent should ({error}).") from error
 
     def close(self) -> None:
-        """Leaves the address; the next question calls it again."""
+        """Leave the address; the next question calls it again."""
         self._connection.close()
 
     def _call(self, body: bytes) -> bytes:

@@ -47,7 +47,7 @@ class ParsedObservation:
 
 
 def parse_observation(planes: NDArray[np.int8]) -> ParsedObservation:
-    """Reads one observation (width, height, 26)."""
+    """Read one observation (width, height, 26)."""
     me, other = _cells(planes[..., _ME])[0], _cells(planes[..., _OTHER])[0]
     counters = _cells(planes[..., _COUNTER])
     items = {cell: item for cell in counters if (item := _item(planes[cell])) != NOTHING}

@@ -125,7 +125,7 @@ class DegradedPredictor:
 
 
 def _mislead(action_distribution: NDArray[np.float32], shift: int) -> None:
-    """Makes another action the likeliest: the two change places."""
+    """Make another action the likeliest: the two change places."""
     right = int(action_distribution.argmax())
     wrong = (right + shift) % ACTIONS
     action_distribution[right], action_distribution[wrong] = action_distribution[wrong], action_distribution[right]

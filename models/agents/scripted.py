@@ -30,7 +30,7 @@ class StayPolicy:
 class GuidePolicy:
     """Paces up and down its column: straight on while the way is free, else it turns round. Uses nothing.
 
-    It decides by what it sees in this timestep alone, so whoever watches it can tell its next steps.
+    It decides by what it sees in this timestep alone, so an observer can tell its next steps.
     """
 
     def probabilities(self, observations: Observations) -> Probabilities:

@@ -14,7 +14,7 @@ _NORM_EPSILON = 1e-5
 
 
 def warm() -> None:
-    """Loads the compiled code of the stream form, with arrays such as it gives."""
+    """Load the compiled code of the stream form, with arrays such as it gives."""
     ones = np.ones((1, 2), np.float32)
     norm(ones, ones[0], ones[0])
     token = np.zeros(1, np.int64)

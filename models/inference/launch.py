@@ -21,7 +21,7 @@ class Launched:
     connection: socket.socket
 
     def end(self) -> None:
-        """Kills the process and leaves nothing behind. May be called twice."""
+        """Kill the process and leave nothing behind. May be called twice."""
         self.connection.close()
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGKILL)

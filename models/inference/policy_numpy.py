@@ -48,7 +48,7 @@ def policy_at_work(checkpoint: Checkpoint) -> tuple[Policy, Layout]:
 
 
 def _mlp(config: NetworkConfig, tensors: Mapping[str, NDArray[Any]], layout: Layout) -> NumpyPolicy:
-    """Reads the entries that can change, each divided by its largest value."""
+    """Read the entries that can change, each divided by its largest value."""
     columns, largest = varying_columns(layout)
     layers = _layers(config, tensors)
     first, bias = layers[0]

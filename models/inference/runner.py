@@ -68,7 +68,7 @@ class ModelServer:
         self._times: deque[float] = deque(maxlen=_KEPT_TIMES)
 
     async def start(self) -> None:
-        """Loads and warms every model. Raises ModelsDown with the name and the reason; nothing is left running then."""
+        """Load and warm every model. Raises ModelsDown with the name and the reason; nothing is left running then."""
         for load in _loads(*self._first, self.paths):
             self._take_in(load, self._pool_for(load, self._ahead))
         started = await asyncio.gather(*(worker.start() for worker in self._pool), return_exceptions=True)
@@ -110,7 +110,7 @@ class ModelServer:
         self._predictors |= set(load.predictors)
 
     async def close(self) -> None:
-        """Ends every worker."""
+        """End every worker."""
         await asyncio.gather(*(worker.close() for worker in self._pool))
 
     async def ask(self, questions: Sequence[Question], deadline_ms: float) -> list[Decision | None]:
@@ -156,7 +156,7 @@ class ModelServer:
     def _send(
         self, questions: Sequence[Question], patience_s: float
     ) -> "list[tuple[list[int], asyncio.Future[Answer]]]":
-        """Asks each worker about each layout once; returns what was asked: indices of questions, answer to come."""
+        """Ask each worker about each layout once; return what was asked: indices of questions, answer to come."""
         groups: dict[tuple[SupervisedWorker, str], list[tuple[int, str | None, str | None]]] = {}
         for k, question in enumerate(questions):
             for worker, agent, predictor in self._parts(question):

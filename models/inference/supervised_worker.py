@@ -34,7 +34,7 @@ class WorkerProcess:
         self.hashes: dict[str, str] = {}
 
     async def start(self) -> "WorkerProcess":
-        """Returns when everything is loaded and warm. Raises ModelsDown."""
+        """Return when everything is loaded and warm. Raises ModelsDown."""
         self._launched = self._launched or launch()
         try:
             self._reader, self._writer = await asyncio.open_unix_connection(sock=self._launched.connection)
@@ -65,7 +65,7 @@ class WorkerProcess:
             self._writer.write(frame(message))
 
     async def answers(self, take: Callable[[Answer], None]) -> None:
-        """Hands over answers until the process is gone."""
+        """Hand over answers until the process is gone."""
         try:
             while True:
                 answer = from_worker(await self._receive())
@@ -80,7 +80,7 @@ class WorkerProcess:
         return await self._reader.readexactly(size)
 
     async def end(self) -> None:
-        """Kills the process and leaves nothing behind. May be called twice."""
+        """Kill the process and leave nothing behind. May be called twice."""
         if self._writer is not None:
             self._writer.close()
         if self._launched is not None:
@@ -118,7 +118,7 @@ class SupervisedWorker:
         self.restarts = 0
 
     async def start(self) -> None:
-        """Raises ModelsDown when a model does not load."""
+        """Start the worker and keep it alive. Raises ModelsDown if a model does not load."""
         self._worker = await WorkerProcess(self._load, self._ahead).start()
         self._load = replace(self._load, hashes=self._worker.hashes)  # those that come after it load the same files
         self._care = asyncio.create_task(self._keep_alive())
@@ -193,7 +193,7 @@ class SupervisedWorker:
         self._breaker.worked()
 
     async def _keep_alive(self) -> None:
-        """Replaces the worker for as long as the server lives."""
+        """Replace the worker for as long as the server lives."""
         while self._worker is not None:
             listening = asyncio.create_task(self._worker.answers(self._take))
             watching = asyncio.create_task(self._until_it_hangs())
@@ -211,7 +211,7 @@ class SupervisedWorker:
             self._fill_spares()
 
     async def _until_it_hangs(self) -> None:
-        """Returns when the oldest question has been waiting for too long."""
+        """Return when the oldest question has been waiting for too long."""
         while True:
             await asyncio.sleep(self._hang_s / 5)
             oldest = next(iter(self._waiting.values()), None)

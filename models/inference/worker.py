@@ -72,7 +72,7 @@ class Worker:
     """All that one process has loaded."""
 
     def __init__(self, load: Load) -> None:
-        """Loads and tries every model. Raises ModelRefused, saying which cannot be used and why."""
+        """Load and try every model. Raises ModelRefused, saying which cannot be used and why."""
         self._agents: dict[Name, tuple[Policy, Mode]] = {}
         self._predictors: dict[Name, tuple[Predictor, Slots]] = {}
         self._breakers: dict[Name, Breaker] = {}
@@ -181,7 +181,7 @@ class Worker:
         observations: Observations,
         actions: NDArray[np.int8],
     ) -> Predictions:
-        """Brings every row's game up to its newest state, one timestep at a time, all rows together."""
+        """Bring every row's game up to its newest state, one timestep at a time, all rows together."""
         predictor, games = self._predictors[name]
         slots = np.array([games.slot(row.key) for row in rows], np.intp)
         lengths = np.array([row.states for row in rows])
@@ -253,7 +253,7 @@ def _warm() -> None:
 
 
 def main(descriptor: int) -> None:
-    """Serves the connection at `descriptor` until it closes."""
+    """Serve the connection at `descriptor` until it closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C belongs to the server, which closes the connection
     connection = socket.socket(fileno=descriptor)
     inbox = Inbox(connection)

@@ -38,7 +38,7 @@ class Checkpoint:
 def save_checkpoint(
     folder: Path, config: dict[str, Any], tensors: Mapping[str, Any], card: str, half: bool = False
 ) -> str:
-    """Writes the folder (all or nothing: an old one is replaced at the end) and returns its sha256.
+    """Write the folder (all or nothing: an old one is replaced at the end) and return its sha256.
 
     `tensors`: arrays, or torch's without a gradient. `half` stores floating ones as 16 bits, half the bytes; check that
     the network still does what its card says.
@@ -58,7 +58,7 @@ def save_checkpoint(
 
 
 def load_checkpoint(folder: Path | str) -> Checkpoint:
-    """Reads a folder after checking every byte; tensors come as float32. Raises CheckpointError."""
+    """Read a folder after checking every byte; tensors come as float32. Raises CheckpointError."""
     folder = Path(folder)
     if not folder.is_dir():
         raise CheckpointError(f"{folder}: there is no such checkpoint folder. Check the name, or train it.")

@@ -143,7 +143,7 @@ class NetworkPolicy:
 def save_agent(
     folder: Path, network: Network, config: NetworkConfig, layout: Layout, mode: Mode, card: str, **facts: Any
 ) -> str:
-    """Writes an agent's checkpoint folder (weights as 16 bits); `facts` join its config. Returns its sha256."""
+    """Write an agent's checkpoint folder (weights as 16 bits); `facts` join its config. Returns its sha256."""
     settings = {
         "format": "kitchenmind agent 1",
         "layout": layout.name,

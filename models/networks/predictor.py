@@ -181,7 +181,7 @@ def one_hot(actions: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
 
 
 def save_predictor(folder: Path, network: PredictorNetwork, layout: Layout, agent: str, card: str, **facts: Any) -> str:
-    """Writes a predictor's checkpoint folder (weights as 16 bits); `facts` join its config. Returns its sha256."""
+    """Write a predictor's checkpoint folder (weights as 16 bits); `facts` join its config. Returns its sha256."""
     settings = {
         "format": "kitchenmind predictor 1",
         "layout": layout.name,

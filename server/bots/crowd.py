@@ -23,7 +23,7 @@ from server.study.steps import steps
 
 AT_ONCE: Final = 100  # more would only wait for each other
 _PAGES_UNKNOWN: Final = 12
-_FULL: Final = "answered 409"  # the study takes nobody any more: whoever comes then has not started
+_FULL: Final = "answered 409"  # the study is full: a participant who arrives now has not started
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ async def simulate(
 
 
 async def _walk(one: _One, turn: asyncio.Event, following: asyncio.Event, database: Database | None) -> None:
-    """Consents when it is its turn, so that a repeat deals the same conditions; then walks at its own pace."""
+    """Consent when it is its turn, so that a repeat deals the same conditions; then walk at its own pace."""
     journal = one.bot.journal
     await turn.wait()
     try:
@@ -114,7 +114,7 @@ async def _walk(one: _One, turn: asyncio.Event, following: asyncio.Event, databa
 
 
 def judge(bots: Sequence[Bot], database: Database | None) -> CrowdOutcome:
-    """Counts them, and holds every promise against what they saw and, where there is a database, what is stored."""
+    """Count them, and check every guarantee against what they saw and, where there is a database, what is stored."""
     outcome = CrowdOutcome()
     journals = [bot.journal for bot in bots]
     for bot in bots:

@@ -58,7 +58,7 @@ class SeenKitchen:
         self._state = Kitchens.start(self.layout)
 
     def show(self, state: messages.KitchenState) -> str:
-        """Takes a state in; its hash."""
+        """Take a state in; its hash."""
         self._state.restore(
             {
                 "t": state.t,
@@ -205,7 +205,7 @@ class BotGame:
             self._journal.broken_displays.setdefault(self._welcome.episode, set()).add(tick.state.t)
 
     async def _leave(self, socket: ClientConnection, timestep: int) -> None:
-        """Closes the browser, or runs into trouble. Raises GameDropped, OSError: connect again."""
+        """Close the browser, or run into trouble. Raises GameDropped, OSError: connect again."""
         if self.drop_at is not None and timestep >= self.drop_at:
             socket.transport.abort()
             raise GameDropped
@@ -238,7 +238,7 @@ class BotGame:
             )
 
     async def _act(self, socket: ClientConnection, tick: messages.Tick) -> None:
-        """Says every timestep what the hands do, also when they rest: who simulates need not wait any longer then."""
+        """Say every timestep what the hands do, also when they rest: a simulation need not wait any longer then."""
         if self._kitchen is None or self._cook is None or self._welcome is None:
             return
         arrow = tick.prediction[0][0] if tick.prediction else NOTHING_SHOWN

@@ -38,7 +38,7 @@ class OwnServer:
         self._log = Path(tempfile.mkstemp(prefix="kitchenmind-", suffix=".log")[1])
 
     def start(self) -> None:
-        """Returns when pages can be opened; after the first time at the same address. Raises ServerFailed."""
+        """Return when pages can be opened; after the first time at the same address. Raises ServerFailed."""
         words = [sys.executable, str(ROOT / "kitchenmind.py"), "serve", "--port", str(self._port), *self._words]
         with self._log.open("wb") as log:
             self._process = subprocess.Popen(words, stdout=log, stderr=log, env=self._environment)  # noqa: S603
@@ -55,7 +55,7 @@ class OwnServer:
         return self._log.read_text(encoding="utf-8", errors="replace")
 
     def end(self, how: signal.Signals = signal.SIGTERM) -> int:
-        """Sends the signal and waits; the exit status."""
+        """Send the signal and wait; the exit status."""
         if self._process is None:
             return 0
         self._process.send_signal(how)

@@ -126,7 +126,7 @@ class Bot:
         raise RuntimeError(f"no completion code after {MOST_PAGES} pages: {self.journal.pages[-5:]}")
 
     async def close(self) -> None:
-        """Lets go of the connections; the cookie stays."""
+        """Let go of the connections; the cookie stays."""
         await self._client.aclose()
 
     def game(self) -> BotGame:
@@ -173,7 +173,7 @@ class Bot:
         return again
 
     async def submit(self, page: ParsedPage) -> ParsedPage:
-        """Fills the page in and sends it; the page after it."""
+        """Fill the page in and send it; the page after it."""
         fields = page.form(self.now)
         if fields is None:
             raise RuntimeError("a page has neither form nor game nor code")
@@ -193,7 +193,7 @@ class Bot:
         return self._page(await self._ask("POST", path, fields))
 
     async def _ask(self, method: str, path: str, fields: dict[str, Any] | None = None) -> httpx.Response:
-        """Asks again while the server is away, as somebody does who sees that a page does not come."""
+        """Ask again while the server is away, as somebody does who sees that a page does not come."""
         deadline = time.monotonic() + _AGAIN_WITHIN_S
         while True:
             try:

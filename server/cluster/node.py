@@ -23,7 +23,7 @@ class ClusterNode:
         self.figures: Callable[[], dict[str, float]] = dict
 
     async def load(self, episode: str) -> EpisodeRecord | None:
-        """Takes the episode up: from now on nobody else can store anything of it. Raises RecorderDown."""
+        """Take the episode up: from now on nobody else can store anything of it. Raises RecorderDown."""
         record = await self.recorder.take(episode)
         if record is not None:
             await self.cluster.taken(episode, self.recorder.fence(episode))
@@ -66,7 +66,7 @@ class ClusterNode:
 
 
 def refuse_pairs(files: list[StudyFile]) -> None:
-    """Raises StudyError where people play with people: both must reach the same process."""
+    """Refuse studies in which people play with people: both must reach the same process. Raises StudyError."""
     for file in files:
         if any(agent.human for agent in file.study.agents):
             reason = f"{file.source}: two people of one round must reach the same process."

@@ -92,7 +92,7 @@ class Cluster:
         self._complained = -1e9
 
     async def reach(self) -> None:
-        """Raises ClusterDown with the reason."""
+        """Check that Redis answers. Raises ClusterDown with the reason."""
         try:
             await self._redis.ping()
         except _DOWN as error:

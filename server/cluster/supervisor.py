@@ -57,7 +57,7 @@ class Supervisor:
         return status
 
     def _look(self) -> int:
-        """Replaces who died. Not 0: a process refuses to start."""
+        """Replace a process that died. Not 0: a process refuses to start."""
         for process in self._processes:
             status = process.running.poll()
             if status is None or self._stopping or not process.breaker.closed:

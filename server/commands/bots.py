@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    """Raises ValueError with the remedy."""
+    """Refuse numbers out of range. Raises ValueError with the remedy."""
     if not 1 <= arguments.number <= MOST:
         raise ValueError(f"{arguments.number} participants cannot be simulated. Give a number from 1 to {MOST}.")
     if not 0 <= arguments.dropout <= 1:
@@ -141,7 +141,7 @@ def _try_out(arguments: argparse.Namespace) -> int:
 
 
 def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
-    """Raises StudyError, FileNotFoundError; ValueError where a server has no study."""
+    """Return the simulated participants. Raises StudyError, FileNotFoundError; ValueError if a server has no study."""
     from server.bots.crowd import Crowd
     from server.required_models import required_models
     from server.study.loader import StudyError, load_study

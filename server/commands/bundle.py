@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Writes the archive and prints its hash; 2 when it cannot be made as asked."""
+    """Write the archive and print its hash; 2 when it cannot be made as asked."""
     from server.bundle.making import make
     from server.study.loader import load_study
 

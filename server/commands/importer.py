@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Fills the database, or leaves it empty: 2 for a folder or database that will not do, 1 if the database fails."""
+    """Fill the database, or leave it empty: 2 for a folder or database that will not do, 1 if the database fails."""
     from server.export.importer import import_export
     from server.store.database import Database
     from server.store.engines import DatabaseDown

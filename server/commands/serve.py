@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Serves until it is told to stop; 2 when a setting or study is wrong, 1 when the server could not start."""
+    """Serve until it is told to stop; 2 when a setting or study is wrong, 1 when the server could not start."""
     with ExitStack() as stack:
         try:
             stack.enter_context(unbundled(arguments))
@@ -146,7 +146,7 @@ def _serve_several(settings: "Settings", listening: socket.socket) -> int:
 
 
 def serve(settings: "Settings", listening: socket.socket, process: Supervised | None = None) -> int:
-    """Runs the application on the socket until a signal stops it; the exit status."""
+    """Run the application on the socket until a signal stops it; the exit status."""
     from models.inference.launch import launch
 
     # How long a thread may keep the interpreter from a timestep that is due. Python's own value is 5 ms.

@@ -76,7 +76,7 @@ def _import_tables(connection: Connection, folder: Path, withdrawn: Iterable[tom
 def _without_deleted(
     connection: Connection, stones: list[tombstones.Tombstone], counted: dict[str, int]
 ) -> dict[str, int]:
-    """Deletes, in the import's own transaction, who withdrew after the export was made; returns the rows that stay."""
+    """Delete, in the import's own transaction, who withdrew after the export was made; return the rows that stay."""
     stones += tombstones.every(connection)
     people = connection.execute(select(tables.participants.c.id)).scalars().all()
     gone = tombstones.deleted(people, stones)
@@ -206,7 +206,7 @@ def _value(text: str | None, kind: str) -> Any:
 
 
 def _ticks(connection: Connection, folder: Path) -> int:
-    """Puts every timestep's row apart into the state before it and the step that led to the next state."""
+    """Put every timestep's row apart into the state before it and the step that led to the next state."""
     last_ticks = {row["episode"]: json.loads(row["last_tick"]) for row in rows(folder, "episodes") if row["last_tick"]}
     count, waiting = 0, []
     done: Record | None = None  # the row before, whose actions led to this row's state

@@ -20,7 +20,7 @@ _MEDIA_TYPES = {".csv": "text/csv", ".parquet": "application/x-parquet"}
 
 
 def write_about(folder: Path, versions: Sequence[StudyVersion], columns: Columns, formats: Sequence[str]) -> None:
-    """Writes everything that is no table. Call it last: it names the files with their hashes."""
+    """Write everything that is not a table. Call it last: it names the files with their hashes."""
     (folder / "studies").mkdir()
     for study in versions:
         (folder / study_file(study.key, study.version)).write_bytes(study.source.encode())

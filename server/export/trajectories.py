@@ -15,7 +15,7 @@ FOLDER = "trajectories"
 
 
 def write(chosen: Selection, folder: Path) -> int:
-    """Writes every episode that has a timestep; returns how many."""
+    """Write every episode that has a timestep; return how many."""
     (folder / FOLDER).mkdir()
     written = 0
     for episode in episode_ids(chosen):

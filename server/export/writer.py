@@ -59,7 +59,7 @@ class Summary:
 def export(
     connection: Connection, out: Path, formats: Sequence[str] = ("csv", "parquet"), study: str | None = None
 ) -> Summary:
-    """Writes everything (or one study, all its versions) into the folder `out`, which must be new or empty.
+    """Write everything (or one study, all its versions) into the folder `out`, which must be new or empty.
 
     `formats`: of FORMATS. Raises ExportRefused before anything is written.
     """

@@ -25,7 +25,7 @@ from server.store.database import DatabaseDown
 
 log = logging.getLogger(__name__)
 LOOK_EVERY_S: Final = 5.0
-AWAY_S: Final = 15.0  # whoever is disconnected or has the tab hidden for so long
+AWAY_S: Final = 15.0  # a participant is disconnected or has the tab hidden for this long
 LATE_MS: Final = 50.0  # p99 of the last ticks
 LATEST: Final = 2000  # ticks
 DISK_GB: Final = 1.0
@@ -74,7 +74,7 @@ class Alerts:
             await asyncio.sleep(LOOK_EVERY_S)
 
     async def look(self) -> None:
-        """Tells of what has begun and what is over since the last look."""
+        """Tell of what has begun and what is over since the last look."""
         others = await self._live.peers.processes()
         self._peers = self._late(others)
         leads = all(self._live.peers.name < other.name for other in others)  # one tells what all of them see

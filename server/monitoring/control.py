@@ -41,7 +41,7 @@ class Control:
         self._keeper: asyncio.Task[None] | None = None
 
     async def begin(self) -> None:
-        """Takes up the pauses that were on when the server stopped."""
+        """Take up the pauses that were on when the server stopped."""
         for study in await self._database.read(decisions.paused_studies):
             self._pause_study(study)
 

@@ -34,7 +34,7 @@ class DataQuality:
         self._judging = asyncio.Lock()
 
     async def look(self, study_ids: tuple[int, ...]) -> int:
-        """Judges some that are new, latest first; how many are still to be judged. Raises DatabaseDown."""
+        """Judge some that are new, latest first; how many are still to be judged. Raises DatabaseDown."""
         async with self._judging:
             new = [key for key in await self._database.read(_over, study_ids) if self._is_new(key)]
             for start in range(0, min(A_LOOK, len(new)), AT_ONCE):

@@ -28,7 +28,7 @@ class Webhook:
         logging.getLogger("httpx").setLevel(logging.WARNING)  # it would log the address, which is a secret
 
     def send(self, message: Mapping[str, Any]) -> None:
-        """Delivers the message as JSON some time later."""
+        """Deliver the message as JSON some time later."""
         self._waiting.append(message)
         self._fresh.set()
 

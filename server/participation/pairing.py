@@ -68,7 +68,7 @@ def request(
 
 
 def seat_two(connection: Connection, studies: Studies, seat_down: SeatDown, first: str, second: str) -> bool:
-    """Makes the round of these two. False, and nothing changes, if one of them can no longer play it."""
+    """Make the round of these two. False, and nothing changes, if one of them can no longer play it."""
     both = [participants.get(connection, one) for one in (first, second)]
     present = [one for one in both if one is not None and one.status == "active"]
     if len(present) < len(both):

@@ -165,7 +165,7 @@ def _place_is_lost(connection: Connection, all_studies: Studies, participant: Pa
 
 
 def release(connection: Connection, study_id: int, study: Study) -> int:
-    """Gives the places of those back who were not seen for too long; returns how many."""
+    """Give the places of those back who were not seen for too long; return how many."""
     return participants.time_out(connection, study_id, datetime.now(UTC) - timedelta(minutes=study.timeout_min))
 
 
@@ -188,7 +188,7 @@ def arrive(connection: Connection, all_studies: Studies, participant_id: str) ->
 
 
 def submit(connection: Connection, all_studies: Studies, participant_id: str, submission: Submission) -> bool:
-    """Stores a page's answers and moves on to the next step. False, and nothing changes, if the participant is no
+    """Store a page's answers and move on to the next step. False, and nothing changes, if the participant is no
     longer at that step: the page was sent twice, from another tab, or after the end."""
     participant = participants.get(connection, participant_id)
     if participant is None or participant.status != "active":
@@ -231,7 +231,7 @@ def _screened_out(connection: Connection, participant_id: str, study: Study) -> 
 
 
 def note(connection: Connection, participant_id: str, happened: Mapping[str, Mapping[str, Any]]) -> None:
-    """Keeps things that happened beside the answers: a failed attention check, a wrong answer in the quiz."""
+    """Keep things that happened beside the answers: a failed attention check, a wrong answer in the quiz."""
     now = datetime.now(UTC)
     new = [events.Event(kind, now, participant_id, detail=dict(detail)) for kind, detail in happened.items()]
     events.add(connection, *new)

@@ -24,7 +24,7 @@ class Studies:
 
     @classmethod
     async def opened(cls, database: Database, files: Iterable[StudyFile]) -> "Studies":
-        """Registers the files and reads all earlier versions back."""
+        """Register the files and read all earlier versions back."""
         studies = cls()
         for file in files:
             row = await database.write(stored_studies.register, file.study.name, file.text)

@@ -30,6 +30,6 @@ class Clock:
         await asyncio.sleep(seconds)
 
     async def sleep_until(self, moment: float) -> None:
-        """Returns at or after `moment` of `now()`; the event loop may wake up a millisecond early, this does not."""
+        """Return at or after `moment` of `now()`; the event loop may wake up a millisecond early, this does not."""
         while (left_s := (moment - self.now()) / self.speed) > 0:
             await asyncio.sleep(left_s)

@@ -81,7 +81,7 @@ class Game:
             self.pause(person, "lost")
 
     def receive(self, person: int, connection: Connection, message: messages.Incoming) -> None:
-        """Takes a message in; those of a connection that was taken over change nothing."""
+        """Take a message in; those of a connection that was taken over change nothing."""
         if self.connections.get(person) is not connection:
             return
         match message:
@@ -119,7 +119,7 @@ class Game:
     # Standing still and going on
 
     def pause(self, holder: Holder, reason: str) -> None:
-        """Stops at once. A state that is being made is still stored and shown; then nothing moves."""
+        """Stop at once. A state that is being made is still stored and shown; then nothing moves."""
         record = self.session.pause(holder, reason, self.clock.now(), self.clock.wall())
         if not self.session.moving:
             self._stop(self)
@@ -175,7 +175,7 @@ class Game:
         self._teach()
 
     def _teach(self) -> None:
-        """Tells which lesson is on whenever it changes."""
+        """Tell which lesson is on whenever it changes."""
         lesson = self.session.lesson()
         if lesson is not None and lesson != self._lesson:
             self._lesson = lesson

@@ -113,7 +113,7 @@ class Games:
         self._end(game, "aborted" if error else "done", "error" if error else "")
 
     def abort(self, game: Game, reason: str) -> None:
-        """Ends an episode before its time; what was played stays stored."""
+        """End an episode before its time; what was played stays stored."""
         self._end(game, "aborted", reason)
 
     def _end(self, game: Game, status: Literal["done", "aborted"], reason: str) -> None:
@@ -182,7 +182,7 @@ class Games:
         games = list(self._games.values())
         for game in games:
             game.pause("server", "server")
-            game.store(game.session.end_pause(self.clock.now()))  # whoever takes it up begins a pause of their own
+            game.store(game.session.end_pause(self.clock.now()))  # the process that takes it up begins its own pause
         await self.loop.close()
         try:
             async with asyncio.timeout(STOP_WITHIN_S):

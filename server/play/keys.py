@@ -24,7 +24,7 @@ MAX_SETTLED: Final = 1000  # inputs of one person that wait to be stored; a game
 
 @dataclass(frozen=True)
 class InputArrival:
-    """Where an Input came from and when, besides the time of whoever calls `press`."""
+    """Where an Input came from and when, besides the time that the caller of `press` gives."""
 
     tab: str = ""
     unix_ms: float = 0.0
@@ -37,7 +37,7 @@ class Press:
 
     number: int  # 1, 2, ... in the order of arrival
     keys: Input
-    received: float  # when it arrived, in the time of whoever called `press`
+    received: float  # when it arrived, on the clock of the caller of `press`
     arrival: InputArrival
     outcome: InputOutcome | None = None  # None: not known yet
     timestep: int | None = None  # the first timestep in which it counted
@@ -73,7 +73,7 @@ class Keys:
         self._settled: list[Press] = []
 
     def press(self, keys: Input, received: float, taps_count: bool = True, arrival: InputArrival = _UNKNOWN) -> bool:
-        """Takes a message in. False: it is a repeat or older than one already seen, and nothing changed.
+        """Take a message in. False: it is a repeat or older than one already seen, and nothing changed.
 
         `taps_count` False: the game stands still; a key that is held keeps counting, one just tapped does not.
         """
@@ -111,7 +111,7 @@ class Keys:
         return STAY, None
 
     def clear(self, outcome: InputOutcome = FORGOTTEN) -> None:
-        """Forgets every key, but not which messages were seen: after a pause nothing old comes back."""
+        """Forget every key, but not which messages were seen: after a pause nothing old comes back."""
         waiting = [press for _, press in self._taps.values()]
         if self._held_by is not None:
             waiting.append(self._held_by)

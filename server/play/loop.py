@@ -71,7 +71,7 @@ class Loop:
         return len(self._slot_of)
 
     def start(self, game: Game) -> None:
-        """Counts down and plays on, in the emptiest slot."""
+        """Count down and play on, in the emptiest slot."""
         tick_ms = game.session.spec.tick_ms
         if tick_ms not in self._slots:
             count = PATIENT_SLOTS if self.clock.patience_s else max(1, tick_ms // SLOT_MS)
@@ -98,7 +98,7 @@ class Loop:
             slot.games.discard(game)
 
     async def close(self) -> None:
-        """Ends all driving; what is being stored is finished first."""
+        """End all driving; what is being stored is finished first."""
         for slots in self._slots.values():
             for slot in slots:
                 slot.games.clear()
@@ -220,7 +220,7 @@ class Loop:
             self._settle(game, lost)
 
     async def _commit(self, records: Sequence[TickRecord]) -> Collection[str]:
-        """Stores all but those of episodes that another process plays now, which are returned."""
+        """Store all but those of episodes that another process plays now, which are returned."""
         if records:
             try:
                 async with asyncio.timeout(COMMIT_S):
@@ -266,7 +266,7 @@ class Loop:
             self._prober = self._spawn(self._probe())
 
     async def _probe(self) -> None:
-        """Repeats the commits that failed until they arrive; then the games continue by themselves."""
+        """Repeat the commits that failed until they arrive; then the games continue by themselves."""
         while self._unstored:
             await self.clock.sleep(PROBE_S)
             games = [(game, game.unstored) for game in self._unstored if game.unstored is not None]

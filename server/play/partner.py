@@ -43,7 +43,7 @@ def questions(episode: str, spec: EpisodeSpec, simulation: Simulation) -> list[Q
 
 
 def answers(asked: Sequence[Question], decisions: Sequence[Decision | None]) -> Answers:
-    """Puts the decisions on the questions of one state together; an action that is none counts as no answer."""
+    """Put the decisions on the questions of one state together; an invalid action counts as no answer."""
     next_actions: list[int | None] = [None, None]
     prediction: tuple[tuple[float, ...], ...] = ()
     late = False

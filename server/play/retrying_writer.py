@@ -21,17 +21,17 @@ class RetryingWriter:
         self._tasks: set[asyncio.Task[None]] = set()
 
     def pause(self, record: PauseRecord) -> None:
-        """Returns at once; the record arrives when the database takes it."""
+        """Return at once; the record arrives when the database takes it."""
         task = asyncio.create_task(self._repeat(lambda: self._recorder.pause(record)))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
     async def end(self, result: EpisodeResult) -> None:
-        """Returns when the result and everything before it are stored."""
+        """Return when the result and everything before it are stored."""
         await self._repeat(lambda: self._recorder.end(result))
 
     async def flush(self) -> None:
-        """Returns when everything so far is stored."""
+        """Return when everything so far is stored."""
         # Not until the set is empty: of tasks that are done, `gather` returns at once from Python 3.12 on, and the loop
         # would never come to take them out.
         while waiting := [task for task in self._tasks if not task.done()]:

@@ -44,7 +44,7 @@ class SendQueue:
         return self._end is not None
 
     def send(self, message: Outgoing) -> None:
-        """Queues a message; after `close` nothing is taken any more."""
+        """Queue a message; after `close` nothing is taken any more."""
         if self._end is not None:
             return
         is_state = isinstance(message, Tick)
@@ -94,7 +94,7 @@ class SendQueue:
         return False
 
     def pong(self, ping_id: int, now: float) -> bool:
-        """Takes an answer; False if it answers nothing that was asked."""
+        """Take an answer; False if it answers nothing that was asked."""
         if self._pinged_at is None or ping_id != self._ping_id:
             return False
         self.rtt_ms = (now - self._pinged_at) * 1000

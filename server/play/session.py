@@ -31,7 +31,7 @@ class Session:
     """
 
     def __init__(self, record: EpisodeRecord, now: float) -> None:
-        """Raises ReplayMismatch, LayoutError."""
+        """Replay the record's episode so far. Raises ReplayMismatch, LayoutError."""
         spec = record.spec
         self.episode, self.spec = record.episode, spec
         self.people: tuple[int, ...] = spec.human_seats or (VIEWER,)
@@ -108,7 +108,7 @@ class Session:
         return tuple(chain.from_iterable(keys.take_settled(self.episode, seat) for seat, keys in self.keys.items()))
 
     def pause(self, holder: Holder, reason: str, now: float, at: datetime) -> PauseRecord | None:
-        """Stops the game at once; the PauseRecord to store if it was moving. Before the start nothing pauses."""
+        """Stop the game at once; the PauseRecord to store if it was moving. Before the start nothing pauses."""
         for keys in self.keys.values():
             keys.clear()
         if self.phase == "ended" or (
@@ -151,7 +151,7 @@ class Session:
         return replace(record, duration_ms=round((now - self.paused_since) * 1000, 3), inputs=self._inputs())
 
     def start_at(self, go: float) -> None:
-        """Moves the deadlines: the current state stands until `go`, the next one comes a tick later."""
+        """Move the deadlines: the current state stands until `go`, the next one comes a tick later."""
         self._zero = go - self.simulation.timestep * self.tick_s
 
     # Ticks
@@ -162,7 +162,7 @@ class Session:
         return self._asked
 
     def begin_tick(self, now: float) -> list[Question]:
-        """Plays the timestep that is due: the newest keys, the partner's decided action, the rules.
+        """Play the timestep that is due: the newest keys, the partner's decided action, the rules.
 
         Returns what the models are asked about the new state; nothing when the episode is over with it.
         """

@@ -55,7 +55,7 @@ class Simulation:
         self._counters: list[tuple[int, int]] = [(x, y) for x, y in layout.counters.tolist()]
 
     def step(self, actions: tuple[int, int]) -> SimulatedStep:
-        """Plays one timestep with both chefs' actions (0-5)."""
+        """Play one timestep with both chefs' actions (0-5)."""
         before, now = self.timestep, self.timestep + 1
         if now == len(self._timesteps):
             self._grow()
@@ -115,7 +115,7 @@ class Simulation:
         return bool(self._rows[seat][:FACING] != self._rows_before[seat][:FACING])
 
     def history(self, seat: int) -> Callable[[int], History]:
-        """Looks back from the current state as the chef in `seat` saw it; stays valid when the game continues."""
+        """Look back from the current state as the chef in `seat` saw it; stays valid when the game continues."""
         timestep = self.timestep
 
         def last(count: int) -> History:

@@ -18,7 +18,7 @@ class TokenBucket:
         return self._tokens + (now - self._at) * self._per_s >= self._burst
 
     def spend(self, now: float) -> bool:
-        """Takes one message's worth; False if there is none left."""
+        """Take one message's worth; False if there is none left."""
         self._tokens = min(self._burst, self._tokens + (now - self._at) * self._per_s)
         self._at = now
         if self._tokens < 1:

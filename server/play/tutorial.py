@@ -51,7 +51,7 @@ class Tutor:
         return "deliver" in self._learnt
 
     def watch(self, simulation: Simulation, step: SimulatedStep) -> None:
-        """Takes one timestep into account: `step` led to the state in which `simulation` is now."""
+        """Take one timestep into account: `step` led to the state in which `simulation` is now."""
         teaching = self.lessons[self.index] if not self.finished else None
         action, events = step.actions[self._seat], step.events[self._seat]
         if action < STAY and simulation.moved(self._seat):

@@ -36,7 +36,7 @@ class RunningAccuracy:
     _counted: set[str] = field(default_factory=set)
 
     def count(self, connection: Connection, study_ids: Sequence[int]) -> None:
-        """Counts the next episodes that were played to their end. For one thread at a time."""
+        """Count the next episodes that were played to their end. For one thread at a time."""
         agent = func.coalesce(_e.agent_name, case((_e.watched_seat == 0, _e.agent_0), else_=_e.agent_1))
         query = select(_e.id, _e.layout, _e.watched_seat, agent.label("agent")).where(
             _e.study_id.in_(study_ids), _e.kind == "episode", _e.status == "done", _e.predictor.is_not(None)

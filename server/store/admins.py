@@ -65,7 +65,7 @@ def password_hash_of(connection: Connection, name: str) -> str | None:
 
 
 def set_password(connection: Connection, name: str, password_hash: str) -> bool:
-    """Ends all sessions of the account too, and lets it sign in at once whatever was tried. False: no such account."""
+    """End all sessions of the account too, and let it sign in at once whatever was tried. False: no such account."""
     query = update(admins).where(admins.c.name == name).values(password_hash=password_hash)
     attempts.forget(connection, name)
     close_all(connection, name)
@@ -73,7 +73,7 @@ def set_password(connection: Connection, name: str, password_hash: str) -> bool:
 
 
 def remove(connection: Connection, name: str) -> bool:
-    """Deletes the account; what it did stays in the audit log. False: no such account."""
+    """Delete the account; what it did stays in the audit log. False: no such account."""
     close_all(connection, name)
     attempts.forget(connection, name)
     return connection.execute(delete(admins).where(admins.c.name == name)).rowcount == 1
@@ -110,7 +110,7 @@ def close_session(connection: Connection, token_hash: str) -> None:
 
 
 def close_all(connection: Connection, name: str) -> None:
-    """Signs an account out everywhere."""
+    """Sign an account out everywhere."""
     connection.execute(delete(admin_sessions).where(admin_sessions.c.admin == name))
 
 

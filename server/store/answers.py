@@ -24,7 +24,7 @@ class SubmittedPage:
 
 
 def save(connection: Connection, page: SubmittedPage) -> int:
-    """Stores what has no answer yet and returns how many that were: the first answer to a question stays."""
+    """Store what has no answer yet and return how many that were: the first answer to a question stays."""
     now = datetime.now(UTC)
     insert = _insert_of(connection)
     stored = 0

@@ -50,7 +50,7 @@ def release(connection: Connection, reserved: Reserved) -> None:
 
 
 def forget(connection: Connection, name: str) -> None:
-    """Forget every try on a name: whoever waits for it may try again at once."""
+    """Forget every try on a name: the next one need not wait."""
     connection.execute(delete(attempts).where(attempts.c.name == name))
 
 

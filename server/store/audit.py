@@ -29,7 +29,7 @@ class Entry:
 
 
 def add(connection: Connection, actor: str, action: str, detail: Mapping[str, Any] | None = None) -> int:
-    """Adds an entry and returns its number. `detail` is JSON without secrets."""
+    """Add an entry and return its number. `detail` is JSON without secrets."""
     number, previous = _end(connection)
     entry_id = number + 1
     at = datetime.now(UTC)
@@ -76,7 +76,7 @@ def first_forged(connection: Connection) -> int | None:
 
 
 def forget(connection: Connection, word: str) -> int:
-    """Blanks every detail in which `word` (a participant's id) occurs; returns how many."""
+    """Blank every detail in which `word` (a participant's id) occurs; return how many."""
     blank = update(audit).where(audit.c.detail.contains(word, autoescape=True))
     return connection.execute(blank.values(detail=None, salt=None)).rowcount
 

@@ -87,11 +87,11 @@ class Database:
             raise engines.translated(error) from error
 
     async def probe(self) -> None:
-        """Returns once a real commit went through. Raises DatabaseDown."""
+        """Return once a real commit went through. Raises DatabaseDown."""
         await self.write(_beat)
 
     def close(self) -> None:
-        """Finishes what waits, then lets go of the database. May be called twice."""
+        """Finish what waits, then let go of the database. May be called twice."""
         if self._closed:
             return
         self._closed = True
@@ -134,7 +134,7 @@ class Database:
                 return
 
     def _commit(self, group: list[_Job]) -> None:
-        """Runs the group in one transaction, then tells everybody in it."""
+        """Run the group in one transaction, then tell everybody in it."""
         if not group:
             return
         try:

@@ -34,7 +34,7 @@ class Exclusion:
 
 
 def exclude(connection: Connection, participant: str, episode: str | None, why: tuple[str, str], by: str) -> int:
-    """Keeps the decision that these data are not to be analysed; `why`: reason and note. Returns its number."""
+    """Keep the decision that these data are not to be analysed; `why`: reason and note. Returns its number."""
     row = {
         "participant_id": participant,
         "episode_id": episode,
@@ -48,7 +48,7 @@ def exclude(connection: Connection, participant: str, episode: str | None, why: 
 
 
 def restore(connection: Connection, number: int, by: str) -> bool:
-    """Takes an exclusion back. False if it does not hold (any more)."""
+    """Take an exclusion back. False if it does not hold (any more)."""
     query = update(exclusions).where(exclusions.c.id == number, exclusions.c.restored_at.is_(None))
     return connection.execute(query.values(restored_by=by, restored_at=datetime.now(UTC))).rowcount == 1
 

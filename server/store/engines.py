@@ -191,7 +191,7 @@ class WriteConnection:
 
     @contextmanager
     def transaction(self) -> Iterator[Connection]:
-        """Commits at the end. After an error of the database the connection is made again."""
+        """Commit at the end. After an error of the database the connection is made again."""
         connection = self._connection or self._connect()
         try:
             with connection.begin():
@@ -206,7 +206,7 @@ class WriteConnection:
             raise
 
     def close(self) -> None:
-        """Lets the next server in."""
+        """Let the next server in."""
         self._disconnect()
         self._engine.dispose()
         if self._file is not None:
@@ -257,7 +257,7 @@ def encoding_problem(connection: Connection) -> str:
 
 
 def empty_log(connection: Connection) -> None:
-    """Folds the log into the file and cuts it to nothing. While somebody reads an older state it cannot: next time."""
+    """Fold the log into the file and cut it to nothing. While somebody reads an older state it cannot: next time."""
     driver: Any = connection.connection.driver_connection
     (timeout_ms,) = driver.execute("PRAGMA busy_timeout").fetchone()
     driver.execute("PRAGMA busy_timeout=0").close()

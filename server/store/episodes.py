@@ -198,7 +198,7 @@ def _away_ms(stored: Sequence[PauseRecord]) -> float:
 
 
 def pause(connection: Connection, record: PauseRecord) -> None:
-    """Stores the beginning of a pause, and its end when called again with the same start.
+    """Store the beginning of a pause, and its end when called again with the same start.
 
     A game has one pause at a time: one that is still open was left by a server that died, and ends where this begins.
     """
@@ -236,7 +236,7 @@ def pauses_of(connection: Connection, episode_id: str) -> list[PauseRecord]:
 
 
 def end(connection: Connection, result: EpisodeResult) -> bool:
-    """Stores how the episode ended. False if its end was stored before: the first one stays."""
+    """Store how the episode ended. False if its end was stored before: the first one stays."""
     query = update(episodes).where(episodes.c.id == result.episode, episodes.c.status.in_(("new", "running")))
     values = {
         "status": result.status,
@@ -268,7 +268,7 @@ class StoreRecorder:
         self._patience_s = patience_s
 
     async def ticks(self, records: Sequence[TickRecord]) -> None:
-        """Raises TickConflict; ticks of an episode that was deleted (its participant withdrew) are dropped."""
+        """Store ticks; drop those of an episode that was deleted (its participant withdrew). Raises TickConflict."""
         try:
             conflicts = await self._write(tick_rows.insert, records)
         except IntegrityError:

@@ -24,7 +24,7 @@ class Event:
 
 
 def add(connection: Connection, *new: Event) -> None:
-    """Stores events."""
+    """Store events."""
     if new:
         rows = [
             {

@@ -22,7 +22,7 @@ Fences = Mapping[str, int]  # episode -> the number of its owner
 
 
 def take(connection: Connection, episode_id: str) -> tuple[int, EpisodeRecord] | None:
-    """Makes the caller the episode's owner: the new number, and the episode as the owner before left it."""
+    """Make the caller the episode's owner: the new number, and the episode as the owner before left it."""
     here = episodes.c.id == episode_id
     before = connection.execute(select(episodes.c.fence).where(here).with_for_update()).scalar()
     record = None if before is None else stored.load(connection, episode_id)
@@ -49,7 +49,7 @@ def held(connection: Connection, fences: Fences) -> tuple[set[str], set[str]]:
 def store_ticks(
     connection: Connection, records: Sequence[TickRecord], fences: Fences
 ) -> tuple[set[str], tuple[tuple[str, int], ...]]:
-    """Stores the ticks of games that are still owned: the episodes that are not, and the conflicts (`ticks.insert`)."""
+    """Store the ticks of games that are still owned: the episodes that are not, and the conflicts (`ticks.insert`)."""
     mine, lost = held(connection, fences)
     return lost, tick_rows.insert(connection, [record for record in records if record.episode in mine])
 

@@ -14,7 +14,7 @@ _FIELDS: Final = ["episode" if name == "episode_id" else name for name in _NAMES
 
 
 def insert(connection: Connection, records: Iterable[InputRecord]) -> None:
-    """Stores inputs of episodes that are in the database. What is stored already is left as it is."""
+    """Store inputs of episodes that are in the database. What is stored already is left as it is."""
     rows = [tuple(getattr(record, name) for name in _FIELDS) for record in records]
     if rows:
         connection.exec_driver_sql(_insert_text(connection.dialect.name), rows)

@@ -21,7 +21,7 @@ class DatabaseTooNew(Exception):
 
 
 def migrate(url: str) -> None:
-    """Creates or upgrades the tables. Raises DatabaseInUse, DatabaseDown, DatabaseTooNew, ValueError (bad address)."""
+    """Create or upgrade the tables. Raises DatabaseInUse, DatabaseDown, DatabaseTooNew, ValueError (bad address)."""
     writer = engines.WriteConnection(engines.normal_url(url), lock_timeout_s=engines.BUSY_TIMEOUT_S)
     try:
         with writer.transaction() as connection:

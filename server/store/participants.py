@@ -104,7 +104,7 @@ def create(connection: Connection, new: NewParticipant) -> Participant:
 
 
 def add_personal(connection: Connection, participant_id: str, study_id: int, key: str, value: str) -> None:
-    """Keeps a fact about the person, apart from the data; a second one under its key is an IntegrityError."""
+    """Keep a fact about the person, apart from the data; a second one under its key is an IntegrityError."""
     row = {"participant_id": participant_id, "study_id": study_id, "key": key, "value": value}
     connection.execute(personal.insert().values(row))
 
@@ -172,13 +172,13 @@ def replace_token(connection: Connection, participant_id: str, token: str) -> No
 
 
 def seen(connection: Connection, participant_id: str) -> None:
-    """Notes that the participant is there now."""
+    """Note that the participant is there now."""
     query = update(participants).where(participants.c.id == participant_id)
     connection.execute(query.values(last_seen_at=datetime.now(UTC)))
 
 
 def advance(connection: Connection, participant_id: str, position: int, to: int) -> bool:
-    """Moves on from step `position` to step `to`. False, and nothing changes, if the participant is no longer there
+    """Move on from step `position` to step `to`. False, and nothing changes, if the participant is no longer there
     (the page was submitted twice, or in another tab) or no longer active."""
     query = update(participants).where(
         participants.c.id == participant_id, participants.c.position == position, participants.c.status == "active"
@@ -187,7 +187,7 @@ def advance(connection: Connection, participant_id: str, position: int, to: int)
 
 
 def complete(connection: Connection, participant_id: str, code: str | None) -> str | None:
-    """Marks the study as done and returns the completion code: the first one given, however often this is called."""
+    """Mark the study as done and return the completion code: the first one given, however often this is called."""
     now = datetime.now(UTC)
     query = update(participants).where(participants.c.id == participant_id, participants.c.status == "active")
     connection.execute(query.values(status="completed", completed_at=now, last_seen_at=now, completion_code=code))
@@ -196,7 +196,7 @@ def complete(connection: Connection, participant_id: str, code: str | None) -> s
 
 
 def leave(connection: Connection, participant_id: str, status: str) -> bool:
-    """Ends the participation early: screened_out, timed_out or returned. False if it was not active. The data stays."""
+    """End the participation early: screened_out, timed_out or returned. False if it was not active. The data stays."""
     if status not in ("screened_out", "timed_out", "returned"):
         raise ValueError(f"{status!r} is no way to leave: screened_out, timed_out or returned (withdraw deletes data)")
     query = update(participants).where(participants.c.id == participant_id, participants.c.status == "active")
@@ -211,7 +211,7 @@ def release_with_code(connection: Connection, participant_id: str, code: str) ->
 
 
 def time_out(connection: Connection, study_id: int, before: datetime) -> int:
-    """Ends the participation of all active who were not seen since `before`: their places are free. How many."""
+    """End the participation of all active who were not seen since `before`: their places are free. How many."""
     query = update(participants).where(
         participants.c.study_id == study_id, participants.c.status == "active", participants.c.last_seen_at < before
     )

@@ -25,7 +25,7 @@ Values = tuple[Any, ...]
 
 
 def insert(connection: Connection, records: Sequence[TickRecord]) -> tuple[tuple[str, int], ...]:
-    """Stores ticks of any episodes; tick 0 starts its episode. What is stored already and equal counts as stored.
+    """Store ticks of any episodes; tick 0 starts its episode. What is stored already and equal counts as stored.
 
     Returns (episode, timestep) where another tick is stored already: those are left as they are. Raises IntegrityError
     if an episode is not in the database: nothing is stored then, see `insert_of_known`.

@@ -35,7 +35,7 @@ class Deletion:
 
 
 def withdraw(connection: Connection, participant_id: str, deletion: Deletion | None = None) -> bool:
-    """Deletes the participant from every table; False if there is none. What counts later: condition, step and time.
+    """Delete the participant from every table; False if there is none. What counts later: condition, step and time.
     A tombstone stays, so that an older export does not bring the person back.
 
     Episodes go with their ticks, also those played with another participant. On SQLite the deleted content is

@@ -162,7 +162,7 @@ class PageResponse:
         return HTMLResponse(text, status, {"Cache-Control": "no-store"})
 
     def allow(self, response: Response, **more: str) -> None:
-        """Lets the page do more than others may (see headers.policy)."""
+        """Let the page do more than others may (see headers.policy)."""
         host = self.request.headers.get("host", "")
         response.headers.update(policy(host, self.web.csrf.secure, **more))
 

@@ -34,7 +34,7 @@ class Rates:
         self._buckets: OrderedDict[str, TokenBucket] = OrderedDict()
 
     def spend(self, key: str, per_s: float, burst: float) -> bool:
-        """Takes one request's worth; False if there is none left."""
+        """Take one request's worth; False if there is none left."""
         now = time.monotonic()
         bucket = self._buckets.setdefault(key, TokenBucket(now, 1.0, per_s, burst))
         self._buckets.move_to_end(key)
@@ -127,7 +127,7 @@ class NewPlaces:
 
 
 async def rate_limit(connection: HTTPConnection) -> None:
-    """For every route. Answers 429 to whoever asks too often; sockets have budgets of their own."""
+    """Answer 429 if an address sends too many requests, on every route. Sockets have token buckets of their own."""
     if connection.scope["type"] != "http":
         return
     rates = services_of(connection).rates

@@ -48,7 +48,7 @@ def reported(folder: Path, tmp_path: Path, change: Change, options: Options = QU
 
 
 def with_texts(texts: list[str]) -> Change:
-    """Adds a free-text answer about every episode."""
+    """Add a free-text answer about every episode."""
 
     def change(name: str, table: pl.DataFrame) -> pl.DataFrame:
         if name != "answers":

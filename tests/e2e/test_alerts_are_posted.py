@@ -13,7 +13,7 @@ from tests.support.real_server import RealServer
 
 
 async def disappear(url: str) -> None:
-    """Begins a game and is gone."""
+    """Begin a game and disappear."""
     bot = Bot(url, "short", 1)
     page = await bot.consent()
     while not page.is_game:

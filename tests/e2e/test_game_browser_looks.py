@@ -50,7 +50,7 @@ def server(server: FakeGameServer) -> FakeGameServer:
 
 
 def shown(page: Page, server: FakeGameServer, state: Any, prediction: Any, **more: Any) -> None:
-    """Sends a tick and waits until its marks are there in full."""
+    """Send a tick and wait until its marks are there in full."""
     server.send(tick(state, prediction, **more))
     page.wait_for_selector(f"[data-timestep='{state.t}']")
     drawn(page, 220)

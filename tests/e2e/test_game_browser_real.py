@@ -57,7 +57,7 @@ def in_order(timesteps: list[int]) -> bool:
 
 
 def go_on(page: Page) -> None:
-    """Presses the one button that leads on from a page that is no game, everything filled in."""
+    """Press the one button that leads on from a page that is not a game, everything filled in."""
     for box in page.locator("main input[type=checkbox]").all():
         box.check()
     for choice in page.locator("main input[type=radio][value='4']").all():

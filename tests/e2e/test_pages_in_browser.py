@@ -66,7 +66,7 @@ class Person:
         return self
 
     def jump(self, key: str) -> "Person":
-        """Goes to a step as if everything before it had been done."""
+        """Go to a step as if everything before it had been done."""
         keys = [step.key for step in self.site.studies.way(self.me)]
         self.site.database.write_now(participants.advance, self.me.id, self.me.position, keys.index(key))
         self.page.goto(f"{self.site.url}/s/small/now")

@@ -61,7 +61,7 @@ class Game:
 
 @pytest.fixture
 async def serving():
-    """Starts model servers and ends them."""
+    """Start model servers and end them."""
     started = []
 
     async def start(agents=(), predictors=(), **settings):

@@ -65,7 +65,7 @@ def events_of(bits: np.ndarray) -> list[list[Any]]:
 
 
 def check_transition(kitchen: Kitchens, line: Recorded) -> None:
-    """Steps the kitchen and compares what the recording says of the joint action."""
+    """Step the kitchen and compare what the recording says of the joint action."""
     events = np.zeros((1, 2), np.int32)
     kitchen.step(np.array([line["a"]]), events)
     assert [sparse_reward(int(bits)) for bits in events[0]] == line["r"]

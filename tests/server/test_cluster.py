@@ -67,7 +67,7 @@ def running(live: LiveServer) -> Game | None:
 
 @pytest.fixture
 async def bot(pair: Pair) -> AsyncIterator[Bot]:
-    """Plays at the first server."""
+    """Play at the first server."""
     made = Bot(pair[0].url, "short", 1)
     page = await made.consent()
     while not page.is_game:

@@ -52,7 +52,7 @@ def chat() -> Iterator[Chat]:
 
 
 async def delivered(chat: Chat, messages: list[dict[str, str]], wanted: int, address: str = "") -> None:
-    """Sends, and waits until so many posts have arrived."""
+    """Send, and wait until so many posts have arrived."""
     hook = Webhook(address or chat.address, QUICK)
     task = asyncio.create_task(hook.run())
     for message in messages:

@@ -74,7 +74,7 @@ class LiveServer:
         return self._port
 
     def start(self) -> None:
-        """Returns when pages can be opened; after the first time at the same address."""
+        """Return when pages can be opened; after the first time at the same address."""
         listening = listen("127.0.0.1", self._port)
         self._port = listening.getsockname()[1]
         started = threading.Event()
@@ -104,7 +104,7 @@ class LiveServer:
                         await self._die(listening)
                         stack.pop_all()
                     dying.cancel()
-            except BaseException as error:  # noqa: BLE001 - told to whoever started us
+            except BaseException as error:  # noqa: BLE001 - raised in the thread that started us
                 self._failed = error
                 started.set()
 
@@ -148,7 +148,7 @@ class LiveServer:
         self._thread = None
 
     def do(self, work: Callable[[], Coroutine[Any, Any, T]]) -> T:
-        """Runs something on the server's own loop."""
+        """Run something on the server's own loop."""
         return asyncio.run_coroutine_threadsafe(work(), self._loop).result(30)
 
     def __enter__(self) -> "LiveServer":

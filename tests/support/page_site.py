@@ -99,7 +99,7 @@ class Site:
         return self.studies.step(fresh)
 
     def end_game(self, participant: Participant, passed: bool = True, status: str = "done") -> None:
-        """Stores the current game as played to its end."""
+        """Store the current game as played to its end."""
         study, step = self.studies.of(participant), self.step(participant)
         spec = episode_spec(study, step, participant.condition, "en")
         new = episodes.NewEpisode(spec, step.key, (participant.id, None), participant.study_id, participant.condition)
@@ -139,7 +139,7 @@ class Visitor:
         return self.send(f"/s/{name}/consent", self.fields("/consent") | boxes)
 
     def submit(self, name: str, **answers: str | list[str]) -> httpx.Response:
-        """Sends the current page's form with these answers; `a__b` stands for the field `a.b`."""
+        """Send the current page's form with these answers; `a__b` stands for the field `a.b`."""
         pairs = list(self.fields().items())
         for key, value in answers.items():
             pairs += [(key.replace("__", "."), one) for one in ([value] if isinstance(value, str) else value)]

@@ -59,7 +59,7 @@ class RealServer:
         return self._process.pid
 
     def start(self) -> None:
-        """Returns when pages can be opened; after the first time at the same address."""
+        """Return when pages can be opened; after the first time at the same address."""
         words = ["serve", "--port", str(self._port), "--study", str(self.study), "--database", self.database]
         words += self.more_words
         with self.log.open("w") as log:
@@ -77,7 +77,7 @@ class RealServer:
         self.url, self._port = found.group(0), int(found.group(1))
 
     def end(self, how: signal.Signals = signal.SIGTERM) -> int:
-        """Sends the signal and waits; the exit status."""
+        """Send the signal and wait; the exit status."""
         assert self._process is not None
         self._process.send_signal(how)
         return self._process.wait(30)

@@ -45,7 +45,7 @@ def house(tmp_path_factory) -> Path:
 
 
 def edit_as_the_guide_says(study: Path) -> None:
-    """Puts the guide's agents in the place of those in the file."""
+    """Put the guide's agents in the place of those in the file."""
     (agents,) = blocks("yaml")
     text, changed = re.subn(r"^agents:\n(  - .*\n)+", agents, study.read_text(encoding="utf-8"), flags=re.MULTILINE)
     assert changed == 1

@@ -27,7 +27,7 @@ def games():
 
 
 def share_of_right_steps(name, games):
-    """Asks as the live game does: the state, and the joint action that led to it."""
+    """Ask as the live game does: the state, and the joint action that led to it."""
     predictor, number = load_predictor(name, RING), np.arange(len(games["seat"]))
     predictor.begin(number)
     right = []

@@ -156,7 +156,7 @@ def seeds(role: str, preset: Preset) -> list[str]:
 
 
 def _train(work: Work, least_reward: float = 0.0) -> None:
-    """Trains one agent and leaves its skill levels as checkpoints in <folder>/35, 70 and 100."""
+    """Train one agent and leave its skill levels as checkpoints in <folder>/35, 70 and 100."""
     layout = load_layout(work.task.layout)
     config = changed(AgentConfig(), work.task.settings["config"], work.task.label)
     partners = [folder / str(skill) for folder in work.inputs.values() for skill in SKILLS]

@@ -88,7 +88,7 @@ def _inputs(work: Work, prefix: str) -> list[tuple[str, Path]]:
 
 
 def _train(layout: Layout, agent: str, configs: Configs, ship: bool, work: Work) -> None:
-    """Trains a predictor and leaves it in <folder>/predictor and, if wanted, among the shipped weights."""
+    """Train a predictor and leave it in <folder>/predictor and, if wanted, among the bundled weights."""
     games = work.inputs[f"games_{agent}"] / "games"
     lender: Path | None = next((folder / "100" for _, folder in _inputs(work, LENDER)), None)
     network, training = configs

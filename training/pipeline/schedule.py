@@ -1,6 +1,6 @@
 """Runs a graph of tasks: a few processes at a time here, or workers of a Ray cluster; a table shows how far it is.
 
-A task always runs in a process of its own, from the same command line, so whoever is killed can be started again.
+A task always runs in a process of its own, from the same command line, so a task that was killed can be started again.
 """
 
 import ctypes
@@ -25,7 +25,7 @@ _TRIES = 3  # of a task whose process died
 
 
 def run_task(graph: Graph, label: str, kept: Path | None = None) -> int:
-    """Does one task in this process, which ends with the one that started it: two must never do the same task.
+    """Do one task in this process, which ends with the one that started it: two must never do the same task.
     What it leaves is also copied to `kept`."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
@@ -36,13 +36,13 @@ def run_task(graph: Graph, label: str, kept: Path | None = None) -> int:
 
 
 def show_plan(graph: Graph) -> int:
-    """Prints every task with its state and expected time."""
+    """Print every task with its state and expected time."""
     Console().print(_table(graph, set(), Counter()))
     return 0
 
 
 def run_here(graph: Graph, command: Sequence[str], workers: int) -> int:
-    """Runs all tasks, `workers` at once, each in a process; returns 1 if one failed for good."""
+    """Run all tasks, `workers` at once, each in a process; return 1 if one failed for good."""
     running: dict[str, subprocess.Popen[bytes]] = {}
     failures: Counter[str] = Counter()
     with Live(_table(graph, set(), failures), refresh_per_second=1, transient=False) as live:

@@ -96,7 +96,7 @@ class Graph:
         return Graph([task for label, task in self.tasks.items() if label in wanted], self.runs)
 
     def keep(self, label: str, kept: Path) -> None:
-        """Copies what a finished task left (not its run) to `kept`, a folder that can travel to another machine."""
+        """Copy what a finished task left (not its run) to `kept`, a folder that can travel to another machine."""
         task, target = self.tasks[label], kept / label
         new = target.with_name(f"{task.name}.new")
         shutil.rmtree(new, ignore_errors=True)
@@ -106,7 +106,7 @@ class Graph:
         new.replace(target)
 
     def take_over(self, kept: Path) -> list[str]:
-        """Takes as done what is kept in `kept` with the same settings and inputs; returns the labels."""
+        """Take as done what is kept in `kept` with the same settings and inputs; return the labels."""
         taken = []
         for label in self.tasks:
             source = kept / label
@@ -119,7 +119,7 @@ class Graph:
         return taken
 
     def run(self, label: str) -> None:
-        """Does one task (or the rest of it); its inputs must be done."""
+        """Do one task (or the rest of it); its inputs must be done."""
         task, folder = self.tasks[label], self.folder(label)
         folder.mkdir(parents=True, exist_ok=True)
 

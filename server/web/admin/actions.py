@@ -84,7 +84,7 @@ async def resume_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep
 
 @router.post("/version")
 async def serve_version(name: str, admin: ActDep, services: ServicesDep, form: AdminFormDep) -> Response:
-    """Serves the study file as it is now to those who come from now on; the others keep their version."""
+    """Serve the study file as it is now to those who come from now on; the others keep their version."""
     web, versions = services.web, services.versions
     study_at(web, name)
     if name not in versions.changed or not versions.can_take:
@@ -100,7 +100,7 @@ async def serve_version(name: str, admin: ActDep, services: ServicesDep, form: A
 
 @router.post("/message")
 async def message_all(name: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep) -> Response:
-    """Shows a message in every running game of the study."""
+    """Show a message in every running game of the study."""
     study_at(web, name)
     text = _required(form, "text")
     told = await control.broadcast(MessageStudy(name, text))
@@ -112,7 +112,7 @@ async def message_all(name: str, admin: ActDep, web: WebDep, form: AdminFormDep,
 async def step_in(
     action: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep, game: GameDep
 ) -> Response:
-    """Pauses, resumes, ends, tells, extends or excludes one game."""
+    """Pause, resume, end, tell, extend or exclude one game."""
     detail: dict[str, Any] = {"episode": game.id, "participant": game.participant_id, "reason": _text(form, "note")}
     match action:
         case "pause":
@@ -141,7 +141,7 @@ async def step_in(
 async def decide(
     action: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep, person: PersonDep
 ) -> Response:
-    """Excludes a participant, takes an exclusion back, frees the place, gives more time to come back, or deletes."""
+    """Exclude a participant, take an exclusion back, free the place, give more time to come back, or delete."""
     if action == "delete":
         return await _delete(admin, web, form, control, person)
     detail: dict[str, Any] = {"participant": person.id, "reason": _text(form, "note")}
@@ -171,7 +171,7 @@ async def decide(
 
 @router.post("/find")
 async def find(name: str, admin: ActDep, web: WebDep, form: AdminFormDep) -> Response:
-    """Leads to the participant with this id, personal code or recruiter's id: a form, as an address would be logged."""
+    """Lead to the participant with this id, personal code or recruiter's id: a form, as an address would be logged."""
     study_ids, _ = study_at(web, name)
     found = await web.database.read(participants.find, study_ids, _text(form, "who"))
     await _note(web, admin, "find participant", {"study": name, "found": found is not None})
@@ -179,7 +179,7 @@ async def find(name: str, admin: ActDep, web: WebDep, form: AdminFormDep) -> Res
 
 
 async def _delete(admin: AdminSession, web: Web, form: Form, control: ClusterControl, person: Person) -> Response:
-    """Deletes somebody who asked for it. The audit log tells that and why, and nothing by which to find the person."""
+    """Delete somebody who asked for it. The audit log tells that and why, and nothing by which to find the person."""
     study = web.studies.version(person.study_id)
     name = study.name if study is not None else ""
     detail = {"study": name, "reason": _required(form, "note")}

@@ -87,7 +87,7 @@ class Watching:
 
 
 async def let_in(socket: WebSocket) -> AdminSession | None:
-    """Accepts the socket of a researcher who is signed in, from one of our own pages; refuses all others."""
+    """Accept the socket of a researcher who is signed in, from one of our own pages; refuse all others."""
     try:
         admin = await session_of(socket) if services_of(socket).web.csrf.is_own_origin(socket) else None
     except DatabaseDown:

@@ -104,7 +104,7 @@ async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...]
 
 
 async def _status(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...], str]) -> Card | View | None:
-    """Tells how the participant is; None when the game does not run any more."""
+    """Tell how the participant is; None when the game does not run any more."""
     study_ids, episode = which
     card = next((one for one in await live.cards(study_ids) if one.played.id == episode), None)
     view = None if card else next((one for one in await live.views(study_ids) if one.id == episode), None)

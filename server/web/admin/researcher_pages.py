@@ -29,7 +29,7 @@ _WINDOW_MIN = round(attempts.WINDOW.total_seconds() / 60)
 
 @router.get("/login")
 async def login_page(request: Request) -> Response:
-    """Asks for name and password."""
+    """Ask for name and password."""
     return AdminPage(request).render("login.html", next=request.query_params.get("next", ""), wrong="")
 
 
@@ -99,7 +99,7 @@ async def studies(request: Request, admin: WatchDep, web: WebDep) -> Response:
 
 @router.post("/blind")
 async def blind(admin: ActDep, web: WebDep, form: AdminFormDep) -> Response:
-    """Hides or shows conditions in this session; both are in the audit log."""
+    """Hide or show conditions in this session; both are in the audit log."""
     hide = first(form, "blind") == "on"
     await web.database.write(admins.set_blind, admin.token_hash, hide)
     await web.database.write(audit.add, admin.name, "blind mode on" if hide else "blind mode off")
@@ -123,7 +123,7 @@ async def accounts(request: Request, admin: OwnDep, web: WebDep) -> Response:
 
 @router.post("/accounts/{account}/{action}")
 async def change_account(account: str, action: str, admin: OwnDep, web: WebDep, form: AdminFormDep) -> Response:  # noqa: ARG001 - checks the form
-    """Signs an account out everywhere, or removes it; nobody removes their own."""
+    """Sign an account out everywhere, or remove it; nobody removes their own."""
     if action not in ("signed_out", "removed") or (action == "removed" and account == admin.name):
         raise HTTPException(400, "this cannot be done to this account")
     await web.database.write(admins.close_all if action == "signed_out" else admins.remove, account)

@@ -45,7 +45,7 @@ def _codes_of_all(opened: OpenStudy) -> set[str]:
 
 @router.get("/withdraw")
 async def withdraw_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
-    """Asks whether somebody really wants to leave; without the cookie, by the completion code."""
+    """Ask whether somebody really wants to leave; without the cookie, by the completion code."""
     return page(request, web, opened.study, participant).render("participant/withdraw.html", code="", wrong="")
 
 
@@ -53,7 +53,7 @@ async def withdraw_page(request: Request, opened: OpenStudyDep, web: WebDep, par
 async def withdraw(
     request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep, form: FormDep, control: ControlDep
 ) -> Response:
-    """Deletes everything about the participant; a count remains. Whoever guesses codes has to wait."""
+    """Delete everything about the participant; a count remains. After several wrong codes the next try has to wait."""
     code = first(form, "code").strip().upper()
     made = page(request, web, opened.study, participant)
     leaving = participant

@@ -58,7 +58,7 @@ class PlayerSocket:
         self.send_queue.close(code, reason)
 
     async def write(self) -> None:
-        """Sends what waits until the socket closes. Returns when it is closed from either side."""
+        """Send what waits until the socket closes. Returns when it is closed from either side."""
         while True:
             frame = await self.send_queue.next()
             if isinstance(frame, Close):
@@ -218,7 +218,7 @@ class Sockets:
                 self._room.leave(mine.player.participant, mine)
 
     async def _handle(self, message: messages.Incoming, game: Game | None, mine: PlayerSocket) -> Game | None:
-        """Does what one message asks; the game that the socket is in from now on."""
+        """Do what one message asks; the game that the socket is in from now on."""
         match message:
             case messages.Hello():
                 return await self._hello(message, game, mine)
@@ -276,5 +276,5 @@ router = APIRouter()
 
 @router.websocket("/s/{study}/socket")
 async def play(socket: WebSocket, study: str, services: ServicesDep) -> None:
-    """Plays the participant's current step, if it is a game."""
+    """Play the participant's current step, if it is a game."""
     await services.sockets.serve(socket, study)

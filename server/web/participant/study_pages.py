@@ -97,7 +97,7 @@ def _in_mturk(made: PageResponse, study: Study) -> Response | None:
 async def consent(
     request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep, form: ConsentFormDep
 ) -> Response:
-    """Makes the participant and the cookie. The same page sent twice makes one participant."""
+    """Make the participant and the cookie. The same page sent twice makes one participant."""
     study = opened.study
     person, extra = recruitment_of(study.recruitment, {key: values[0] for key, values in form.items()})
     if person is None and study.recruitment.required:
@@ -131,7 +131,7 @@ def _is_simulated(web: Web, form: Form) -> bool:
 
 
 async def _enrol(made: PageResponse, arrival: progress.ConsentArrival, is_new: bool) -> Response | None:
-    """Enrols who arrives; returns the page that says why not. A new person takes one of the places that the address may
+    """Enrol who arrives; return the page that says why not. A new person takes one of the places that the address may
     bring, before anything is awaited; it is given back where nobody new came of it."""
     web, counted = made.web, is_new and not arrival.simulated
     if counted and not web.places.reserve(address_of(made.request), arrival.study, arrival.token):
@@ -158,7 +158,7 @@ def _in_language(made: PageResponse, choice: str) -> PageResponse:
 
 @router.get("/s/{name}/new")
 async def new_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
-    """Asks whether somebody else wants to take part in this browser."""
+    """Ask whether somebody else wants to take part in this browser."""
     if participant is None or not may_start_new(opened.study):
         return _to(f"/s/{opened.study.name}")
     made = page(request, web, opened.study, participant)
@@ -167,7 +167,7 @@ async def new_page(request: Request, opened: OpenStudyDep, web: WebDep, particip
 
 @router.post("/s/{name}/new")
 async def start_new(opened: OpenStudyDep, web: WebDep, form: FormDep) -> Response:  # noqa: ARG001 - checks the form
-    """Forgets who took part in this browser, and what its pages kept, so that the next person can begin."""
+    """Forget who took part in this browser, and what its pages kept, so that the next person can begin."""
     response = _to(f"/s/{opened.study.name}")
     if may_start_new(opened.study):
         forget_cookie(response, opened.study.name, secure=web.csrf.secure)
@@ -177,7 +177,7 @@ async def start_new(opened: OpenStudyDep, web: WebDep, form: FormDep) -> Respons
 
 @router.websocket("/s/{name}/check")
 async def check_connection(socket: WebSocket, name: str, web: WebDep) -> None:
-    """Sends back what comes, a few times: the entry check measures the connection with it."""
+    """Send back what comes, a few times: the entry check measures the connection with it."""
     if web.studies.open(name) is None or not web.csrf.is_own_origin(socket):
         await socket.close(CloseCode.REFUSED)
         return
@@ -211,7 +211,7 @@ async def now(request: Request, name: str, web: WebDep, participant: Participant
 async def submit(
     request: Request, name: str, web: WebDep, participant: ParticipantDep, form: AnswersFormDep
 ) -> Response:
-    """Takes the current step's page. One that is not current changes nothing and leads to the one that is."""
+    """Take the current step's page. One that is not current changes nothing and leads to the one that is."""
     if participant is None:
         return _to(f"/s/{name}")
     back = _to(f"/s/{name}/now")

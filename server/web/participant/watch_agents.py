@@ -205,7 +205,7 @@ async def game(request: Request, web: WebDep, choice: ChoiceDep) -> Response:
 
 @router.websocket("/watch/socket")
 async def watch(socket: WebSocket, services: ServicesDep) -> None:
-    """Plays the two agents for one onlooker."""
+    """Play the two agents for one onlooker."""
     wanted = socket.query_params.get("lang", "")
     language = (
         wanted if wanted in languages() else best_language(socket.headers.get("accept-language", ""), languages())

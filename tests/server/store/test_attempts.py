@@ -1,4 +1,4 @@
-"""Tries at passwords and codes in a real database: counted before they are checked, whoever else tries."""
+"""Tries at passwords and codes in a real database: counted before they are checked, also if others try."""
 
 import asyncio
 from datetime import UTC, datetime, timedelta

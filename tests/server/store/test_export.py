@@ -33,7 +33,7 @@ of_any_kind = pytest.mark.parametrize("url", ["sqlite"], indirect=True)
 
 @pytest.fixture
 def exported(url: str, tmp_path: Path) -> Exported:
-    """Exports the database of this test into a folder."""
+    """Export the database of this test into a folder."""
 
     def run(*words: str, name: str = "out") -> Path:
         folder = tmp_path / name

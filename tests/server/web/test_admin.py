@@ -101,7 +101,7 @@ class Researcher(Visitor):
         return unescape(found.group(1))
 
     def post(self, path: str, token: str | None = None, **fields: str) -> httpx.Response:
-        """Sends a form with the token of the page that is shown."""
+        """Send a form with the token of the page that is shown."""
         body = urlencode({"form_token": self.token() if token is None else token, **fields})
         kind = {"content-type": "application/x-www-form-urlencoded"}
         self.page = self.client.post(path, content=body, headers=kind)
@@ -467,7 +467,7 @@ def test_a_paused_study_lets_nobody_in_until_it_is_resumed(site: Site) -> None:
     researcher = signed_in(site, "act")
     researcher.get("/admin/s/small")
     assert "is paused" in researcher.post("/admin/s/small/pause", note="the room is dark").text
-    assert waiting.send("/s/small/consent", form).status_code == 503, "whoever reads the consent page has to wait too"
+    assert waiting.send("/s/small/consent", form).status_code == 503, "the consent page has to wait too"
     newcomer = Visitor(site).get("/s/small?lang=en&PROLIFIC_PID=5f1e00000000000000000001")
     assert newcomer.status_code == 503
     assert "paused this study for a while" in newcomer.text

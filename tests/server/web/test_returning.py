@@ -137,7 +137,7 @@ def test_the_next_person_in_the_same_browser_starts_as_a_new_participant(site: S
     assert page.status_code == 200
     assert code not in page.text
     assert "Start as a new participant" in page.text
-    assert code in browser.get("/s/small/now").text, "whoever took part finds the code"
+    assert code in browser.get("/s/small/now").text, "a participant finds the code"
     browser.get("/s/small")
     answer = browser.send("/s/small/new", browser.fields("/new"))
     assert answer.url.path == "/s/small"

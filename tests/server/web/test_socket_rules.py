@@ -123,7 +123,7 @@ async def say(socket: ClientConnection, **message: Any) -> None:
 
 
 async def close_code(socket: ClientConnection) -> int | None:
-    """Reads until the server closes."""
+    """Read until the server closes."""
     try:
         async with asyncio.timeout(10):
             while True:

@@ -37,7 +37,7 @@ async def onlooker(live: LiveServer, address: str = "127.0.0.1", hello: bool = T
 
 
 async def heard(socket: ClientConnection, kind: str) -> None:
-    """Answers what the server asks until a message of this kind comes."""
+    """Answer what the server asks until a message of this kind comes."""
     async with asyncio.timeout(60):
         while (message := json.loads(await socket.recv()))["type"] != kind:
             if message["type"] == "ping":

@@ -68,7 +68,7 @@ class BrowserCook:
                 self.ended.append(message)
 
     def play(self, until_timestep: int = 10**9, seconds: float = 150.0) -> None:
-        """Plays until the episode is over, or has come so far."""
+        """Play until the episode is over, or has come so far."""
         deadline = time.monotonic() + seconds
         while len(self.ended) == self._ends_seen and (not self.timesteps or self.timesteps[-1] < until_timestep):
             assert time.monotonic() < deadline, f"the game got stuck at timestep {self.timesteps[-1:]}"

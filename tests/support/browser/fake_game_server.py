@@ -128,7 +128,7 @@ class FakeGameServer:
         self._loop.call_soon_threadsafe(self._connection.transport.abort)
 
     def wait_for(self, wanted: Callable[["FakeGameServer"], bool], seconds: float = 10.0) -> None:
-        """Returns as soon as `wanted(self)`; TimeoutError with what did come otherwise."""
+        """Return as soon as `wanted(self)`; TimeoutError with what did come otherwise."""
         until = time.monotonic() + seconds
         while not wanted(self):
             if time.monotonic() > until:
@@ -142,7 +142,7 @@ class FakeGameServer:
         return [message for message in self.received if isinstance(message, kind)]
 
     def play(self, seconds: int = 0) -> None:
-        """Counts down (no time by default) and shows the first tick."""
+        """Count down (no time by default) and show the first tick."""
         self.send(Countdown(seconds))
 
     def close(self) -> None:

@@ -45,7 +45,7 @@ def shared(chromium: Browser, server: FakeGameServer) -> BrowserContext:
 
 
 def start(page: Page, server: FakeGameServer, state: KitchenState | None = None, **more: Any) -> None:
-    """Presses start; the game runs from `state` on."""
+    """Press start; the game runs from `state` on."""
     page.wait_for_selector("[data-phase=ready]")
     page.click("#start-button")
     server.wait_for(lambda server: bool(server.of(Ready)))

@@ -27,7 +27,7 @@ class KeyboardOnly:
         self.unseen: list[str] = []
 
     def go_on(self) -> None:
-        """Fills in what the page asks and presses what leads on."""
+        """Fill in what the page asks and press what leads on."""
         done: set[str] = set()
         with self.page.expect_navigation():
             for _ in range(MOST_TABS):
@@ -44,7 +44,7 @@ class KeyboardOnly:
         return here
 
     def _answer(self, here: dict[str, Any], done: set[str]) -> bool:
-        """Deals with what has the focus (one answer a question); True when that leads to another page."""
+        """Deal with what has the focus (one answer a question); True when that leads to another page."""
         keys = self.page.keyboard
         if here["type"] in ("checkbox", "radio"):
             if here["name"] not in done:

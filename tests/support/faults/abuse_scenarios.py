@@ -127,7 +127,7 @@ async def frames(folder: Path, tries: int, seed: int = 0) -> FaultResult:
 
 
 async def _throw(bad: RecordingClient, chance: random.Random, most: int) -> int:
-    """Opens a socket by hand and throws frames until it is closed; how many went out."""
+    """Open a socket by hand and throw frames until it is closed; how many went out."""
     sent = 0
     async with _by_hand(bad) as (reader, writer):
         while sent < most and not reader.at_eof():

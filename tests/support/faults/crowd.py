@@ -57,7 +57,7 @@ class Crowd:
         await asyncio.gather(*(one.close() for one in self.clients))
 
     async def moving(self, after: float, within_s: float = 60.0) -> list[float]:
-        """Waits until every game has moved after a moment; how many seconds each took."""
+        """Wait until every game has moved after a moment; how many seconds each took."""
         async with asyncio.timeout(within_s):
             while True:
                 found = [moved(one, after) for one in self.clients]
@@ -69,7 +69,7 @@ class Crowd:
                 await asyncio.sleep(0.02)
 
     async def told(self, kind: str, after: float, detail: Any = None, within_s: float = 30.0) -> list[float]:
-        """Waits until everybody was told; how many seconds each took."""
+        """Wait until everybody was told; how many seconds each took."""
         ends = time.monotonic() + within_s
         while True:
             found = [one.log.first(kind, after, detail) for one in self.clients]

@@ -119,7 +119,7 @@ class FaultProxy:
             downward.gate.set()
 
     def reset(self) -> int:
-        """Breaks every connection with an RST to both sides; how many."""
+        """Break every connection with an RST to both sides; how many."""
         broken = list(self._lines.items())
         for line, (near, far, *_) in broken:
             for writer in (near, far):

@@ -18,7 +18,7 @@ class FaultResult:
         return {"row": self.row, "fault": self.fault, "tries": self.tries, "figure": self.figure, "pass": self.passed}
 
     def hold(self) -> None:
-        """Raises AssertionError with the figures where it did not pass."""
+        """Raise AssertionError with the figures if it did not pass."""
         assert self.passed, f"row {self.row}, {self.fault}: {self.figure}"
 
 

@@ -220,7 +220,7 @@ class RecordingClient:
             page = await self.submit(page)
 
     async def walk_on(self) -> str:
-        """Plays and answers to the end; the completion code."""
+        """Play and answer to the end; the completion code."""
         page = await self.ask("GET", f"/s/{self.study}/now")
         while page.code is None:
             if page.is_game:
