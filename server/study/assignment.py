@@ -10,7 +10,7 @@ from server.study.order import derived_seed
 
 @dataclass(frozen=True)
 class Count:
-    """How many hold a place in a condition. Participants who dropped out, were screened out, withdrew or timed out hold none."""
+    """How many hold a place in a condition, without those who dropped out, withdrew, timed out or were screened out."""
 
     completed: int = 0
     active: int = 0

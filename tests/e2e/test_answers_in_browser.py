@@ -8,21 +8,13 @@ from playwright.sync_api import Browser, Page, expect
 from server.settings import ROOT
 from server.store import answers
 from tests.support.page_site import Site
+from tests.support.study_text import study_head
 from tests.support.written_numbers import WRITTEN
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(120)]
-STUDY = """
-name: asked
-title: {en: Asked}
-summary: {en: Questions.}
-languages: [en]
-seed: 11
-duration_min: 1
-consent:
-  title: {en: Take part}
-  lead: {en: A test.}
-  sections: [{title: {en: What happens}, body: {en: You answer.}}]
-  boxes: [{en: I agree.}]
+STUDY = (
+    study_head("asked", "Asked")
+    + """
 conditions: [{name: none, predictor: none}]
 agents: [{name: planner, predictor: random}]
 layouts: [{name: coordination_ring, title: {en: Ring}}]
@@ -39,6 +31,7 @@ questionnaires:
       - {key: words, type: text, lines: 3, text: {en: Words}}
 flow: [first, introduction, thanks]
 """
+)
 
 
 @pytest.fixture(scope="module")

@@ -9,23 +9,15 @@ import time
 from pathlib import Path
 
 from tests.support import command_line
+from tests.support.study_text import study_head
 
 ROOT = Path(__file__).resolve().parents[2]
 START_S = 240.0
 
 # Scripted agents: no weights are needed, and an episode is over in seconds.
-SHORT_STUDY = """
-name: short
-title: {en: A short study}
-summary: {en: For tests.}
-languages: [en]
-seed: 11
-duration_min: 1
-consent:
-  title: {en: Take part}
-  lead: {en: A test.}
-  sections: [{title: {en: What happens}, body: {en: You play.}}]
-  boxes: [{en: I agree.}]
+SHORT_STUDY = (
+    study_head("short", "A short study")
+    + """
 conditions: [{name: tom, predictor: tom}, {name: random, predictor: random}, {name: none, predictor: none}]
 agents: [{name: planner, predictor: sp_predictor_stream}]
 layouts: [{name: coordination_ring, title: {en: Ring}}, {name: matrix, title: {en: Matrix}}]
@@ -38,6 +30,7 @@ questionnaires:
 after_episode: teamwork
 flow: [introduction, tutorial, episodes, thanks]
 """
+)
 
 
 class RealServer:

@@ -5,7 +5,7 @@ from sqlalchemy import text as sql
 
 from server.store import audit, participants, tombstones
 from server.store.tables import RECRUITMENT_ID, metadata
-from tests.server.web.test_admin import played, signed_in, site  # noqa: F401 - the fixture
+from tests.server.web.admin.test_admin import played, signed_in, site  # noqa: F401 - the fixture
 from tests.support.page_site import Site
 
 

@@ -22,19 +22,11 @@ from server.store.database import Database
 from server.store.participants import token_hash
 from server.store.tables import episodes, events, participants, ticks
 from server.verification import verify_all
+from tests.support.study_text import study_head
 
-STUDY = """
-name: pairs
-title: {en: Two people}
-summary: {en: For tests.}
-languages: [en]
-seed: 5
-duration_min: 1
-consent:
-  title: {en: Take part}
-  lead: {en: A test.}
-  sections: [{title: {en: What happens}, body: {en: You play.}}]
-  boxes: [{en: I agree.}]
+STUDY = (
+    study_head("pairs", "Two people", seed=5)
+    + """
 conditions: [{name: tom, predictor: tom}]
 agents: [{name: person, human: true, predictor: random}]
 layouts: [{name: coordination_ring, title: {en: Ring}}, {name: matrix, title: {en: Matrix}}]
@@ -42,6 +34,7 @@ game: {horizon: 60, pause: {each_s: 12, episode_s: 24}}
 waiting_room: {limit_s: 20, fallback: FALLBACK}
 flow: [episodes, thanks]
 """
+)
 decoder = msgspec.json.Decoder(messages.Outgoing)
 
 

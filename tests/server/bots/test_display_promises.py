@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from server.study.loader import StudyError
-from tests.server.test_bots import SCRIPTED
+from tests.server.bots.test_bots import SCRIPTED
 from tests.support.command_line import run
 from tests.support.live_server import LiveServer
 

@@ -15,8 +15,8 @@ from server.participation.study_versions import StudyVersions
 from server.settings import Settings
 from server.store import audit
 from server.study.loader import StudyError, load_study
-from tests.server.web.test_admin import signed_in
-from tests.server.web.test_admin import site as admin_site
+from tests.server.web.admin.test_admin import signed_in
+from tests.server.web.admin.test_admin import site as admin_site
 from tests.support.page_site import SMALL_STUDY, Site, Visitor
 
 site = admin_site
