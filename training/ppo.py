@@ -190,8 +190,10 @@ class PpoTrainer:
         for index, (name, _) in enumerate(self.network.named_parameters()):
             state["state"][index] = _under(tensors, f"optimizer.{name}.")
         self.optimizer.load_state_dict(state)
-        for name, array in self.env.state().items():
+        games = {name: array.copy() for name, array in self.env.state().items()}
+        for name, array in games.items():
             _signed(array)[:] = tensors[f"env.{name}"].numpy()
+        self.env.restore(games)
         self.env.encode(self.observations)
         self.timesteps = int(numbers["timesteps"])
 

@@ -74,8 +74,15 @@ class ThreadedEnv:
             part.encode(observations[here])
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Everything that decides how the games continue (views: copy what you keep)."""
-        return {f"{k}.{name}": array for k, part in enumerate(self.parts) for name, array in part.state().items()}
+        """Everything that decides how the games continue, as of one `VectorEnv`: a run that was stored with so many
+        threads continues with any other number of them."""
+        states = [part.state() for part in self.parts]
+        return {name: np.concatenate([state[name] for state in states]) for name in states[0]}
+
+    def restore(self, state: dict[str, NDArray[Any]]) -> None:
+        """Continue from what `state` gave, with this or another number of threads."""
+        for part, here in zip(self.parts, self._ranges, strict=True):
+            part.restore({name: array[here] for name, array in state.items()})
 
     def take_finished(self) -> Finished:
         """The episodes that ended since the last call."""

@@ -5,9 +5,9 @@ It knows its layout only through what it sees, and its partner only by place and
 
 import numpy as np
 
-from models.agents.handing_over import must_hand_over
-from models.agents.handing_over import wishes as handing_over_wishes
 from models.agents.observation_parser import Cell, ParsedObservation, Walk, certain, distances, parse_observation
+from models.agents.planner_handover import must_hand_over
+from models.agents.planner_handover import wishes as handing_over_wishes
 from models.protocols import Mode, Observations, Probabilities
 from overcooked.constants import ACTIONS, DISH, INTERACT, NOTHING, ONION, ONIONS_PER_SOUP, SOUP, STAY, STEP_X, STEP_Y
 

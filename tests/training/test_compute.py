@@ -122,3 +122,18 @@ def test_ppo_learns_from_games_that_threads_step(monkeypatch: pytest.MonkeyPatch
     other = PpoTrainer(SHORT, RING, 1, compute=Compute("cpu", "float32", "dense"))
     other.restore({name: tensor.clone() for name, tensor in tensors.items()}, numbers)
     assert other.iteration()["policy_loss"] == trainer.iteration()["policy_loss"]
+
+
+@pytest.mark.parametrize(("before", "after"), [(3, 1), (1, 3), (3, 2)])
+def test_a_run_goes_on_with_another_number_of_threads(monkeypatch: pytest.MonkeyPatch, before: int, after: int) -> None:
+    monkeypatch.setattr("training.ppo.threads_for", lambda device: before)
+    trainer = PpoTrainer(SHORT, RING, 1, compute=Compute("cpu", "float32", "dense"))
+    trainer.iteration()
+    tensors, numbers = trainer.state()
+    monkeypatch.setattr("training.ppo.threads_for", lambda device: after)
+    other = PpoTrainer(SHORT, RING, 1, compute=Compute("cpu", "float32", "dense"))
+    other.restore({name: tensor.clone() for name, tensor in tensors.items()}, numbers)
+    for name, array in trainer.env.state().items():
+        np.testing.assert_array_equal(other.env.state()[name], array)
+    np.testing.assert_array_equal(other.observations, trainer.observations)
+    assert np.isfinite(other.iteration()["policy_loss"])
