@@ -3,6 +3,9 @@
 A try is reserved in the database before anything is awaited on its behalf, so parallel requests and several server
 processes share one limit, and it is given back if it was right. The limit is for one name from one origin. Nobody else
 can use it up, and a browser that was signed in before has an origin of its own.
+
+Not the library `limits`: it cannot count in our database, in the transaction that reserves a try, and cannot give one
+try back.
 """
 
 import asyncio

@@ -2,6 +2,9 @@
 
 Counted by participant first: a household, a laboratory or a university shares an address. Requests from this machine
 are not counted by address, as simulated participants and the tests come from there.
+
+Not the library `limits`: it counts in windows, without a token bucket that allows a burst and then a steady rate, and
+cannot give back a place that was taken before anything was awaited. Sockets use the same bucket.
 """
 
 import hashlib

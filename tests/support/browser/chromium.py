@@ -3,9 +3,9 @@
 import asyncio
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser, Error, sync_playwright
 
 CHROMIUM_ARGUMENTS = [
     "--no-sandbox",
@@ -42,17 +42,17 @@ class SharedChromium:
         """
         asyncio._set_running_loop(self._loop)
         try:
-            if not self._browser.is_connected():  # a test may have ended it, or the system for want of memory
+            if not self._browser.is_connected():  # it may have crashed
                 self._browser = self._launched()
             yield self._browser
-            if self._browser.is_connected():
+            with suppress(Error):  # a browser that has gone has closed them itself
                 for context in self._browser.contexts:
                     context.close()
         finally:
             asyncio._set_running_loop(None)
 
     def close(self) -> None:
-        with self.in_use() as browser:
+        with self.in_use() as browser, suppress(Error):
             browser.close()
         asyncio._set_running_loop(self._loop)
         self._playwright.stop()
