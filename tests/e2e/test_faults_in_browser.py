@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page
 
-from tests.support.browser.game_page import DESKTOP, screenshot
+from tests.support.browser.game_page import DESKTOP, draw_less_often, screenshot
 from tests.support.faults.crowd import LONG_STUDY
 from tests.support.real_server import RealServer
 
@@ -24,7 +24,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealServer]:
 def visitor(chromium: Browser) -> Iterator[BrowserContext]:
     context = chromium.new_context(viewport=DESKTOP)
     context.set_default_timeout(60_000)
-    yield context
+    yield draw_less_often(context)
     context.close()
 
 

@@ -8,7 +8,7 @@ from playwright.sync_api import Browser, BrowserContext, Page
 from server.store.database import Database
 from server.store.tables import episodes, events, ticks
 from tests.support.browser.browser_cook import BrowserCook
-from tests.support.browser.game_page import DESKTOP, screenshot
+from tests.support.browser.game_page import DESKTOP, draw_less_often, screenshot
 from tests.support.real_server import SHORT_STUDY, RealServer
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(240)]
@@ -47,7 +47,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealServer]:
 def visitor(chromium: Browser) -> Iterator[BrowserContext]:
     context = chromium.new_context(viewport=DESKTOP)
     context.set_default_timeout(30_000)
-    yield context
+    yield draw_less_often(context)
     context.close()
 
 

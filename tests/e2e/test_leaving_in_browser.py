@@ -10,7 +10,7 @@ from server.store.database import Database
 from server.store.tables import metadata
 from tests.e2e.test_game_browser_real import go_to_game, study
 from tests.support.browser.browser_cook import BrowserCook
-from tests.support.browser.game_page import PHONE, screenshot
+from tests.support.browser.game_page import PHONE, draw_less_often, screenshot
 from tests.support.real_server import RealServer
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(240)]
@@ -37,7 +37,7 @@ def rows(server: RealServer) -> dict[str, int]:
 
 def test_who_leaves_in_the_middle_of_a_game_leaves_nothing_behind(chromium: Browser, server: RealServer) -> None:
     context = chromium.new_context(viewport=PHONE, has_touch=True, reduced_motion="reduce")
-    page = context.new_page()
+    page = draw_less_often(context).new_page()
     cook = BrowserCook(page)
     go_to_game(page, server)
     cook.play(until_timestep=10)

@@ -12,7 +12,7 @@ from server.store.database import Database
 from server.store.tables import episodes
 from tests.e2e.test_game_browser_real import go_on
 from tests.support.browser.browser_cook import BrowserCook
-from tests.support.browser.game_page import DESKTOP, at_rest, screenshot
+from tests.support.browser.game_page import DESKTOP, at_rest, draw_less_often, screenshot
 from tests.support.live_server import LiveServer
 from tests.support.real_server import SHORT_STUDY
 
@@ -48,7 +48,7 @@ def visitor(chromium: Browser, width_and_height: dict[str, int]) -> Iterator[Pag
         viewport=width_and_height, has_touch=width_and_height is PHONE, reduced_motion="reduce"
     )  # type: ignore[arg-type]
     context.set_default_timeout(30_000)
-    yield context.new_page()
+    yield draw_less_often(context).new_page()
     context.close()
 
 

@@ -9,7 +9,7 @@ from sqlalchemy import func, select
 from server.store.database import Database
 from server.store.tables import episodes, participants
 from tests.support.browser.browser_cook import BrowserCook
-from tests.support.browser.game_page import DESKTOP, PHONE, screenshot
+from tests.support.browser.game_page import DESKTOP, PHONE, draw_less_often, screenshot
 from tests.support.live_server import LiveServer
 from tests.support.real_server import SHORT_STUDY
 
@@ -30,7 +30,7 @@ def test_two_agents_cook_before_an_onlooker(
     chromium: Browser, server: LiveServer, viewport: dict[str, int], marks: int
 ) -> None:
     context = chromium.new_context(viewport=viewport, reduced_motion="reduce")  # type: ignore[arg-type]
-    page = context.new_page()
+    page = draw_less_often(context).new_page()
     seen = BrowserCook(page)
     page.goto(server.url)
     page.click("a[href^='/watch']")

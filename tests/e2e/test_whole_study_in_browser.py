@@ -9,7 +9,7 @@ from playwright.sync_api import Browser
 from server.store import participants, studies
 from server.store.database import Database
 from server.store.tables import episodes, events
-from tests.support.browser.game_page import DESKTOP, PHONE, screenshot
+from tests.support.browser.game_page import DESKTOP, PHONE, draw_less_often, screenshot
 from tests.support.browser.single_input import KeyboardOnly, TouchOnly, walk
 from tests.support.real_server import ROOT, RealServer
 
@@ -47,7 +47,8 @@ def stored(server: RealServer, person: str) -> tuple[participants.Participant, l
 
 
 def test_the_whole_study_by_keyboard_alone(chromium: Browser, server: RealServer, recruitment_id: str) -> None:
-    page = chromium.new_context(viewport=DESKTOP, locale="en-GB", reduced_motion="reduce").new_page()
+    context = chromium.new_context(viewport=DESKTOP, locale="en-GB", reduced_motion="reduce")
+    page = draw_less_often(context).new_page()
     person = KeyboardOnly(page)
     titles = walk(person, f"{server.url}/s/every_setting?PID={recruitment_id}&WAVE=1")
     assert titles.count("game") == 5
@@ -66,9 +67,10 @@ def test_the_whole_study_by_keyboard_alone(chromium: Browser, server: RealServer
 
 
 def test_the_whole_study_by_touch_alone_in_chinese(chromium: Browser, server: RealServer, recruitment_id: str) -> None:
-    page = chromium.new_context(
+    context = chromium.new_context(
         viewport=PHONE, has_touch=True, is_mobile=True, locale="zh-CN", reduced_motion="reduce"
-    ).new_page()
+    )
+    page = draw_less_often(context).new_page()
     person = TouchOnly(page)
     titles = walk(person, f"{server.url}/s/every_setting?PID={recruitment_id}&WAVE=2")
     assert titles.count("game") == 5

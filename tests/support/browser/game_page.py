@@ -44,6 +44,21 @@ def shared(chromium: Browser, server: FakeGameServer) -> BrowserContext:
     return visitor
 
 
+def draw_less_often(context: BrowserContext) -> BrowserContext:
+    """Let the pages of this context draw some 15 times a second and not 60; return the context.
+
+    For tests that look at what a participant reaches and not at how it moves: without a graphics card a picture takes
+    20 to 40 ms of a processor, so one running game takes all of it.
+    """
+    context.add_init_script(
+        """(() => {
+          const soon = window.requestAnimationFrame.bind(window);
+          window.requestAnimationFrame = (callback) => setTimeout(() => soon(callback), 50);
+        })();"""
+    )
+    return context
+
+
 def start(page: Page, server: FakeGameServer, state: KitchenState | None = None, **more: Any) -> None:
     """Press start; the game runs from `state` on."""
     page.wait_for_selector("[data-phase=ready]")
