@@ -63,12 +63,12 @@ def test_marks_are_drawn_on_the_predicted_cells_and_gone_with_the_next_tick(
         start(page, server, kitchen(t=195, **MOMENT))
         shown(page, server, kitchen(t=196, **MOMENT), WALK_TURN_SERVE)
         assert is_green(pixel(page, 7.5, 2.72)), "the arrow's shaft runs from (7, 3) to (7, 2)"
-        assert is_green(pixel(page, 7.96, 2.5)), "a blunt arrow across the border of (7, 2) and the hatch"
-        assert is_green(pixel(page, 8.77, 2.5)), "the hand's disc lies on the hatch (8, 2)"
+        assert is_green(pixel(page, 7.83, 2.5)), "a blunt arrow in (7, 2) towards the hatch"
+        assert is_green(pixel(page, 7.86, 2.12)), "the hand's disc above it"
         assert not is_green(pixel(page, 6.5, 3.5))
         screenshot(page, "game-desktop")
         shown(page, server, kitchen(t=197, **MOMENT), NONE)
-        assert not any(is_green(pixel(page, x, y)) for x, y in ((7.5, 2.72), (7.96, 2.5), (8.77, 2.5)))
+        assert not any(is_green(pixel(page, x, y)) for x, y in ((7.5, 2.72), (7.83, 2.5), (7.86, 2.12)))
 
 
 def test_marks_lie_under_chefs_and_above_the_floor(chromium: Browser, server: FakeGameServer) -> None:

@@ -69,15 +69,17 @@ def test_the_other_chef_blocks_at_its_current_cell(blank: Page) -> None:
     assert (second["kind"], second["direction"]) == ("blunt", 2), "the counter in the middle of the ring"
 
 
-def test_waiting_draws_rings_one_below_the_other(blank: Page) -> None:
+def test_waiting_in_one_place_is_one_ring(blank: Page) -> None:
     found = marks(blank, [[4, 95], [4, 80], [4, 60]], [1, 1, 0, 0], [3, 3, 0, 0])
-    assert [mark["kind"] for mark in found] == ["ring"] * 3
-    assert len({(mark["dx"], mark["dy"]) for mark in found}) == 3
+    assert [(mark["kind"], mark["count"]) for mark in found] == [("ring", 3), ("none", 1), ("none", 1)]
 
 
-def test_marks_on_one_spot_are_moved_apart(blank: Page) -> None:
-    first, second, _ = marks(blank, [[5, 95], [5, 80], [4, 60]], [1, 1, 0, 0], [3, 3, 0, 0])
-    assert (second["dx"] - first["dx"], second["dy"] - first["dy"]) == (13, 11)
+def test_arrows_between_the_same_cells_are_moved_apart(blank: Page) -> None:
+    first, second, _ = marks(blank, [[1, 95], [0, 80], [6, 60]], [1, 1, 0, 0], [3, 3, 0, 0])
+    (there, _), (start, turn, back) = first["points"], second["points"]
+    assert there[0] < 1 < turn[0], "each on the right of its own way"
+    assert start[0] == there[0], "the second starts where the first ends"
+    assert turn[0] == back[0]
 
 
 def test_an_action_that_is_not_shown_makes_a_mark_of_no_kind(blank: Page) -> None:

@@ -76,21 +76,28 @@ function poseOf({ motion, facing, who }) {
 
 const TAG = new Path2D('M-17 -9 h34 a8.5 8.5 0 0 1 0 17 h-13 l-4 5 l-4 -5 h-13 a8.5 8.5 0 0 1 0 -17 z');
 
+/** @typedef {'above' | 'below' | 'feet'} TagSide where the tag hides nothing */
+/** @type {Record<TagSide, number>} the tag's middle, from the centre of the cell */
+const TAG_Y = { above: -44, below: 44, feet: 24 };
+
 /**
- * Draw the tag over the own chef. Call it after all chefs are drawn.
- * @type {(context: CanvasRenderingContext2D, text: string, chef: Chef, scale: number) => void}
+ * Draw the tag of the own chef. Call it after all chefs are drawn.
+ * @type {(context: CanvasRenderingContext2D, text: string, chef: Chef, side: TagSide, scale: number) => void}
  */
-export function drawTag(context, text, chef, scale) {
+export function drawTag(context, text, chef, side, scale) {
   const { dx, dy } = poseOf(chef);
+  const y = chef.y * CELL + 32 + TAG_Y[side] + dy / 2;
   context.save();
-  context.translate(chef.x * CELL + 32 + dx, Math.max(10 * scale, chef.y * CELL - 12 + dy / 2));
+  context.translate(chef.x * CELL + 32 + dx, Math.max(10 * scale, y));
   context.scale(scale, scale);
   context.lineJoin = 'round';
   context.lineWidth = 2.4;
   context.strokeStyle = '#fff';
   context.fillStyle = colour('--human');
+  context.scale(1, side === 'above' ? 1 : -1); // its tip points at the chef
   context.stroke(TAG);
   context.fill(TAG);
+  context.scale(1, side === 'above' ? 1 : -1);
   context.fillStyle = '#fff';
   context.font = `700 12px ${colour('--font')}`;
   context.textAlign = 'center';

@@ -1,11 +1,14 @@
-// Draws marks on a canvas. Each shape has a white backing, nearly solid, and a coloured layer that carries the step's
-// opacity: a far step grows paler, but what lies below never shows through. Legends use the same shapes.
+// Draws the marks that are not moves (draw-arrows.js draws those): small icons inside the cell where the chef will be,
+// so that no mark hides a station.
+// Each shape has a white backing, nearly solid, and a coloured layer that carries the step's opacity: a far step grows
+// paler, but what lies below never shows through. Legends use the same shapes.
 
+/** @import { Cell } from './kitchen.js' */
 /** @import { Mark } from './marks.js' */
 /** @import { Sprites } from './sprites.js' */
 
 import { context2d } from '../browser/dom.js';
-import { STEP } from './kitchen.js';
+import { SOUTH, STEP } from './kitchen.js';
 import { blank, colour } from './sprites.js';
 
 /** @typedef {CanvasRenderingContext2D} Context */
@@ -24,27 +27,32 @@ const MOVE =
   'M22 -6.5 H51 V-16 Q51 -18.5 53.2 -17 L73.6 -1.8 Q76 0 73.6 1.8 L53.2 17 Q51 18.5 51 16 V6.5 H22 ' +
   'Q18.5 6.5 18.5 0 T22 -6.5 Z';
 const BLUNT =
-  'M20 -6.5 H29 V-13.5 Q29 -17 32 -15.6 L40.5 -11 Q42.5 -10 42.5 -7.6 V7.6 Q42.5 10 40.5 11 L32 15.6 Q29 17 29 13.5 ' +
-  'V6.5 H20 Q17 6.5 17 0 T20 -6.5 Z';
-const WALL = 'M48.5 -15 V15';
+  'M13 -4.6 H18 V-9 Q18 -11.6 20.2 -10.6 L26 -7.6 Q27.4 -6.8 27.4 -5.2 V5.2 Q27.4 6.8 26 7.6 L20.2 10.6 ' +
+  'Q18 11.6 18 9 V4.6 H13 Q11 4.6 11 0 T13 -4.6 Z';
+const WALL = 'M32.5 -10 V10';
 const HAND =
   'M-4.6 -17.4 Q-4.6 -22 0 -22 Q4.6 -22 4.6 -17.4 V-6 Q9 -7.6 11 -4.6 Q15 -5.4 16.4 -1.6 Q20.6 -1 20.6 3.6 ' +
   'C20.6 10 18.6 13 17.4 16 Q16.4 21 11.6 21 H-2.6 Q-6.6 21 -8.8 17.4 C-11.4 13 -14 9 -17.4 4.4 ' +
   'Q-20 0.6 -16.6 -1.6 Q-13.4 -3.6 -10 -0.2 L-4.6 4.6 Z';
-const DISC = 'M-19 0 a19 19 0 1 1 38 0 a19 19 0 1 1 -38 0 Z';
-const RING = 'M0 -11 A11 11 0 1 1 -0.01 -11';
+const DISC = 'M-12 0 a12 12 0 1 1 24 0 a12 12 0 1 1 -24 0 Z';
+const RING = 'M0 -8 A8 8 0 1 1 -0.01 -8';
 const BACKING = 0.9;
-/** Every shape turns within a square of this side, in 1/64 cell. */
-const SIDE = 80;
+/** Outlines on each side, in 1/64 cell: the dark one, and the white one around it. */
+export const DARK = 2;
+export const WHITE = 4;
+/** Every icon turns within a square of this side, in 1/64 cell. */
+const SIDE = 48;
 const TURNS = [-Math.PI / 2, Math.PI / 2, 0, Math.PI]; // the shapes point east
+/** Where the number of repeats stands, from the icon's middle. */
+const COUNT = { y: 19, size: 14 };
 
 /** @type {Shape} */
-const RING_SHAPE = { turns: false, box: [-30, -30, 60, 60], middle: 0, lines: [[RING, 6]], glyphs: [] };
+const RING_SHAPE = { turns: false, box: [-21, -21, 42, 42], middle: 0, lines: [[RING, 4.6]], glyphs: [] };
 /** @type {Record<Mark['kind'], Shape>} */
 const SHAPES = {
   move: { turns: true, box: [8, -30, 80, 60], middle: 47, lines: [], glyphs: [MOVE] },
-  blunt: { turns: true, box: [4, -30, 62, 60], middle: 34, lines: [[WALL, 4.5]], glyphs: [BLUNT] },
-  hand: { turns: false, box: [-30, -30, 60, 60], middle: 0, lines: [], glyphs: [DISC] },
+  blunt: { turns: true, box: [2, -21, 40, 42], middle: 22, lines: [[WALL, 4]], glyphs: [BLUNT] },
+  hand: { turns: true, box: [-21, -21, 42, 42], middle: 0, lines: [], glyphs: [DISC] },
   ring: RING_SHAPE,
   none: RING_SHAPE,
 };
@@ -75,9 +83,9 @@ function stroke(context, path, paint, width) {
 /** @type {(context: Context, shape: Shape) => void} */
 function drawBack(context, shape) {
   const light = colour('--outline-light');
-  for (const [data, width] of shape.lines) stroke(context, pathOf(data), light, width + 8);
+  for (const [data, width] of shape.lines) stroke(context, pathOf(data), light, width + 2 * WHITE);
   for (const data of shape.glyphs) {
-    stroke(context, pathOf(data), light, 8.4);
+    stroke(context, pathOf(data), light, 2 * WHITE);
     context.fillStyle = light;
     context.fill(pathOf(data));
   }
@@ -86,23 +94,24 @@ function drawBack(context, shape) {
 /** @type {(context: Context, kind: Mark['kind'], shape: Shape, paint: string, ink: string) => void} */
 function drawFront(context, kind, shape, paint, ink) {
   for (const [data, width] of shape.lines) {
-    stroke(context, pathOf(data), ink, width + 4);
+    stroke(context, pathOf(data), ink, width + 2 * DARK);
     stroke(context, pathOf(data), paint, width);
   }
   for (const data of shape.glyphs) {
-    stroke(context, pathOf(data), ink, 4.4);
+    stroke(context, pathOf(data), ink, 2 * DARK);
     context.fillStyle = paint;
     context.fill(pathOf(data));
   }
   if (kind !== 'hand') return;
-  context.translate(-0.8, 1.2);
-  context.scale(0.62, 0.62);
+  context.rotate(Math.PI / 2); // the hand's drawing points north
+  context.translate(-0.5, 0.8);
+  context.scale(0.4, 0.4);
   context.fillStyle = paint === colour('--human') ? colour('--outline-light') : ink;
   context.fill(pathOf(HAND));
 }
 
 /** @type {Record<Who, string>} */
-const PAINT = { partner: '--partner', human: '--human', stale: '--steel' };
+export const PAINT = { partner: '--partner', human: '--human', stale: '--steel' };
 
 /**
  * Draw a layer of a shape in the middle of a new canvas, turned and at its size.
@@ -153,25 +162,44 @@ function raster(sprites, mark, who, scale) {
   });
 }
 
+/** @typedef {{ sprites: Sprites, who: Who, scale: number, chef: Cell, cell: Cell }} Style scale: device pixels per 1/64
+ *   cell; chef: where the watched chef is on screen; cell: where it is in the kitchen */
+
 /**
- * Draw one mark: a single picture, rasterised once. A mark of kind 'none' is drawn too, but invisible: in this way all
- * conditions of a study cost the browser the same.
+ * Draw a mark's icon: a single picture, rasterised once, and the number of repeats. A move gets an invisible one.
  * @param {Context} context
- * @param {Sprites} sprites
  * @param {Mark} mark
- * @param {Who} who
- * @param {number} scale device pixels per 1/64 cell
+ * @param {Style} style
  */
-export function drawMark(context, sprites, mark, who, scale) {
-  const shape = SHAPES[mark.kind];
-  const image = raster(sprites, mark, who, scale);
+export function drawIcon(context, mark, { sprites, who, scale, chef, cell }) {
+  const kind = mark.kind === 'move' ? 'none' : mark.kind;
+  const shape = SHAPES[kind];
+  const image = raster(sprites, { ...mark, kind }, who, scale);
   const side = (image.width / scale) * mark.grown;
   const [east, south] = shape.turns ? STEP[mark.direction] : [0, 0];
-  const x = mark.x * 64 + 32 + mark.dx + east * shape.middle - side / 2;
-  const y = mark.y * 64 + 32 + mark.dy + south * shape.middle - side / 2;
-  context.globalAlpha = mark.kind === 'none' ? 0 : mark.shown;
-  context.drawImage(image, Math.round(x * scale) / scale, Math.round(y * scale) / scale, side, side);
+  const [glideX, glideY] = mark.attached ? [chef[0] - cell[0], chef[1] - cell[1]] : [0, 0];
+  const x = (mark.x + glideX) * 64 + 32 + mark.dx + east * shape.middle;
+  const y = (mark.y + glideY) * 64 + 32 + mark.dy + south * shape.middle;
+  const snapped = (/** @type {number} */ place) => Math.round((place - side / 2) * scale) / scale;
+  context.globalAlpha = kind === 'none' ? 0 : mark.shown;
+  context.drawImage(image, snapped(x), snapped(y), side, side);
+  if (mark.count > 1) drawCount(context, mark, x, y);
   context.globalAlpha = 1;
+}
+
+/** @type {(context: Context, mark: Mark, x: number, y: number) => void} */
+function drawCount(context, { count, direction, kind }, x, y) {
+  const words = `×${count}`;
+  const below = y + (kind === 'hand' && direction === SOUTH ? -COUNT.y : COUNT.y);
+  context.font = `800 ${COUNT.size}px ${colour('--font')}`;
+  context.textAlign = 'center';
+  context.textBaseline = 'middle';
+  context.lineJoin = 'round';
+  context.lineWidth = 5;
+  context.strokeStyle = colour('--outline-light');
+  context.strokeText(words, x, below);
+  context.fillStyle = colour('--outline-dark');
+  context.fillText(words, x, below);
 }
 
 /** @typedef {Record<string, string | number>} Attributes */
@@ -198,13 +226,13 @@ export function drawLegend(place) {
   /** @type {(d: string, stroke: string, width: number) => SVGElement} */
   const line = (d, stroke, width) => svg('path', { d, stroke, fill: 'none', 'stroke-width': width });
   const back = [
-    ...lines.map(([d, width]) => line(d, light, width + 8)),
-    ...glyphs.map((d) => svg('path', { d, fill: light, stroke: light, 'stroke-width': 8.4 })),
+    ...lines.map(([d, width]) => line(d, light, width + 2 * WHITE)),
+    ...glyphs.map((d) => svg('path', { d, fill: light, stroke: light, 'stroke-width': 2 * WHITE })),
   ];
   const front = [
-    ...lines.flatMap(([d, width]) => [line(d, ink, width + 4), line(d, paint, width)]),
-    ...glyphs.flatMap((d) => [line(d, ink, 4.4), svg('path', { d, fill: paint })]),
-    ...(kind === 'hand' ? [svg('path', { d: HAND, fill: ink, transform: 'translate(-.8 1.2) scale(.62)' })] : []),
+    ...lines.flatMap(([d, width]) => [line(d, ink, width + 2 * DARK), line(d, paint, width)]),
+    ...glyphs.flatMap((d) => [line(d, ink, 2 * DARK), svg('path', { d, fill: paint })]),
+    ...(kind === 'hand' ? [svg('path', { d: HAND, fill: ink, transform: 'translate(-.5 .8) scale(.4)' })] : []),
   ];
   const layers = [svg('g', { opacity: BACKING }, back), svg('g', { opacity: Number(opacity) / 100 }, front)];
   const round = { 'stroke-linejoin': 'round', 'stroke-linecap': 'round' };

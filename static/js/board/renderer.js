@@ -1,14 +1,17 @@
 // Draws one picture of the state: board, pots, items, marks, chefs, effects. It reads the state and never changes it.
 
 /** @import { Chef, Motion } from './chef.js' */
+/** @import { Style } from './draw-marks.js' */
 /** @import { Cell, Grid, Pot } from './kitchen.js' */
+/** @import { Mark } from './marks.js' */
 /** @import { Sprites } from './sprites.js' */
 /** @import { StartedState, State } from './state.js' */
 
 import { context2d } from '../browser/dom.js';
 import { CELL, contactShadow, paintBackground } from './background.js';
 import { drawChef, drawTag } from './chef.js';
-import { drawMark } from './draw-marks.js';
+import { drawArrow } from './draw-arrows.js';
+import { drawIcon } from './draw-marks.js';
 import { Effects, drawPotEffects } from './effects.js';
 import { events } from './events.js';
 import { COOK_TIME, ITEMS } from './kitchen.js';
@@ -39,6 +42,8 @@ export class Renderer {
     this.grid = [];
     /** @type {Cell | null} the cell that the tutorial points at */
     this.highlight = null;
+    /** Whether marks turn grey when no newer prediction comes: in a replay, none is awaited. */
+    this.greysOldMarks = true;
     /** @type {Map<string, number>} "x,y" -> when an item was put there */
     this.landed = new Map();
   }
@@ -99,9 +104,13 @@ export class Renderer {
     context.setTransform(scale, 0, 0, scale, 0, 0);
     this.#drawPots(state, now, reduced);
     this.#drawItems(state, now, reduced);
-    this.#drawMarks(state, now, reduced, scale);
+    const marks = this.#marks(state, now, reduced);
+    const style = this.#markStyle(state, now, reduced);
+    for (const mark of marks) drawArrow(context, mark, style);
     if (this.highlight) this.#drawHighlight(this.highlight, now, reduced);
     this.#drawChefs(state, now, reduced);
+    for (const mark of marks) drawIcon(context, mark, style);
+    this.#drawTag(state, now, reduced);
     this.effects.draw(context, now, state.current.t, reduced, this.grid[0].length);
   }
 
@@ -169,14 +178,26 @@ export class Renderer {
     }
   }
 
-  /** @type {(state: StartedState, now: number, reduced: boolean, scale: number) => void} */
-  #drawMarks(state, now, reduced, scale) {
+  /**
+   * Return the marks in the order in which they are drawn: the nearest last, on top of the others.
+   * @type {(state: StartedState, now: number, reduced: boolean) => Mark[]}
+   */
+  #marks(state, now, reduced) {
+    return [...eased(state.marks, state.marksBefore, now - state.arrivedMs, reduced)].reverse();
+  }
+
+  /** @type {(state: StartedState, now: number, reduced: boolean) => Style} */
+  #markStyle(state, now, reduced) {
     const { watched_seat: watched, seat, tick_ms: tickMs } = state.game;
-    const age = now - state.arrivedMs;
-    const who = isStale(state.arrivedMs, now, tickMs) ? 'stale' : watched === seat ? 'human' : 'partner';
-    const list = eased(state.marks, state.marksBefore, age, reduced);
-    // The nearest mark is drawn last, on top of the others.
-    for (const mark of [...list].reverse()) drawMark(this.context, this.sprites, mark, who, scale);
+    const isOld = this.greysOldMarks && isStale(state.arrivedMs, now, tickMs);
+    const [x, y] = state.current.players[watched];
+    return {
+      sprites: this.sprites,
+      who: isOld ? 'stale' : watched === seat ? 'human' : 'partner',
+      scale: this.cellPixels / CELL,
+      chef: reduced ? [x, y] : place(state, watched, now),
+      cell: [x, y],
+    };
   }
 
   /** @type {(cell: Cell, now: number, reduced: boolean) => void} */
@@ -200,8 +221,19 @@ export class Renderer {
       .map((_, seat) => this.#chef(state, seat, now, reduced))
       .sort((a, b) => a.y - b.y); // the one in front is drawn last; equal ones stay in the order of seats
     for (const chef of chefs) drawChef(this.context, this.sprites, chef);
-    const own = chefs.find((chef) => chef.isOwn);
-    if (own && this.youText) drawTag(this.context, this.youText, own, this.tagScale);
+  }
+
+  /** @type {(state: StartedState, now: number, reduced: boolean) => void} */
+  #drawTag(state, now, reduced) {
+    const { seat } = state.game;
+    if (seat < 0 || !this.youText) return;
+    const [x, y] = state.current.players[seat];
+    /** @type {(row: number) => boolean} */
+    const isUsed = (row) =>
+      'PODS'.includes(this.grid[row]?.[x] ?? 'P') ||
+      state.current.counters.some((each) => each[0] === x && each[1] === row);
+    const side = !isUsed(y - 1) ? 'above' : !isUsed(y + 1) ? 'below' : 'feet';
+    drawTag(this.context, this.youText, this.#chef(state, seat, now, reduced), side, this.tagScale);
   }
 
   /** @type {(state: StartedState, seat: number, now: number, reduced: boolean) => Chef} */
