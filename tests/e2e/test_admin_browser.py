@@ -8,19 +8,34 @@ import re
 import subprocess
 import sys
 import threading
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page, WebSocketRoute, expect
+from PIL import Image
+from playwright.sync_api import Browser, Page, Route, WebSocketRoute, expect
 
 from server.bots.participant import Bot
 from tests.support.real_server import ROOT, SHORT_STUDY, RealServer
 
 STUDY = SHORT_STUDY.replace("horizon: 60", "horizon: 600").replace(", {name: matrix, title: {en: Matrix}}", "")
 PATIENCE_MS = 60_000
+MARK_GREEN = (103, 213, 147)  # of the nearest mark: the partner's green at 95 % on white
+# How many pixels of the board have the nearest mark's colour: now, and each time it is drawn in the next 1.5 s.
+MARK_PIXELS = """() => new Promise((done) => {
+  const canvas = document.querySelector('#kitchen'), counts = [], from = performance.now();
+  const look = (now) => {
+    const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+    let count = 0;
+    for (let i = 0; i < data.length; i += 4) count += data[i] === 103 && data[i + 1] === 213 && data[i + 2] === 147;
+    counts.push(count);
+    if (now - from > 1500) done(counts); else setTimeout(() => requestAnimationFrame(look), 100);
+  };
+  requestAnimationFrame(() => requestAnimationFrame(look));
+})"""
 
 
 def play_along(url: str) -> None:
@@ -130,7 +145,23 @@ def test_a_running_game_is_seen_paused_and_let_go_on(page: Page) -> None:
     expect(page.locator("#kitchen")).not_to_have_attribute("data-timestep", before)
 
 
+def with_marks(route: Route) -> None:
+    """Add to a record that the participant saw a move of the watched chef in every timestep."""
+    record = route.fetch().json()
+    game = record["game"]
+    for row in record["rows"]:
+        (x, y, *_), (other_x, other_y, *_) = (row["state"]["players"][seat] for seat in (game["watched_seat"], 0))
+        free = [
+            action
+            for action, (columns, rows) in enumerate(((0, -1), (0, 1), (1, 0), (-1, 0)))
+            if game["grid"][y + rows][x + columns] in " 12" and (x + columns, y + rows) != (other_x, other_y)
+        ]
+        row["displayed"] = [[free[0], 95], [6, 80], [6, 60]]
+    route.fulfill(json=record)
+
+
 def test_a_game_is_looked_at_again_and_taken_along(page: Page, server: RealServer) -> None:
+    page.route("**/record.json", with_marks)
     page.goto(f"{server.url}/admin/s/short/games")
     page.click("table a:has-text('Tutorial')")
     page.wait_for_selector("#game[data-ready=yes]", state="attached")
@@ -144,9 +175,14 @@ def test_a_game_is_looked_at_again_and_taken_along(page: Page, server: RealServe
     lane = page.locator("#frame tr", has=page.locator("th", has_text="Inputs"))
     lane.locator("td:not(:empty)").first.click()  # to a timestep in which one arrived
     expect(page.locator("#inputs li").first).to_contain_text("#")
+    shown = int(page.url.partition("#t=")[2])
+    assert min(page.evaluate(MARK_PIXELS)) > 20, "the marks are there at once, in colour, and stay"
     with page.expect_download() as picture:
         page.click("#picture")
-    assert Path(picture.value.path()).read_bytes().startswith(b"\x89PNG")
+    assert re.fullmatch(rf"[\w-]+-tutorial-t{shown}\.png", picture.value.suggested_filename)
+    drawn = Image.open(picture.value.path()).convert("RGB")
+    assert drawn.width >= 2 * page.evaluate("document.querySelector('#kitchen').clientWidth")
+    assert Counter(zip(*[iter(drawn.tobytes())] * 3, strict=True))[MARK_GREEN] > 400, "the picture has the marks"
     page.evaluate("location.hash = `#t=${document.querySelector('#scrub').max - 14}`")
     with page.expect_download() as video:
         page.click("#video")

@@ -88,6 +88,12 @@ export class Renderer {
     return list;
   }
 
+  /** Forget what happened before: another moment of the game is shown. */
+  forgetEffects() {
+    this.effects.shown = [];
+    this.landed.clear();
+  }
+
   /**
    * Draw the state as it is at `now`.
    * @param {State} state

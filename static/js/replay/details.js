@@ -8,6 +8,15 @@ const STEPS = [0, 1, 2];
 const SVG = 'http://www.w3.org/2000/svg';
 
 /**
+ * Return a stored timestep as the message that the participant's page got.
+ * @param {Researcher.Row} row
+ * @returns {Wire.Tick}
+ */
+export function tickOf({ state, displayed, actions, late }) {
+  return { type: 'tick', state, prediction: displayed, actions: actions ?? [4, 4], applied: -1, late };
+}
+
+/**
  * Return what the watched chef did in timestep t; null while that is unknown.
  * @param {Researcher.EpisodeRecord} record
  * @param {number} t

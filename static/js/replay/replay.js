@@ -8,12 +8,11 @@ import { Renderer } from '../board/renderer.js';
 import { Sprites } from '../board/sprites.js';
 import { apply, boardState } from '../board/state.js';
 import { find, findAll } from '../browser/dom.js';
-import { showAccuracy, showInputs, showPrediction, showVerification } from './details.js';
+import { showAccuracy, showInputs, showPrediction, showVerification, tickOf } from './details.js';
 import { Player } from './player.js';
 import { TimeLine } from './timeline.js';
 import { VideoExport, canRecordVideo } from './video.js';
 
-const REST_MS = 1200; // after this a board that stands still is drawn in its final position
 const MIN_TICK_MS = 40;
 const COPIED_MS = 1500;
 const LOAD_AGAIN_MS = 500; // when a game is over, its end is stored by then
@@ -26,6 +25,7 @@ const canvas = find('#kitchen', HTMLCanvasElement);
 const scrubber = find('#scrub', HTMLInputElement);
 const videoButton = find('#video', HTMLButtonElement);
 const renderer = new Renderer(canvas, new Sprites('/static/sprites/'), who);
+renderer.greysOldMarks = false;
 const still = matchMedia('(prefers-reduced-motion: reduce)');
 /** @type {State | null} */
 let state = null;
@@ -76,26 +76,22 @@ function show(t, by) {
 function drawRow(row, by) {
   const now = performance.now();
   const before = by === 'jump' || !state ? boardState(record.game, row.state, now) : state;
-  /** @type {Wire.Tick} */
-  const tick = {
-    ...{ type: 'tick', state: row.state, prediction: row.displayed, actions: row.actions ?? [4, 4] },
-    ...{ applied: -1, late: row.late },
-  };
-  state = apply(before, tick, now);
+  state = apply(before, tickOf(row), now);
   if (state.game) {
     const tickMs = Math.max(MIN_TICK_MS, record.game.tick_ms / player.speed);
     state = { ...state, game: { ...state.game, tick_ms: tickMs } };
   }
   if (by === 'step') renderer.applyEvents(state, now);
+  else renderer.forgetEffects();
 }
 
-/** @param {number} now */
+/**
+ * Draw the board: a game that stands still without motion, with all chefs in their cells and all marks in full.
+ * @param {number} now
+ */
 function frame(now) {
   requestAnimationFrame(frame);
-  if (!state) return;
-  const rested = now - state.arrivedMs > REST_MS ? 1000 : 0;
-  const moving = player.playing || following;
-  renderer.draw(state, moving ? now : state.arrivedMs + rested, still.matches);
+  if (state) renderer.draw(state, now, still.matches || !(player.playing || following));
 }
 
 /**
@@ -223,8 +219,8 @@ function connectTransport() {
 
 function connectDownloads() {
   onClick('copy', copyLink);
-  const video = new VideoExport(canvas, name, who);
-  onClick('picture', () => video.picture(player.t));
+  const video = new VideoExport(name, who);
+  onClick('picture', () => video.picture(record, player.t));
   onClick('video', () => video.record(videoButton, record, player.t));
   videoButton.disabled = !canRecordVideo;
 }

@@ -7,11 +7,15 @@ import { Renderer } from '../board/renderer.js';
 import { Sprites } from '../board/sprites.js';
 import { apply, boardState } from '../board/state.js';
 import { context2d } from '../browser/dom.js';
+import { tickOf } from './details.js';
 import { webm } from './webm.js';
 
 const FRAMES_PER_TICK = 5;
-const WIDTH = 960; // at most, in CSS pixels
-const HEIGHT = 640;
+/** @typedef {[width: number, height: number]} Size at most, in pixels */
+/** @type {Size} */
+const VIDEO_SIZE = [960, 640];
+/** @type {Size} large enough for print */
+const PICTURE_SIZE = [1920, 1440];
 const CAPTION = 40;
 const KEY_FRAME_EVERY = 50;
 const MAX_QUEUED = 6; // frames at the encoder
@@ -27,21 +31,28 @@ export const canRecordVideo = 'VideoEncoder' in window;
 
 export class VideoExport {
   /**
-   * @param {HTMLCanvasElement} canvas
    * @param {string} name of the files, without ending
    * @param {string} who the tag over the own chef
    */
-  constructor(canvas, name, who) {
-    this.canvas = canvas;
+  constructor(name, who) {
     this.name = name;
     this.who = who;
     /** @type {{ stopped: boolean } | null} */
     this.running = null;
   }
 
-  /** @param {number} t */
-  picture(t) {
-    this.canvas.toBlob((blob) => {
+  /**
+   * Draw one timestep on a large board and save it.
+   * @param {Researcher.EpisodeRecord} record
+   * @param {number} t
+   */
+  async picture(record, t) {
+    const board = document.createElement('canvas');
+    const renderer = await rendererOf(board, record, this.who, PICTURE_SIZE);
+    const row = record.rows[t];
+    const still = boardState(record.game, row.state, 0);
+    renderer.draw(apply(still, tickOf(row), 0), 0, true);
+    board.toBlob((blob) => {
       if (blob) save(blob, `${this.name}-t${t}.png`);
     }, 'image/png');
   }
@@ -75,19 +86,33 @@ export class VideoExport {
   }
 }
 
+/**
+ * Return a renderer whose board has about this size.
+ * @param {HTMLCanvasElement} board
+ * @param {Researcher.EpisodeRecord} record
+ * @param {string} who the tag over the own chef
+ * @param {Size} size
+ */
+async function rendererOf(board, record, who, [width, height]) {
+  const renderer = new Renderer(board, await new Sprites('/static/sprites/').load(), who);
+  renderer.greysOldMarks = false;
+  renderer.fit(record.game.grid, width / devicePixelRatio, height / devicePixelRatio);
+  return renderer;
+}
+
 /** Draws one timestep after another on a canvas of its own and encodes what is on it. */
 class VideoRecorder {
   /**
    * @param {Researcher.EpisodeRecord} record
    * @param {string} who
-   * @param {Sprites} sprites
+   * @param {HTMLCanvasElement} board
+   * @param {Renderer} renderer draws on the board
    */
-  constructor(record, who, sprites) {
+  constructor(record, who, board, renderer) {
     this.gameRecord = record;
     this.who = who;
-    this.board = document.createElement('canvas');
-    this.renderer = new Renderer(this.board, sprites, who);
-    this.renderer.fit(record.game.grid, WIDTH / devicePixelRatio, HEIGHT / devicePixelRatio);
+    this.board = board;
+    this.renderer = renderer;
     this.canvas = document.createElement('canvas');
     this.canvas.width = this.board.width + (this.board.width % 2); // encoders want even sides
     this.canvas.height = this.board.height + CAPTION + (this.board.height % 2);
@@ -115,7 +140,8 @@ class VideoRecorder {
    * @param {string} who
    */
   static async open(record, who) {
-    const recorder = new VideoRecorder(record, who, await new Sprites('/static/sprites/').load());
+    const board = document.createElement('canvas');
+    const recorder = new VideoRecorder(record, who, board, await rendererOf(board, record, who, VIDEO_SIZE));
     await recorder.#configure();
     return recorder;
   }
@@ -144,12 +170,10 @@ class VideoRecorder {
    */
   async add(t) {
     const { rows, game } = this.gameRecord;
-    const { state, displayed, actions, late } = rows[t];
+    const { state } = rows[t];
     const isFirst = this.state === null;
     const before = this.state ?? boardState(game, state, this.nowMs);
-    /** @type {Wire.Tick} */
-    const tick = { type: 'tick', state, prediction: displayed, actions: actions ?? [4, 4], applied: -1, late };
-    this.state = apply(before, tick, this.nowMs);
+    this.state = apply(before, tickOf(rows[t]), this.nowMs);
     if (!isFirst) this.renderer.applyEvents(this.state, this.nowMs);
     for (let frame = 0; frame < FRAMES_PER_TICK; frame += 1) {
       this.renderer.draw(this.state, this.nowMs, false);
