@@ -167,8 +167,8 @@ class EntryChecks(StrictModel):
 
     width: int = 320
     """The smallest screen width, in CSS pixels. Width and height may be swapped."""
-    height: int = 480
-    """The smallest screen height, in CSS pixels."""
+    height: int = 540
+    """The smallest screen height, in CSS pixels. The game is laid out for 320 x 540 and more."""
     input: bool = True
     """Require a keyboard or a touch screen."""
     websocket: bool = True

@@ -412,3 +412,46 @@ def check(page: Page, state: str) -> None:
     assert not found, f"{state}: " + "; ".join(
         f"{each['id']} {[node['html'][:120] for node in each['nodes']]}" for each in found
     )
+
+
+@pytest.mark.parametrize(
+    "size",
+    [(1366, 768), (1024, 600), (390, 844), (360, 640), (320, 540), (844, 390), (667, 375), (540, 320)],
+    ids=lambda size: f"{size[0]}x{size[1]}",
+)
+def test_no_dialog_hides_its_button_or_the_kitchen_that_one_studies(
+    chromium: Browser, server: FakeGameServer, size: tuple[int, int]
+) -> None:
+    width, height = size
+    touch = width < 1000
+    viewport = {"width": width, "height": height}
+    with opened(chromium, server, viewport=viewport, has_touch=touch, is_mobile=touch) as page:
+        page.wait_for_selector("#start:visible")
+        at_rest(page)
+        button = page.locator("#start-button").bounding_box()
+        assert button is not None
+        assert button["y"] + button["height"] <= height
+        page.click("#start-button")
+        server.wait_for(lambda server: bool(server.of(Ready)))
+        server.send(Countdown(30))
+        page.wait_for_selector("#count:visible")
+        above_the_board(page, "#count")
+        server.send(tick(kitchen(t=195, **MOMENT)), Paused("blur", 20.0))
+        page.wait_for_selector("#pause:visible")
+        above_the_board(page, "#pause")
+        page.click("#pause-button", trial=True)
+        board = page.locator("canvas.board").bounding_box()
+        assert board is not None
+        assert board["width"] / 9 >= 24, "cells are large enough to play"
+        legend = page.locator("#legend [data-mark=hand]")
+        assert legend.is_visible()
+
+
+def above_the_board(page: Page, dialog: str) -> None:
+    """The dialog covers no more of the kitchen than the edge of its upper counter."""
+    at_rest(page)
+    panel, board = page.locator(dialog).bounding_box(), page.locator("canvas.board").bounding_box()
+    assert panel is not None
+    assert board is not None
+    assert panel["y"] >= 0
+    assert panel["y"] + panel["height"] <= board["y"] + 0.2 * board["width"] / 9, dialog
