@@ -1,5 +1,7 @@
 """The line between page and server: lost, closed, taken over, silent; and what the page tells the researcher."""
 
+from typing import Any
+
 import pytest
 from playwright.sync_api import Browser
 
@@ -120,13 +122,20 @@ def test_every_pause_says_why(chromium: Browser, server: FakeGameServer, reason:
         assert page.inner_text("#urgent")
 
 
-@pytest.mark.parametrize(("left_s", "words"), [(1.0, "1 second left."), (30.0, "30 seconds left.")])
-def test_a_pause_says_how_long_it_may_last(
-    chromium: Browser, server: FakeGameServer, left_s: float, words: str
+@pytest.mark.parametrize(
+    ("reason", "left_s", "words"),
+    [
+        ("partner", 1.0, "The round ends if your partner is not back within 1 second."),
+        ("partner", 30.0, "The round ends if your partner is not back within 30 seconds."),
+        ("blur", 30.0, "Please resume within 30 seconds."),
+    ],
+)
+def test_a_pause_says_what_happens_when_it_lasts_too_long(
+    chromium: Browser, server: FakeGameServer, reason: Any, left_s: float, words: str
 ) -> None:
     with opened(chromium, server) as page:
         start(page, server)
-        server.send(Paused("partner", left_s))
+        server.send(Paused(reason, left_s))
         page.wait_for_function("words => document.querySelector('#pause-left').textContent === words", arg=words)
 
 

@@ -243,6 +243,16 @@ def test_who_watches_two_agents_has_no_controls(chromium: Browser, server: FakeG
         assert server.inputs() == []
 
 
+def test_who_has_only_watched_is_not_told_of_a_saved_result(chromium: Browser, server: FakeGameServer) -> None:
+    server.welcome = rings(kind="watch", seat=-1)
+    with opened(chromium, server) as page:
+        start(page, server, kitchen(t=399, **MOMENT))
+        server.send(Ended(40, 2, 9.0, True, "/blank", "horizon"))
+        page.wait_for_selector("#over:visible")
+        assert page.inner_text("#over-text") == "Nothing was stored."
+        assert page.inner_text("#over-next") == "Watch others"
+
+
 def lesson_page(server: FakeGameServer, **page: Any) -> None:
     server.page |= {"lessons": ["walk", "fetch", "fill", "wait", "plate", "deliver", "marks"], **page}
     state = kitchen(players=((2, 2, 3, 0), (5, 3, 0, 0)))

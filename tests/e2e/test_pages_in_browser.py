@@ -341,7 +341,7 @@ def test_open_question_gets_the_focus_and_its_mark_goes_when_answered(person: Pe
     page.click("#go")
     expect(page.locator("[name=years]")).to_be_focused()
     expect(page.locator("#q-years .msg")).to_be_visible()
-    expect(page.locator(".alert")).to_contain_text("One question is not answered yet: question 6")
+    expect(page.locator(".alert")).to_contain_text("One answer needs a change: question 6")
     person.shot("question-open")
     page.fill("[name=years]", "30")
     expect(page.locator("#q-years .msg")).to_be_hidden()

@@ -12,6 +12,9 @@ const PARTS = ['start', 'count', 'pause', 'banner', 'over', 'closed'];
 const VEILED = ['start', 'count', 'pause', 'over', 'closed'];
 /** @type {Partial<Record<DialogName, string>>} */
 const SECONDS = { start: '#start-left', pause: '#pause-left', banner: '#banner-left' };
+/** Whom a pause waits for, by its reason; in all others it is the participant.
+ * @type {Record<string, 'partner' | 'room'>} */
+const OTHERS = { partner: 'partner', researcher: 'partner', room: 'room' };
 const MAX_ROUNDS_SHOWN = 20;
 const BUTTON_PAUSE_MS = 700;
 
@@ -140,14 +143,19 @@ export class Dialogs {
     if (dialog.name === 'count') this.#countdown(dialog.seconds ?? 0);
     const place = SECONDS[dialog.name];
     if (!place) return;
-    const words = dialog.seconds === null ? '' : this.#secondsLeft(dialog.seconds);
+    const words = dialog.seconds === null ? '' : this.#timeLeft(dialog.seconds, dialog);
     const element = this.#find(place);
     if (element.textContent !== words) element.textContent = words;
   }
 
-  /** @param {number} seconds */
-  #secondsLeft(seconds) {
-    return seconds === 1 ? this.text('second_left') : this.text('seconds_left', { seconds });
+  /**
+   * Say what happens after these seconds: it is not the time left of the round.
+   * @param {number} seconds
+   * @param {Dialog} dialog
+   */
+  #timeLeft(seconds, { name, reason }) {
+    const time = seconds === 1 ? this.text('one_second') : this.text('some_seconds', { seconds });
+    return this.text(`left.${name === 'banner' ? 'lost' : (OTHERS[reason] ?? 'own')}`, { time });
   }
 
   /** @param {number} seconds */
@@ -171,6 +179,7 @@ export class Dialogs {
  * @param {Wire.Welcome | null} game
  */
 function endKind(ended, game) {
+  if (game?.kind === 'watch') return 'watched';
   if (game?.kind === 'tutorial') return ended.passed ? 'passed' : 'again';
   if (ended.passed) return 'episode';
   return game?.partner === 'human' ? 'parted' : 'stopped';

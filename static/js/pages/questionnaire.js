@@ -132,7 +132,8 @@ function selectControl(input) {
 
 /** @param {HTMLElement[]} missing */
 function showSummary(missing) {
-  const key = missing.length === 1 ? 'open_one' : 'open_many';
+  const kind = missing.some(begun) ? 'wrong' : 'open'; // an age of 12 is an answer
+  const key = missing.length === 1 ? `${kind}_one` : `${kind}_many`;
   const bold = Object.assign(document.createElement('b'), {
     textContent: fillIn(words[key], { count: missing.length }),
   });

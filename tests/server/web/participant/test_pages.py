@@ -268,6 +268,9 @@ def test_finished_person_cannot_start_over(site: Site) -> None:
     code = site.only("small").completion_code
     assert code in visitor.get("/s/small/now").text
     assert code not in visitor.get("/s/small").text, "the next person in this browser does not read it"
+    leaving = visitor.get("/s/small/withdraw").text
+    assert "No, keep my data" in leaving
+    assert "go back to the study" not in leaving
     assert visitor.send("/s/small/now", {}).status_code == 403
     assert len(site.everybody("small")) == 1
 
@@ -320,6 +323,8 @@ def test_unsuitable_device_gets_the_screened_out_code(site: Site) -> None:
     page = Visitor(site).get("/s/hired/unsuitable").text
     assert ">C2DEF</output>" in page
     assert "complete?cc=C2DEF" in page
+    assert "Your return code" in page
+    assert "completion code" not in page, "the person completed nothing"
 
 
 def test_quiz_is_repeated_until_right_and_failures_are_noted(site: Site) -> None:
