@@ -131,6 +131,7 @@ def test_a_running_game_is_seen_paused_and_let_go_on(page: Page) -> None:
     card.click()
     page.wait_for_selector("#game[data-ready=yes]", state="attached")
     expect(page.locator("#now")).to_have_text("Playing")
+    expect(page.locator("#scrub")).to_have_attribute("max", "600")  # the axis below it has the same length
     page.click("[data-ask=pause]")
     page.fill("dialog[open] [name=note]", "to see whether it stands still")
     page.click("dialog[open] .main")
@@ -216,6 +217,10 @@ def test_the_live_page_fits_a_phone_also_one_that_is_turned(page: Page, server: 
     page.set_viewport_size({"width": 390, "height": 844})
     rights = "[...document.querySelectorAll('main .card')].map((card) => card.getBoundingClientRect().right)"
     page.wait_for_function(f"() => Math.max(...{rights}) <= 390")  # the charts follow the window a moment later
+    tops = [page.locator(card).bounding_box() for card in ("[aria-labelledby=h-al]", "[aria-labelledby=h-live]")]
+    assert tops[0] is not None
+    assert tops[1] is not None
+    assert tops[0]["y"] < tops[1]["y"], "alerts come first"
     assert len(page.evaluate(rights)) > 5
     page.set_viewport_size({"width": 1366, "height": 768})
 

@@ -423,3 +423,14 @@ def test_a_browser_that_keeps_nothing_still_plays(chromium: Browser, server: Fak
         start(page, server)
         page.keyboard.press("ArrowUp")
         server.wait_for(lambda server: taps(server) == [0])
+
+
+def test_a_key_that_moves_to_another_action_is_not_moved_silently(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server, viewport=DESKTOP) as page:
+        page.wait_for_selector("#start:visible")
+        page.click("#change-keys")
+        page.click("[data-rebind='0']")
+        page.keyboard.press("s")
+        assert page.inner_text("[data-rebind='0']") == "S"
+        assert page.inner_text("[data-rebind='1']") == "↓"
+        assert page.inner_text("#keys-note") == "S was used for “Down”, which now uses ↓."

@@ -145,6 +145,10 @@ def test_a_message_of_the_researcher_is_shown_as_text(chromium: Browser, server:
         server.send(Notice("<b>Lunch</b> at noon"))
         page.wait_for_selector("#notice:visible")
         assert page.inner_text("#notice-text") == "<b>Lunch</b> at noon"
+        notice, board = page.locator("#notice").bounding_box(), page.locator("canvas.board").bounding_box()
+        assert notice is not None
+        assert board is not None
+        assert notice["y"] + notice["height"] <= board["y"], "it hides nothing of the kitchen"
         page.click("#notice button")
         assert page.is_hidden("#notice")
         assert page.evaluate("document.activeElement.classList.contains('stage')"), "dimmed or not"

@@ -283,6 +283,8 @@ def test_the_tutorial_tells_what_to_do_and_where(chromium: Browser, server: Fake
         screenshot(page, "tutorial-desktop")
         server.send(Lesson("plate", 4, 7, False))
         page.wait_for_function("() => document.querySelector('#coach .t').textContent === 'Fill a dish'")
+        words = " ".join(page.inner_text("#coach .how").split())
+        assert words == "Take a dish from the rack with Space, then press Space at the pot."
 
 
 def test_without_predictions_the_tutorial_leaves_the_marks_out(chromium: Browser, server: FakeGameServer) -> None:

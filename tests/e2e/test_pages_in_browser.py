@@ -473,3 +473,17 @@ def test_person_who_left_something_wrong_finds_it_again(person: Person) -> None:
     expect(page.locator("#q-onions .msg")).to_have_text("That is not right. Please try again.")
     assert page.locator("[name=onions]:checked").get_attribute("value") == "two"
     expect(page.locator("[name=onions][value=two]")).to_be_focused()
+
+
+def test_the_introduction_teaches_the_controls_of_the_device(chromium: Browser, site: Site) -> None:
+    for touch, words in ((True, "tap Use"), (False, "press space")):
+        context = chromium.new_context(viewport=PHONE if touch else DESK, has_touch=touch, is_mobile=touch)
+        page = Person(site, context).consent().page
+        answer_everything(page)
+        page.click("#go")
+        for slide in ("fetch", "fill", "deliver"):
+            text = page.locator(f"#slide-{slide} .text")
+            expect(text).to_contain_text(words)
+            if touch:
+                expect(text).not_to_contain_text("space")
+        context.close()

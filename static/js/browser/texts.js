@@ -13,12 +13,15 @@
 export function catalogue(texts) {
   /** @type {Translate} */
   const text = (key, values = {}) => fillIn(texts[key] ?? key, values);
+  // A text may name the same key twice, and a node has only one place on the page.
+  /** @type {(value: string | Node) => string | Node} */
+  const copied = (value) => (typeof value === 'string' ? value : value.cloneNode(true));
   /** @type {Catalogue['nodes']} */
   const nodes = (key, values = {}) =>
     (texts[key] ?? key)
       .split(/(\{\w+\})/)
       .filter(Boolean)
-      .map((piece) => (piece.startsWith('{') ? (values[piece.slice(1, -1)] ?? piece) : piece));
+      .map((piece) => (piece.startsWith('{') ? copied(values[piece.slice(1, -1)] ?? piece) : piece));
   return Object.assign(text, { nodes });
 }
 

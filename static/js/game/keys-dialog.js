@@ -9,6 +9,8 @@ import { local, readJson } from '../browser/storage.js';
 import { DEFAULT_BINDINGS } from './input.js';
 import { codeOf, isModifier, isUsable, keyName } from './key-names.js';
 
+/** @type {Record<string, string>} the texts' names of the actions */
+const WORDS = { 0: 'up', 1: 'down', 2: 'right', 3: 'left', 5: 'use' };
 const STORE = 'kitchenmind.keys';
 
 /**
@@ -118,7 +120,23 @@ export class KeysDialog {
     // Without this, Space would press the button again.
     this.dialog.addEventListener('keyup', (release) => release.preventDefault(), { once: true });
     if (event.key === 'Escape') this.#ask(this.asking);
-    else this.#store(rebind(this.bindings, action, code));
+    else this.#rebind(action, code);
+  }
+
+  /**
+   * Give a key to an action, and say which other action had it.
+   * @param {string} action
+   * @param {string} code
+   */
+  #rebind(action, code) {
+    const loser = Object.keys(this.bindings).find((each) => each !== action && this.bindings[each].includes(code));
+    this.#store(rebind(this.bindings, action, code));
+    if (loser === undefined) return;
+    const button = this.buttons.find((each) => actionOf(each) === loser);
+    const other = this.text(`keys.${WORDS[loser]}`);
+    this.#show(
+      this.text('keys.moved', { key: keyName(code, this.text, this.layout), other, keys: button?.textContent ?? '' }),
+    );
   }
 }
 

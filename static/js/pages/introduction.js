@@ -112,6 +112,10 @@ function play() {
   }, FRAME_MS);
 }
 
+if (matchMedia('(pointer: coarse)').matches) {
+  for (const text of findAll('.text[data-touch]', HTMLElement, form)) text.textContent = text.dataset.touch ?? '';
+}
+
 let letters = 'WASD';
 
 /** Name the letters to walk with as they are printed on this keyboard: ZQSD in France. */

@@ -128,8 +128,9 @@ function togglePlay() {
   showButtons();
 }
 
+/** The slider has the length of the axis below it: that of the whole episode, also while it runs. */
 function showExtent() {
-  scrubber.max = String(Math.max(0, lastTimestep()));
+  scrubber.max = String(Math.max(0, record.game.horizon || lastTimestep()));
 }
 
 async function load() {
