@@ -14,7 +14,7 @@ from analysis import (
     data_quality,
     exclusions,
     measures,
-    mixed,
+    mixed_model,
     power,
     questionnaires,
 )
@@ -52,7 +52,7 @@ class Analysis:
     questionnaire_layouts: tuple[str, ...]
     episodes: pl.DataFrame
     quality: pl.DataFrame
-    model: mixed.MixedModel
+    model: mixed_model.MixedModel
     powers: tuple[power.Power, ...]
     rows: tuple[Result, ...]
 
@@ -74,7 +74,7 @@ def analyse(export: Export, options: Options) -> Analysis:
     if unknown := [name for name in chosen if name not in layouts]:
         raise ExportError(f"The export has no layout {unknown[0]}. It has: {', '.join(layouts)}.")
     answers = questionnaires.answers_on(export.answers, episodes, chosen)
-    model = mixed.fit(episodes, MEASURE, conditions)
+    model = mixed_model.fit(episodes, MEASURE, conditions)
     design = AnalysisDesign(conditions, layouts, agents, main_contrast(conditions))
     rows = [
         *exclusions.flow(export, every, episodes),
@@ -151,7 +151,7 @@ def smallest_condition(episodes: pl.DataFrame, conditions: Sequence[str]) -> int
 
 
 def _powers(
-    model: mixed.MixedModel, episodes: pl.DataFrame, conditions: Sequence[str], options: Options
+    model: mixed_model.MixedModel, episodes: pl.DataFrame, conditions: Sequence[str], options: Options
 ) -> list[power.Power]:
     """Power of studies of other sizes in which reward varies as it did in this one."""
     size = smallest_condition(episodes, conditions)

@@ -27,7 +27,7 @@ LONG_FUNCTIONS = {
     "training.commands.predictor.run": "one command from top to bottom: what it reads, trains and ships",
 }
 MANY_ARGUMENTS = {
-    "training.fused_loss.forward": "what ppo_loss takes",
+    "training.fused_ppo_loss.forward": "what ppo_loss takes",
     "training.ppo.ppo_loss": "what the formula has, by name",
 }
 

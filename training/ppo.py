@@ -23,7 +23,7 @@ from overcooked.vector_env import Starts
 from training.compute import Compute
 from training.config import AgentConfig, differences, network_config
 from training.fast_path import choose_compute, fast_path
-from training.fused_loss import FusedLoss
+from training.fused_ppo_loss import FusedLoss
 from training.imitation import imitate
 from training.partners import PartnerPool
 from training.rollout_buffer import Entries

@@ -115,7 +115,7 @@ def _check(arguments: argparse.Namespace, person_sd: float, residual_sd: float, 
 
 def _from_export(folder: Path, arguments: argparse.Namespace) -> StudyPlan:
     """How reward varied in a pilot."""
-    from analysis import measures, mixed
+    from analysis import measures, mixed_model
     from analysis.exclusions import versions_notice
     from analysis.study import MEASURE, smallest_condition
     from analysis.tables import read_export
@@ -124,7 +124,7 @@ def _from_export(folder: Path, arguments: argparse.Namespace) -> StudyPlan:
     if notice := versions_notice(export):
         print(f"kitchenmind power: {notice}", file=sys.stderr)
     episodes = measures.analysed(measures.episode_measures(export), export.participants)
-    model = mixed.fit(episodes, MEASURE, export.conditions)
+    model = mixed_model.fit(episodes, MEASURE, export.conditions)
     variance = model.variance
     if variance is None:
         raise ValueError(f"{folder} does not tell how reward varies: its mixed model {model.rows[0].note}.")

@@ -15,8 +15,8 @@ from typing import Final
 from sqlalchemy import Connection
 
 from server.monitoring import invented_participants
-from server.monitoring.attention import ACT
 from server.monitoring.live_games import LiveGames, who
+from server.monitoring.needs_attention import ACT
 from server.monitoring.peers import Process
 from server.participation.study_changes import Versions, remedy
 from server.play.pause_reasons import DATABASE

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import msgspec
 
-from server.monitoring.attention import Attention, Flag
+from server.monitoring.needs_attention import Attention, Flag
 from server.monitoring.peers import Peers, SingleProcess, View
 from server.monitoring.site import OpenSockets, Site
 from server.play.game import Game

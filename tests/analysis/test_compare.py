@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 from scipy import optimize, stats
 
-from analysis import compare, measures, mixed, questionnaires, ranks
+from analysis import compare, measures, mixed_model, questionnaires, ranks
 from analysis.assumptions import check
 from analysis.groups import cells
 from analysis.results import select
@@ -155,7 +155,7 @@ def test_permuting_people_keeps_alpha_where_episodes_of_a_person_are_alike() -> 
 
 def test_the_mixed_model_of_a_balanced_study_is_the_analysis_of_person_means() -> None:
     episodes = study(6, effect=7)
-    model = mixed.fit(episodes, "reward", CONDITIONS)
+    model = mixed_model.fit(episodes, "reward", CONDITIONS)
     of_people = episodes.group_by("participant", "condition", maintain_order=True).agg(pl.col("reward").mean())
     means = [of_people.filter(pl.col("condition") == name)["reward"].to_numpy() for name in CONDITIONS]
     between = sum(((group - group.mean()) ** 2).sum() for group in means) / 27  # variance of person means
@@ -192,7 +192,7 @@ def log_likelihood(reward: np.ndarray, columns: np.ndarray, size: int) -> float:
 
 def test_the_interaction_with_layouts_is_twice_the_gain_in_log_likelihood() -> None:
     episodes = study(7, effect=4)
-    row = select(mixed.fit(episodes, "reward", CONDITIONS).rows, test="condition_by_layout")[0]
+    row = select(mixed_model.fit(episodes, "reward", CONDITIONS).rows, test="condition_by_layout")[0]
     one, tom, random = np.ones(120), *(episodes["condition"].to_numpy() == name for name in ("tom", "random"))
     fcp, matrix = episodes["agent"].to_numpy() == "fcp", episodes["layout"].to_numpy() == "matrix"
     plain = np.stack([one, tom, random, fcp, matrix], axis=1).astype(float)
@@ -204,7 +204,7 @@ def test_the_interaction_with_layouts_is_twice_the_gain_in_log_likelihood() -> N
 
 
 def test_a_mixed_model_says_so_when_nothing_varies_between_people() -> None:
-    model = mixed.fit(study(8, person_sd=0), "reward", CONDITIONS)
+    model = mixed_model.fit(study(8, person_sd=0), "reward", CONDITIONS)
     assert model.variance is not None
     assert model.variance.person_sd < 5
 
@@ -212,7 +212,7 @@ def test_a_mixed_model_says_so_when_nothing_varies_between_people() -> None:
 @pytest.mark.parametrize(("conditions", "people"), [(("none",), 10), (CONDITIONS, 1)])
 def test_too_little_data_gives_a_reason_instead_of_a_model(conditions: tuple[str, ...], people: int) -> None:
     episodes = study(9, people=people).filter(pl.col("condition").is_in(list(conditions)))
-    model = mixed.fit(episodes, "reward", conditions)
+    model = mixed_model.fit(episodes, "reward", conditions)
     assert model.variance is None
     assert "needs two conditions" in model.rows[0].note
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import polars as pl
 
-from analysis import apa_text, mixed, questionnaires
+from analysis import apa_text, mixed_model, questionnaires
 from analysis.results import Result
 from analysis.study import MEASURE, AnalysisDesign, main_contrast
 from analysis.study import reward_tests as reward_tests_of
@@ -82,7 +82,7 @@ def said_about(world: World, seed: int, draws: int = 200) -> Said:
 def said_of(episodes: pl.DataFrame, answers: pl.DataFrame, seed: int = 1, draws: int = 200) -> Said:
     """What the report says of these episodes and answers, without flow, accuracy and figures."""
     design = AnalysisDesign(CONDITIONS, LAYOUTS, AGENTS, main_contrast(CONDITIONS))
-    model = mixed.fit(episodes, MEASURE, CONDITIONS)
+    model = mixed_model.fit(episodes, MEASURE, CONDITIONS)
     rows = (
         Result("exclusions", "analysed", condition="all", unit="people", n=episodes["participant"].n_unique()),
         *reward_tests_of(episodes, design, draws, seed),

@@ -15,7 +15,7 @@ from training.agents import snapshot_network, train_agent
 from training.compute import Compute
 from training.config import AgentConfig, agent_config
 from training.fast_path import fast_path
-from training.fused_loss import FusedLoss
+from training.fused_ppo_loss import FusedLoss
 from training.partners import PartnerPool
 from training.ppo import PpoTrainer, SeatRows, advantage_estimates, ppo_loss, run_settings, train
 from training.runlog import RunError, RunFolder

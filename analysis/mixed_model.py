@@ -8,9 +8,9 @@ import numpy as np
 import polars as pl
 from scipy import stats
 
-from analysis import random_intercept
+from analysis import mixed_model_fit
 from analysis.groups import pairs
-from analysis.random_intercept import Array, Data, Fit
+from analysis.mixed_model_fit import Array, Data, Fit
 from analysis.results import Result
 from analysis.tables import AGENTS, LAYOUTS, in_order
 
@@ -52,8 +52,8 @@ def fit(episodes: pl.DataFrame, measure: str, conditions: Sequence[str]) -> Mixe
         return _none(base, "needs two conditions, six people and more than one episode a person")
     data = _data(chosen, measure, _design(chosen, present))
     try:
-        fitted = random_intercept.fit(data)
-    except (random_intercept.FitError, np.linalg.LinAlgError) as error:
+        fitted = mixed_model_fit.fit(data)
+    except (mixed_model_fit.FitError, np.linalg.LinAlgError) as error:
         return _none(base, f"could not be fitted: {error}")
     variance = Variance(math.sqrt(fitted.between), math.sqrt(fitted.within))
     rows = _contrasts(base, fitted, present)
@@ -131,8 +131,8 @@ def _interaction(base: Result, chosen: pl.DataFrame, conditions: Sequence[str], 
     if np.linalg.matrix_rank(full.x) < full.x.shape[1]:
         return replace(base, note="not every condition was played in every layout")
     try:
-        small, large = (random_intercept.fit(data, restricted=False) for data in (plain, full))
-    except (random_intercept.FitError, np.linalg.LinAlgError) as error:
+        small, large = (mixed_model_fit.fit(data, restricted=False) for data in (plain, full))
+    except (mixed_model_fit.FitError, np.linalg.LinAlgError) as error:
         return replace(base, note=f"could not be fitted: {error}")
     ratio = max(0.0, 2 * (large.log_likelihood - small.log_likelihood))
     df = products.shape[1]

@@ -9,8 +9,8 @@ import pytest
 from scipy import stats
 from statsmodels.regression.mixed_linear_model import MixedLM
 
-from analysis import mixed, random_intercept
-from analysis.random_intercept import Data, FitError
+from analysis import mixed_model, mixed_model_fit
+from analysis.mixed_model_fit import Data, FitError
 from analysis.results import Result, select
 
 PERSON_SD, RESIDUAL_SD, ARM = 8.0, 25.0, 29
@@ -69,7 +69,7 @@ def dense(episodes: pl.DataFrame, columns: np.ndarray, restricted: bool) -> tupl
 @pytest.mark.parametrize("seed", range(2))
 def test_the_difference_and_its_error_are_those_of_exact_reml(seed: int) -> None:
     episodes = study(seed)
-    row = select(mixed.fit(episodes, "reward", CONDITIONS).rows, test="fixed_effect")[0]
+    row = select(mixed_model.fit(episodes, "reward", CONDITIONS).rows, test="fixed_effect")[0]
     _, beta, covariance = dense(episodes, columns_of(episodes), restricted=True)
     assert row.estimate == pytest.approx(beta[1], abs=1e-6)
     assert row.se == pytest.approx(math.sqrt(covariance[1, 1]), rel=2e-3)
@@ -77,7 +77,7 @@ def test_the_difference_and_its_error_are_those_of_exact_reml(seed: int) -> None
 
 def test_the_interaction_is_that_of_exact_maximum_likelihood() -> None:
     episodes = study(0)
-    row = select(mixed.fit(episodes, "reward", CONDITIONS).rows, test="condition_by_layout")[0]
+    row = select(mixed_model.fit(episodes, "reward", CONDITIONS).rows, test="condition_by_layout")[0]
     plain, full = (dense(episodes, columns_of(episodes, interaction), False)[0] for interaction in (False, True))
     assert row.statistic == pytest.approx(2 * (full - plain), abs=0.01)
 
@@ -104,7 +104,7 @@ def anova_se(episodes: pl.DataFrame) -> float:
 def test_every_fit_of_fifty_is_exact_where_closed_formulas_tell() -> None:
     for seed in range(50):
         episodes = study(seed)
-        row = select(mixed.fit(episodes, "reward", CONDITIONS).rows, test="fixed_effect")[0]
+        row = select(mixed_model.fit(episodes, "reward", CONDITIONS).rows, test="fixed_effect")[0]
         assert row.se == pytest.approx(anova_se(episodes), rel=3e-5), seed
 
 
@@ -117,7 +117,7 @@ def test_the_brute_force_and_the_closed_formula_agree() -> None:
 def test_degrees_of_freedom_of_a_balanced_study_are_people_minus_conditions() -> None:
     for seed, arm in product(range(3), (4, ARM)):
         episodes = study(seed, arm=arm)
-        row = select(mixed.fit(episodes, "reward", CONDITIONS).rows, test="fixed_effect")[0]
+        row = select(mixed_model.fit(episodes, "reward", CONDITIONS).rows, test="fixed_effect")[0]
         assert row.statistic_name == "t"
         assert row.df == pytest.approx(2 * arm - 2, rel=1e-4)
         assert row.p == pytest.approx(2 * stats.t.sf(abs(row.statistic), row.df))
@@ -129,7 +129,7 @@ def test_degrees_of_freedom_are_satterthwaites_also_where_episodes_are_missing()
     episodes = study(3, arm=6).filter(pl.int_range(pl.len()) % 7 > 0)
     columns, y = columns_of(episodes), episodes["reward"].to_numpy()
     names, person = np.unique(episodes["participant"].to_numpy(), return_inverse=True)
-    fitted = random_intercept.fit(Data(y, columns, person))
+    fitted = mixed_model_fit.fit(Data(y, columns, person))
     member = (person[:, None] == np.arange(len(names))[None, :]).astype(float)
     parts = (member @ member.T, np.eye(len(y)))
     whole = np.linalg.inv(fitted.between * parts[0] + fitted.within * parts[1])
@@ -151,14 +151,14 @@ def test_an_unbalanced_fit_has_no_smaller_likelihood_than_statsmodels_finds() ->
         episodes = study(seed, arm=12).filter(pl.int_range(pl.len()) % 9 > 0)
         columns, y = columns_of(episodes), episodes["reward"].to_numpy()
         _, person = np.unique(episodes["participant"].to_numpy(), return_inverse=True)
-        ours = random_intercept.fit(Data(y, columns, person))
+        ours = mixed_model_fit.fit(Data(y, columns, person))
         theirs = MixedLM(y, columns, person).fit(reml=True, method="powell")
         assert ours.log_likelihood >= theirs.llf - 1e-6
         assert ours.beta == pytest.approx(np.asarray(theirs.fe_params), abs=0.05)
         assert ours.residuals.std() == pytest.approx(np.asarray(theirs.resid).std(), rel=0.02)
 
 
-def reasons(model: mixed.MixedModel) -> list[str]:
+def reasons(model: mixed_model.MixedModel) -> list[str]:
     return [row.note for row in model.rows]
 
 
@@ -169,7 +169,7 @@ def flat(episodes: pl.DataFrame, reward: pl.Expr) -> pl.DataFrame:
 def test_rewards_that_do_not_vary_give_a_reason() -> None:
     episodes = study(1)
     for reward in (pl.lit(0.0), pl.lit(20.0), pl.when(pl.col("condition") == "tom").then(20.0).otherwise(0.0)):
-        model = mixed.fit(flat(episodes, reward), "reward", CONDITIONS)
+        model = mixed_model.fit(flat(episodes, reward), "reward", CONDITIONS)
         assert model.variance is None
         assert reasons(model) == ["could not be fitted: nothing varies beside the effects"]
 
@@ -177,20 +177,20 @@ def test_rewards_that_do_not_vary_give_a_reason() -> None:
 def test_people_who_always_earn_the_same_give_a_reason() -> None:
     episodes = study(1)
     same = flat(episodes, pl.col("reward").mean().over("participant"))
-    assert "nothing varies between the episodes of a person" in reasons(mixed.fit(same, "reward", CONDITIONS))[0]
+    assert "nothing varies between the episodes of a person" in reasons(mixed_model.fit(same, "reward", CONDITIONS))[0]
 
 
 def test_conditions_that_played_with_different_agents_give_a_reason() -> None:
     episodes = study(1).filter((pl.col("condition") == "tom") == (pl.col("agent") == "sp"))
-    assert "cannot be told apart" in reasons(mixed.fit(episodes, "reward", CONDITIONS))[0]
+    assert "cannot be told apart" in reasons(mixed_model.fit(episodes, "reward", CONDITIONS))[0]
 
 
 def test_a_search_that_does_not_settle_gives_a_reason_and_no_variance(monkeypatch: pytest.MonkeyPatch) -> None:
     def unsettled(*_: object) -> float:
         raise FitError("the search for its variances did not converge")
 
-    monkeypatch.setattr(random_intercept, "best_ratio", unsettled)
-    model = mixed.fit(study(1), "reward", CONDITIONS)
+    monkeypatch.setattr(mixed_model_fit, "best_ratio", unsettled)
+    model = mixed_model.fit(study(1), "reward", CONDITIONS)
     assert model.variance is None
     assert model.residuals.size == 0
     assert [row.test for row in model.rows] == ["fixed_effect"]
