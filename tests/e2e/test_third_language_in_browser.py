@@ -43,6 +43,7 @@ CUT = """() => {
         const shape = up.matches('button, .btn, kbd, .card');
         const clips = shape || style.overflowX !== 'visible' || style.overflowY !== 'visible';
         if (clips && out(box, edge, style.overflowY === 'auto')) found.add(text.textContent.trim());
+        if (style.position === 'fixed') break;  // what it stands in does not clip it
       }
     }
   }
