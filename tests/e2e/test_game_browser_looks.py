@@ -175,6 +175,20 @@ def test_stage_and_cards_have_one_size_in_all_conditions(
 
 
 SIZES: dict[str, Any] = {}
+CLIPPED = "[...document.querySelectorAll('.side .panel')].filter(one => one.scrollHeight > one.clientHeight).length"
+
+
+@pytest.mark.parametrize("shows", [True, False])
+def test_no_card_beside_the_kitchen_cuts_off_its_last_line(
+    chromium: Browser, server: FakeGameServer, shows: bool
+) -> None:
+    server.welcome = rings(shows_predictions=shows)
+    with opened(chromium, server) as page:
+        page.wait_for_selector("[data-phase=ready]")
+        for height in (640, 700, 721, 768, 800, 821, 900, 1080):
+            page.set_viewport_size({"width": 1366, "height": height})
+            assert page.evaluate(CLIPPED) == 0, height
+        page.set_viewport_size(DESKTOP)
 
 
 @pytest.mark.parametrize(
