@@ -1,4 +1,4 @@
-"""How often anybody could foretell an agent of Coordination Ring who knew both agents' minds, but not their dice.
+"""How often anybody could predict an agent of Coordination Ring who knew both agents' minds, but not their dice.
 
     python benchmarks/limits.py [--partner human_bc] [--states 6000] [--json]
 

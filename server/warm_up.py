@@ -1,4 +1,4 @@
-"""What is done before the first page or beside it, so that it never holds up a running game."""
+"""What is compiled and prepared at the start, so that it never holds up a running game."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""How well a predictor foretells an agent: accuracy by step, beside the ceiling and what needs no model at all.
+"""How well a predictor predicts an agent: accuracy by step, next to the ceiling and what needs no model at all.
 
 It must not know how the predictor was trained.
 """

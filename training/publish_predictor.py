@@ -112,7 +112,7 @@ def card(network: PredictorNetwork, layout: Layout, target: Target, result: Eval
     lines = [
         f"# Predictor of {target.name} on {layout.name} ({config.form})",
         "",
-        f"Foretells the agent's next 3 actions from what both chefs did: {form}. Eyes: {eyes}.",
+        f"Predicts the agent's next 3 actions from what both chefs did: {form}. Eyes: {eyes}.",
         f"The agent acts with temperature {mode.temperature:g}, {mode.stuck_mix:.0%} of the probability on the",
         f"four moves after {mode.stuck_after} timesteps without a change of its own cell, facing or hand.",
         f"Agent sha256: {target.sha256[:16]}.",

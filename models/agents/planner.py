@@ -5,11 +5,12 @@ It knows its layout only through what it sees, and its partner only by place and
 
 import numpy as np
 
+from models.agents import kitchen_needs
 from models.agents.observation_parser import Cell, ParsedObservation, Walk, certain, distances, parse_observation
 from models.agents.planner_handover import must_hand_over
 from models.agents.planner_handover import wishes as handing_over_wishes
 from models.protocols import Mode, Observations, Probabilities
-from overcooked.constants import ACTIONS, DISH, INTERACT, NOTHING, ONION, ONIONS_PER_SOUP, SOUP, STAY, STEP_X, STEP_Y
+from overcooked.constants import ACTIONS, DISH, INTERACT, NOTHING, ONION, SOUP, STAY, STEP_X, STEP_Y
 
 MODE = Mode(temperature=0.0, stuck_after=3, stuck_mix=0.6)
 
@@ -41,37 +42,21 @@ def _action(seen: ParsedObservation) -> int:
 
 def _wishes(seen: ParsedObservation) -> list[tuple[Cell, ...]]:
     """Groups of cells to use, the most wanted first."""
-    hungry = [pot for pot in seen.pots if pot.left is None]
-    cooking = sorted((pot for pot in seen.pots if pot.left is not None), key=lambda pot: pot.left or 0)
-    ready = tuple(pot.cell for pot in cooking if pot.left == 0)
-    fullest = sorted(hungry, key=lambda pot: -pot.onions)
-    if seen.held == SOUP:
-        return [seen.exits]
-    if seen.held == ONION:
-        return [*((pot.cell,) for pot in fullest), seen.free_counters]
-    if seen.held == DISH:
-        waiting = tuple(pot.cell for pot in cooking)
-        return [ready, waiting] if cooking else [seen.free_counters]
-    return _wishes_of_an_empty_hand(seen, len(cooking), _missing_onions(seen))
+    if seen.held == NOTHING:
+        return _wishes_of_an_empty_hand(seen)
+    places = kitchen_needs.places_for_what_is_held(seen)
+    return [*places, seen.free_counters] if seen.held == ONION or not places else places
 
 
-def _wishes_of_an_empty_hand(seen: ParsedObservation, soups: int, missing: int) -> list[tuple[Cell, ...]]:
+def _wishes_of_an_empty_hand(seen: ParsedObservation) -> list[tuple[Cell, ...]]:
     lying = {item: tuple(cell for cell, here in seen.items.items() if here == item) for item in (ONION, DISH, SOUP)}
-    fetch_dish = lying[DISH] + seen.dishes
-    fetch_onion = seen.onions + lying[ONION]
-    soups_without_dish = soups - (seen.other_held == DISH)
-    soon = any(pot.left is not None and pot.left <= 8 for pot in seen.pots)
+    missing = kitchen_needs.missing_onions(seen)
     wishes = [lying[SOUP]] if lying[SOUP] else []
-    if soups_without_dish > 0 and (soon or missing <= 0):
-        return [*wishes, fetch_dish]
+    if kitchen_needs.soups_without_dish(seen) > 0 and (kitchen_needs.is_dish_urgent(seen) or missing <= 0):
+        return [*wishes, lying[DISH] + seen.dishes]
     if missing > 0:
-        return [*wishes, fetch_onion]
+        return [*wishes, seen.onions + lying[ONION]]
     return wishes
-
-
-def _missing_onions(seen: ParsedObservation) -> int:
-    wanted = sum(ONIONS_PER_SOUP - pot.onions for pot in seen.pots if pot.left is None)
-    return wanted - (seen.other_held == ONION)
 
 
 def _nearest(seen: ParsedObservation, reached: dict[Cell, tuple[int, int]], cells: tuple[Cell, ...]) -> Walk | None:

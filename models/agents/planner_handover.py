@@ -5,10 +5,9 @@ Only used where a chef cannot walk to all kinds of stations (Forced Coordination
 
 from collections.abc import Collection
 
+from models.agents import kitchen_needs
 from models.agents.observation_parser import Cell, ParsedObservation
-from overcooked.constants import DISH, NOTHING, ONION, ONIONS_PER_SOUP, SOUP, STEP_X, STEP_Y
-
-_SOON = 8  # timesteps until a soup is ready, in which its dish should be on the way
+from overcooked.constants import DISH, NOTHING, ONION, SOUP, STEP_X, STEP_Y
 
 
 def must_hand_over(seen: ParsedObservation, mine: Collection[Cell]) -> bool:
@@ -25,11 +24,9 @@ def wishes(seen: ParsedObservation, mine: Collection[Cell], theirs: Collection[C
     free = tuple(cell for cell in shared if cell not in seen.items)
     lying = [seen.items[cell] for cell in shared if cell in seen.items]
     if seen.held != NOTHING:
-        return [*_places(seen, seen.held), free]
-    soups = sum(pot.left is not None for pot in seen.pots)
-    soon = any(pot.left is not None and pot.left <= _SOON for pot in seen.pots)
-    missing = sum(ONIONS_PER_SOUP - pot.onions for pot in seen.pots if pot.left is None) - (seen.other_held == ONION)
-    dishes_missing = soups - (seen.other_held == DISH)
+        return [*kitchen_needs.places_for_what_is_held(seen), free]
+    soup_cooks = any(pot.left is not None for pot in seen.pots)
+    missing, dishes_missing = kitchen_needs.missing_onions(seen), kitchen_needs.soups_without_dish(seen)
     cooks = _within(tuple(pot.cell for pot in seen.pots), mine)
     if not cooks:
         missing -= lying.count(ONION)
@@ -39,21 +36,11 @@ def wishes(seen: ParsedObservation, mine: Collection[Cell], theirs: Collection[C
         for item, dispensers in ((DISH, seen.dishes), (ONION, seen.onions), (SOUP, ()))
     )
     wanted = [soup]
-    if dishes_missing > 0 and (soon or missing <= 0) and (cooks or free):
+    if dishes_missing > 0 and (kitchen_needs.is_dish_urgent(seen) or missing <= 0) and (cooks or free):
         wanted.append(dish)
-    if missing > 0 and (cooks or len(free) > (soups > 0)):  # while a soup cooks, the last free counter is for its dish
+    if missing > 0 and (cooks or len(free) > soup_cooks):  # while a soup cooks, the last free counter is for its dish
         wanted.append(onion)
     return wanted
-
-
-def _places(seen: ParsedObservation, held: int) -> list[tuple[Cell, ...]]:
-    """Where the thing in hand belongs."""
-    if held == SOUP:
-        return [seen.exits]
-    if held == ONION:
-        hungry = sorted((pot for pot in seen.pots if pot.left is None), key=lambda pot: -pot.onions)
-        return [(pot.cell,) for pot in hungry]
-    return [tuple(pot.cell for pot in sorted(seen.pots, key=lambda pot: pot.left or 0) if pot.left is not None)]
 
 
 def _within(stations: tuple[Cell, ...], cells: Collection[Cell]) -> bool:

@@ -38,7 +38,7 @@ class GuidePolicy:
 
 
 class GuidePredictor:
-    """Foretells the guide, which is all it knows."""
+    """Predict the guide, and nobody else."""
 
     memory = 1
 

@@ -72,8 +72,9 @@ def layout_of(kitchen: KitchenChoice) -> Layout:
 
 
 def predictor_of(study: Study, agent: PartnerSettings, condition: Condition) -> str | None:
-    """The catalogue's name of what foretells the agent, None for a person whom nothing foretells; in a degraded
-    condition, of its worse self (but for the tutorial's, from whose marks everybody learns to read them)."""
+    """Return the name of the predictor that watches the agent; None for a person whom no predictor watches.
+
+    In a degraded condition it is the worsened one, except in the tutorial, where everybody learns to read the marks."""
     if agent.human and agent.predictor is None:
         return None
     name = agent.predictor or f"{agent.model or agent.name}_predictor_{study.predictor.form}"

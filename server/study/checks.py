@@ -215,7 +215,7 @@ def _two_people(study: Study) -> Iterator[Problem]:
             reason = "two people have to come to the same round at the same time"
             yield Problem(("order", "rule"), reason, "Use `rule: fixed` where an agent is `human: true`.")
         if agent.predictor is None and any(condition.shows_predictions for condition in study.conditions):
-            reason = "there are marks to be shown, and nothing that foretells a person"
+            reason = "there are marks to be shown, and nothing that predicts a person"
             remedy = "Add `predictor:`, e.g. that of an agent who plays much like people: `fcp_predictor_stream`."
             yield Problem(("agents", index), reason, remedy)
 

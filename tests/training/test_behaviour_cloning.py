@@ -34,7 +34,7 @@ def test_every_recorded_action_is_read_for_both_people(games):
     assert (games.actions[:4] == STAY).all()
 
 
-def test_a_clone_foretells_people_better_than_their_habits_alone(games, tmp_path):
+def test_a_clone_predicts_people_better_than_their_habits_alone(games, tmp_path):
     torch.set_num_threads(1)
     config = CloningConfig(epochs=15)
     network, figures = clone(games, RING, config)

@@ -1,4 +1,4 @@
-// Chooses which dialog lies over the kitchen now, as a function of the state; dialogs.js puts it on the page.
+// Chooses which dialog is shown now, as a function of the state; dialogs.js puts it on the page.
 
 /** @import { State } from '../board/state.js' */
 

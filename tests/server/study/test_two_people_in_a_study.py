@@ -35,7 +35,7 @@ def test_models_are_those_that_watch_people_and_the_stand_in() -> None:
     assert {name for layout, name in predictors if layout != "practice"} == {"fcp_predictor_stream"}
 
 
-def test_without_marks_nothing_needs_to_foretell_people() -> None:
+def test_without_marks_no_predictor_for_people_is_needed() -> None:
     text = STUDY.replace(", predictor: fcp_predictor_stream", "").replace("  - {name: tom, predictor: tom}\n", "")
     study = parse_study(text, "pairs.yaml").study
     assert study.agent("person").predictor is None

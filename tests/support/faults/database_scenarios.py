@@ -31,7 +31,7 @@ Fault = Callable[[], Awaitable[None]]
 
 
 async def away(crowd: Crowd, begin: Fault, end: Fault, seconds: float) -> tuple[bool, dict[str, float]]:
-    """Take the database away for a while: everybody is told, nothing moves, and all go on by themselves."""
+    """Take the database away for a while: everybody is told, nothing moves, and all games continue by themselves."""
     began = time.monotonic()
     await begin()
     stopped = time.monotonic()
