@@ -45,7 +45,7 @@ from server.version import code_version
 from server.web import health
 from server.web.admin import actions, downloads, live_boards, replay_page, researcher_pages
 from server.web.auth import CsrfProtection, token_of
-from server.web.dependencies import Web, templates
+from server.web.dependencies import Web, games_first, templates
 from server.web.error_pages import install_error_pages
 from server.web.guess_limits import Hashing
 from server.web.health import Commits, metrics_of
@@ -80,8 +80,8 @@ _GARBAGE_THRESHOLDS = (50_000, 20, 20)  # a full collection costs milliseconds, 
 
 def create_app(settings: Settings) -> FastAPI:
     """The application with its routes; `wired` starts and stops its parts."""
-    limits = [Depends(rate_limit)]
-    app = FastAPI(title="kitchenmind", docs_url=None, redoc_url=None, openapi_url=None, dependencies=limits)
+    before = [Depends(rate_limit), Depends(games_first)]
+    app = FastAPI(title="kitchenmind", docs_url=None, redoc_url=None, openapi_url=None, dependencies=before)
     app.add_middleware(SecurityHeaders, secure=_csrf(settings).secure)
     app.add_middleware(Boundary)
     app.mount("/static", StaticFiles(directory=ROOT / "static"), name="static")

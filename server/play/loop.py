@@ -5,7 +5,6 @@ A slot's batch costs one call to the models and one transaction. Errors of one g
 
 import asyncio
 import logging
-import math
 import time
 from collections.abc import Callable, Collection, Coroutine, Sequence
 from typing import Any, Final
@@ -17,29 +16,13 @@ from server.play.lateness import Lateness
 from server.play.pause_reasons import DATABASE
 from server.play.recorder import GamesLost, Recorder, RecorderDown, TickRecord
 from server.play.session import COUNTDOWN_S, Session
+from server.play.slots import Slot, between_batches, slots_of
 
 log = logging.getLogger(__name__)
-SLOT_MS: Final = 40  # five batches in a tick of 200 ms: each costs the same 4 ms, however few games are in it
-PATIENT_SLOTS: Final = 3  # a patient clock has no moments to spread over: models and database like large batches
 COMMIT_S: Final = 1.0  # a commit that takes longer counts as RecorderDown
 PROBE_S: Final = 0.5
 STALLED_S: Final = 1.0  # a server that slept so long counts down again instead of rushing through what it missed
 _SERVER: Final = "server"
-
-
-class Slot:
-    """The games that tick at the same moments."""
-
-    def __init__(self, tick_ms: int, index: int) -> None:
-        self.tick_s = tick_ms / 1000
-        self.offset_s = index * SLOT_MS / 1000
-        self.games: set[Game] = set()
-        self.driver: asyncio.Task[None] | None = None
-        self.asleep = False  # the driver waits for a deadline and may be stopped without harm
-
-    def first_after(self, moment: float) -> float:
-        """The slot's first moment at or after `moment`."""
-        return math.ceil((moment - self.offset_s) / self.tick_s) * self.tick_s + self.offset_s
 
 
 class Loop:
@@ -74,8 +57,7 @@ class Loop:
         """Count down and play on, in the emptiest slot."""
         tick_ms = game.session.spec.tick_ms
         if tick_ms not in self._slots:
-            count = PATIENT_SLOTS if self.clock.patience_s else max(1, tick_ms // SLOT_MS)
-            self._slots[tick_ms] = [Slot(tick_ms, index) for index in range(count)]
+            self._slots[tick_ms] = slots_of(tick_ms, patient=self.clock.patience_s > 0)
         self.stop(game)
         slot = min(self._slots[tick_ms], key=lambda slot: len(slot.games))
         now = self.clock.now()
@@ -96,6 +78,10 @@ class Loop:
         slot = self._slot_of.pop(game, None)
         if slot is not None:
             slot.games.discard(game)
+
+    async def between_batches(self) -> None:
+        """Return when no batch is due for a while: for work that can wait and would make the games' timesteps late."""
+        await between_batches([slot for slots in self._slots.values() for slot in slots], self.clock)
 
     async def close(self) -> None:
         """End all driving; what is being stored is finished first."""

@@ -70,6 +70,12 @@ def web_of(connection: HTTPConnection) -> Web:
 WebDep = Annotated[Web, Depends(web_of)]
 
 
+async def games_first(connection: HTTPConnection) -> None:
+    """Begin a request between two batches of timesteps: a page takes milliseconds, by which games would be late."""
+    if connection.scope["type"] == "http":
+        await services_of(connection).games.loop.between_batches()
+
+
 async def own_form(request: Request, web: WebDep) -> Form:
     """The form that was sent, from our own page only."""
     return await read_form(request, web.csrf)

@@ -13,8 +13,8 @@ from server.play import messages as m
 from server.play.clock import Clock
 from server.play.episode_spec import EpisodeSpec, PauseLimits
 from server.play.games import Games, NoGame
-from server.play.loop import SLOT_MS
 from server.play.recorder import EpisodeRecord, TickRecord
+from server.play.slots import SLOT_MS
 from tests.support.live_fakes import MemoryRecorder, QuietConnection, RuleModels, make_spec
 
 SPEED = 20.0
