@@ -160,12 +160,12 @@ async def _tell(socket: WebSocket, services: Services, watching: Watching) -> No
             if not await still_in(socket, watching.admin):
                 return await socket.close(CloseCode.SIGNED_OUT, "sign in again")
         with suppress(DatabaseDown):
-            await services.games.loop.between_batches()
+            await services.live.games.loop.between_batches()
             await send_news(socket, await watching.news())
             if now - told >= FIGURES_EVERY_S or tab != watching.tab:
                 told, tab = now, watching.tab
                 news = await dashboard.of(watching.study_ids, watching.study, watching.tab, watching.admin.blind)
-                await services.games.loop.between_batches()
+                await services.live.games.loop.between_batches()
                 news = {"type": "figures", **news, "alerts": services.alerts.shown(watching.study.name)}
                 await send_news(socket, news)
         await asyncio.sleep(CARDS_EVERY_S)
