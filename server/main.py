@@ -121,7 +121,7 @@ async def wired(app: FastAPI, settings: Settings, ahead: Launched | None = None)
         studies = await Studies.opened(database, files)
         await starting
         production = settings.mode == "production"
-        places = NewPlaces(settings.new_per_address, counts_local=production)
+        places = NewPlaces(settings.new_per_address, settings.signing_key(), counts_local=production)
         web = Web(database, studies, _csrf(settings), templates(), places, production)
         app.state.services = await _services(settings, files, web, models, stack)
         warm_up.prepare_routes(app)

@@ -64,8 +64,8 @@ class Settings(BaseSettings):
     from them. Production refuses `*`."""
     new_per_address: int = Field(default=10, ge=0, le=100_000)
     """New participants from one address in an hour, so that one person cannot fill a study. An IPv6 site (/48) may
-    bring four times as many. `0`: no limit. Raise it for a lab or a class behind one address. Each server process
-    counts by itself. In local mode the machine itself is not counted."""
+    bring four times as many. `0`: no limit. Raise it for a lab or a class behind one address. All server
+    processes share the count. In local mode the machine itself is not counted."""
     workers: int = Field(default=1, ge=1, le=64)
     """The number of server processes. More than one needs PostgreSQL and Redis."""
     redis: SecretStr | None = None

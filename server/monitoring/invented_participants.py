@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Final
 
 from server.monitoring.site import Site
-from server.store import participants
+from server.store import new_places, participants
 
 WINDOW: Final = timedelta(hours=1)
 FEWEST: Final = 5  # people who did nothing; fewer are no sign
@@ -17,8 +17,10 @@ async def signs(web: Site, study: str, versions: Sequence[int], leads: bool) -> 
 
     Raises DatabaseDown.
     """
-    found = {}
-    turned_away = web.places.turned_away(study)
+    found: dict[str, str] = {}
+    if not leads:
+        return found
+    turned_away = await web.database.read(new_places.turned_away, study, datetime.now(UTC))
     if turned_away:
         limit = web.places.an_hour
         found[f"places {study}"] = (
@@ -27,7 +29,7 @@ async def signs(web: Site, study: str, versions: Sequence[int], leads: bool) -> 
             "check that the server believes your proxy about addresses (KITCHENMIND_TRUSTED_PROXIES)."
         )
     opened = web.studies.open(study)
-    if leads and opened is not None:
+    if opened is not None:
         hold = timedelta(minutes=opened[1].hold_min)
         now = datetime.now(UTC)
         span = (now - hold - WINDOW, now - hold)

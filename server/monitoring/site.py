@@ -6,16 +6,14 @@ from server.participation.served_studies import Studies
 from server.store.database import Database
 
 
-class RefusedPlaces(Protocol):
-    """Counts of new participants who were refused because too many came from one address."""
+class PlaceLimit(Protocol):
+    """How many new participants one address may bring in an hour."""
 
     an_hour: int
 
-    def turned_away(self, study: str) -> int: ...
-
 
 class Site(Protocol):
-    """The database, the served studies and the refused places of this server."""
+    """The database, the served studies and the limit of new places of this server."""
 
     @property
     def database(self) -> Database: ...
@@ -24,7 +22,7 @@ class Site(Protocol):
     def studies(self) -> Studies: ...
 
     @property
-    def places(self) -> RefusedPlaces: ...
+    def places(self) -> PlaceLimit: ...
 
 
 class OpenSockets(Protocol):

@@ -4,7 +4,7 @@ Every function may be called again: what is done stays done, and what comes too 
 """
 
 import secrets
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -12,8 +12,9 @@ from typing import Any
 from sqlalchemy import Connection
 
 from server.participation.served_studies import Studies
-from server.store import answers, decisions, episodes, events, participants, studies
+from server.store import answers, decisions, episodes, events, new_places, participants, studies
 from server.store.events import ATTENTION_SCREENED_OUT
+from server.store.new_places import PlaceBudget
 from server.store.participants import NewParticipant, Participant
 from server.study.assignment import Count, StudyFullError, next_condition, participant_seed
 from server.study.definition import Study
@@ -126,11 +127,15 @@ def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival)
     return participants.create(connection, new)
 
 
-def enrol_once(connection: Connection, all_studies: Studies, arrival: ConsentArrival) -> bool:
-    """`enrol`; returns whether somebody new came of it."""
-    is_new = already_here(connection, all_studies, arrival) is None
+def enrol_within(
+    connection: Connection, all_studies: Studies, arrival: ConsentArrival, budgets: Sequence[PlaceBudget]
+) -> None:
+    """`enrol`; somebody new takes one of the places that the address may bring. Raises NoPlaceLeft too."""
+    now = datetime.now(UTC)
+    if already_here(connection, all_studies, arrival) is None:
+        new_places.check(connection, budgets, now)
+        new_places.take(connection, budgets, now)
     enrol(connection, all_studies, arrival)
-    return is_new
 
 
 def is_paused(connection: Connection, study: str) -> bool:

@@ -31,7 +31,7 @@ def reserve(connection: Connection, kind: str, name: str, origin: str, now: date
     `kind`: what is tried. `origin`: who tries, as a hash. No origin can use up the tries of another one.
     """
     a = attempts.c
-    connection.execute(delete(attempts).where(a.at <= now - WINDOW))
+    connection.execute(delete(attempts).where(a.kind == kind, a.at <= now - WINDOW))
     same = (a.kind == kind, a.name == name)
     of_all = _count(connection, *same)
     mine = _count(connection, *same, a.origin == origin)

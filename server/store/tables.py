@@ -428,10 +428,23 @@ attempts = Table(
     "attempts",
     metadata,
     number("Number of the attempt."),
-    column("kind", String(32), meaning="Kind of attempt: password, password from a known browser, completion code."),
-    column("name", _Key, meaning="The researcher's account; a hash where there is none; empty for a completion code."),
-    column("origin", _Sha256, meaning="Origin of the attempt: a keyed hash of the address, or of the known browser."),
-    time("at", "When. Deleted with the first attempt more than 15 minutes later."),
+    column(
+        "kind",
+        String(32),
+        meaning="Kind: password, password from a known browser, completion code, new participant, turned away.",
+    ),
+    column(
+        "name",
+        _Key,
+        meaning="The researcher's account (a hash where there is none); empty for a completion code; of a participant "
+        "a keyed hash of the network; of those turned away the study.",
+    ),
+    column(
+        "origin",
+        _Sha256,
+        meaning="Origin of a guess: a keyed hash of the address, or of the known browser; empty for participants.",
+    ),
+    time("at", "When. Deleted with the next of its kind, guesses after 15 minutes and participants after an hour."),
     Index(None, "kind", "name", "at"),
 )
 

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import secrets
 from dataclasses import replace
+from datetime import UTC, datetime
 
 from fastapi import APIRouter, HTTPException, Request, Response, WebSocket, WebSocketDisconnect
 from fastapi.responses import RedirectResponse
@@ -12,7 +13,8 @@ from server.participation import progress
 from server.participation.page_answers import check_page
 from server.participation.recruiter_links import is_preview, may_start_new, recruitment_of
 from server.play.close_codes import CloseCode
-from server.store import participants
+from server.store import new_places, participants
+from server.store.new_places import NoPlaceLeft
 from server.store.participants import Participant
 from server.study.assignment import StudyFullError
 from server.study.definition import Study
@@ -116,7 +118,7 @@ async def consent(
         context = consent_context(study, made.language, person, extra, visit)
         ticked = [index for index in range(len(study.consent.boxes)) if index not in open_boxes]
         return made.render("participant/consent.html", 422, **(context | {"ticked": ticked, "open_boxes": open_boxes}))
-    if refused := await _enrol(made, arrival, is_new=known is None):
+    if refused := await _enrol(made, arrival):
         return refused
     response = _to(f"/s/{study.name}/now")
     set_cookie(response, study.name, token, secure=web.csrf.secure)
@@ -130,25 +132,23 @@ def _is_simulated(web: Web, form: Form) -> bool:
     return not web.production or is_bot_mark(web.csrf.secret, first(form, "visit"), first(form, BOT_MARK))
 
 
-async def _enrol(made: PageResponse, arrival: progress.ConsentArrival, is_new: bool) -> Response | None:
-    """Enrol who arrives; return the page that says why not. A new person takes one of the places that the address may
-    bring, before anything is awaited; it is given back where nobody new came of it."""
-    web, counted = made.web, is_new and not arrival.simulated
-    if counted and not web.places.reserve(address_of(made.request), arrival.study, arrival.token):
+async def _enrol(made: PageResponse, arrival: progress.ConsentArrival) -> Response | None:
+    """Enrol who arrives; return the page that says why not."""
+    web = made.web
+    budgets = [] if arrival.simulated else web.places.budgets_of(address_of(made.request))
+    try:
+        await web.database.write(progress.enrol_within, web.studies, arrival, budgets)
+    except NoPlaceLeft:
+        await web.database.write(new_places.turn_away, arrival.study, datetime.now(UTC))
         response = made.render("participant/crowded.html", 429)
         response.headers["Retry-After"] = "3600"
         return response
-    used = False
-    try:
-        used = await web.database.write(progress.enrol_once, web.studies, arrival)
     except progress.StudyPaused:
         return _paused(made)
     except progress.AlreadyFinished:
         return made.render("participant/finished.html", 409)
     except StudyFullError:
         return made.render("participant/full.html", 409)
-    finally:
-        web.places.settle(arrival.token, used)
     return None
 
 

@@ -8,12 +8,15 @@ from pathlib import Path
 
 import httpx
 import pytest
+from sqlalchemy import Connection, select
 
 from server.monitoring import invented_participants
 from server.participation import progress
-from server.store import participants
+from server.store import new_places, participants
+from server.store.database import Database
+from server.store.new_places import NoPlaceLeft
+from server.store.tables import attempts
 from server.store.tables import participants as table
-from server.web import rate_limits
 from server.web.client_address import address_of
 from server.web.rate_limits import NewPlaces
 from tests.support.page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
@@ -21,6 +24,8 @@ from tests.support.page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
 ONE_EACH = SMALL_STUDY.replace("predictor: none}", "predictor: none, quota: 1}").replace(
     "predictor: tom}", "predictor: tom, quota: 1}"
 )
+
+SECRET = b"a secret of this test"
 
 
 @pytest.fixture
@@ -36,7 +41,7 @@ def consented_ago(site: Site, minutes: float) -> None:
 
 
 def limit(site: Site, an_hour: int) -> None:
-    web = replace(site.services.web, places=NewPlaces(an_hour, counts_local=True))
+    web = replace(site.services.web, places=NewPlaces(an_hour, SECRET, counts_local=True))
     site.use(replace(site.services, web=web))
 
 
@@ -73,47 +78,58 @@ def test_a_place_that_came_to_nothing_is_given_back(site: Site) -> None:
     assert Visitor(site).consent("wide").status_code == 429
 
 
-def test_copies_of_a_page_that_are_on_their_way_at_once_take_one_place() -> None:
-    places = NewPlaces(1)
-    assert all(places.reserve("192.0.2.1", "study", "page") for _ in range(3))
-    assert not places.reserve("192.0.2.1", "study", "another")
-    for used in (False, True, False):
-        places.settle("page", used)
-    assert not places.reserve("192.0.2.1", "study", "another"), "one of the copies was used"
-    assert places.reserve("192.0.2.2", "study", "third")
-    places.settle("third", used=False)
-    assert places.reserve("192.0.2.2", "study", "fourth")
-    assert places.turned_away("study") == 2
+def brought(database: Database, places: NewPlaces, address: str, at: datetime) -> bool:
+    """Whether the address may bring somebody new at this moment; they are enrolled if so."""
+    budgets = places.budgets_of(address)
+
+    def enrol(connection: Connection) -> None:
+        new_places.check(connection, budgets, at)
+        new_places.take(connection, budgets, at)
+
+    try:
+        database.write_now(enrol)
+    except NoPlaceLeft:
+        return False
+    return True
 
 
-def test_a_place_comes_back_with_time_and_not_before(monkeypatch: pytest.MonkeyPatch) -> None:
-    now = 1000.0
-    monkeypatch.setattr(rate_limits.time, "monotonic", lambda: now)
-    places = NewPlaces(6)
-    assert [places.reserve("192.0.2.1", "study", f"{n}") for n in range(7)] == [True] * 6 + [False]
-    now += 599
-    assert not places.reserve("192.0.2.1", "study", "early")
-    now += 2
-    assert places.reserve("192.0.2.1", "study", "later")
-    assert places.turned_away("study") == 2
-    now += 3601
-    assert places.turned_away("study") == 0
+def test_a_place_comes_back_with_time_and_not_before(site: Site) -> None:
+    places, database, now = NewPlaces(6, SECRET), site.database, datetime.now(UTC)
+    assert [brought(database, places, "192.0.2.1", now) for _ in range(7)] == [True] * 6 + [False]
+    assert brought(database, places, "192.0.2.2", now), "another address"
+    assert not brought(database, places, "192.0.2.1", now + timedelta(minutes=59))
+    assert brought(database, places, "192.0.2.1", now + timedelta(minutes=61))
 
 
-def test_the_networks_of_one_ipv6_site_share_a_budget_and_neighbours_have_their_own() -> None:
-    places = NewPlaces(2)
-    let_in = [places.reserve(f"2001:db8:1:{n:x}::/64", "study", f"{n}") for n in range(40)]
+def test_the_networks_of_one_ipv6_site_share_a_budget_and_neighbours_have_their_own(site: Site) -> None:
+    places, database, now = NewPlaces(2, SECRET), site.database, datetime.now(UTC)
+    let_in = [brought(database, places, f"2001:db8:1:{n:x}::/64", now) for n in range(40)]
     assert let_in == [True] * 8 + [False] * 32
-    assert places.reserve("2001:db8:2:1::/64", "study", "neighbour")
-    places.settle("0", used=False)
-    assert places.reserve("2001:db8:1:30::/64", "study", "after one gave up")
-    assert not places.reserve("2001:db8:1:31::/64", "study", "and no more")
+    assert brought(database, places, "2001:db8:2:1::/64", now)
+
+
+def test_addresses_are_stored_as_keyed_hashes_only(site: Site) -> None:
+    brought(site.database, NewPlaces(2, SECRET), "192.0.2.7", datetime.now(UTC))
+    (row,) = site.database.read_now(lambda connection: connection.execute(select(attempts)).mappings().all())
+    assert "192.0.2.7" not in str(dict(row))
+    assert row["name"] != NewPlaces(2, b"another secret").budgets_of("192.0.2.7")[0].network
+
+
+def test_who_is_turned_away_is_counted_for_an_hour_and_up_to_a_limit(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(new_places, "MOST_TURNED_AWAY", 3)
+    now = datetime.now(UTC)
+    for _ in range(5):
+        site.database.write_now(new_places.turn_away, "wide", now)
+    assert site.database.read_now(new_places.turned_away, "wide", now) == 3
+    assert site.database.read_now(new_places.turned_away, "small", now) == 0
+    assert site.database.read_now(new_places.turned_away, "wide", now + timedelta(minutes=61)) == 0
 
 
 @pytest.mark.parametrize(("an_hour", "counts_local"), [(0, True), (1, False)])
 def test_no_limit_and_the_own_machine(an_hour: int, counts_local: bool) -> None:
-    places = NewPlaces(an_hour, counts_local)
-    assert all(places.reserve("127.0.0.1", "study", f"{n}") for n in range(50))
+    assert NewPlaces(an_hour, SECRET, counts_local).budgets_of("127.0.0.1") == []
 
 
 @pytest.mark.parametrize(
@@ -225,7 +241,8 @@ def test_researchers_are_told_of_an_address_that_wants_too_many_places(site: Sit
     limit(site, 1)
     for _ in range(3):
         Visitor(site).consent("wide")
-    (text,) = signs(site, "wide", leads=False).values()
+    (text,) = signs(site, "wide").values()
+    assert signs(site, "wide", leads=False) == {}, "one process tells it"
     assert "2 were refused" in text
     assert "KITCHENMIND_NEW_PER_ADDRESS" in text
     assert "127.0.0.1" not in text

@@ -1,0 +1,67 @@
+"""How many new participants an address may bring in an hour, counted in the database.
+
+The count is part of the transaction that enrols somebody: parallel requests and several processes share it, a place
+from which nobody came is not counted, and a restart does not forget it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Final
+
+from sqlalchemy import Connection, delete, func, select
+
+from server.store.tables import attempts
+
+WINDOW: Final = timedelta(hours=1)
+NEW: Final = "new participant"
+TURNED_AWAY: Final = "turned away"
+MOST_TURNED_AWAY: Final = 1000  # rows of one study: more people are not counted
+
+
+class NoPlaceLeft(Exception):
+    """The address has brought as many new participants as it may in an hour."""
+
+
+@dataclass(frozen=True)
+class PlaceBudget:
+    """How many new participants a network may bring in an hour. `network`: a keyed hash of it."""
+
+    network: str
+    most: int
+
+
+def check(connection: Connection, budgets: Sequence[PlaceBudget], now: datetime) -> None:
+    """Raise NoPlaceLeft if one of the budgets is used up."""
+    for budget in budgets:
+        if _count(connection, NEW, budget.network, now) >= budget.most:
+            raise NoPlaceLeft
+
+
+def take(connection: Connection, budgets: Sequence[PlaceBudget], now: datetime) -> None:
+    """Count a new participant in every budget."""
+    for budget in budgets:
+        _add(connection, NEW, budget.network, now)
+
+
+def turn_away(connection: Connection, study: str, now: datetime) -> None:
+    """Count somebody who was refused, for the alert."""
+    if _count(connection, TURNED_AWAY, study, now) < MOST_TURNED_AWAY:
+        _add(connection, TURNED_AWAY, study, now)
+
+
+def turned_away(connection: Connection, study: str, now: datetime) -> int:
+    """Return how many were refused within the last hour."""
+    return _count(connection, TURNED_AWAY, study, now)
+
+
+def _add(connection: Connection, kind: str, name: str, now: datetime) -> None:
+    a = attempts.c
+    connection.execute(delete(attempts).where(a.kind == kind, a.at <= now - WINDOW))
+    connection.execute(attempts.insert().values(kind=kind, name=name, origin="", at=now))
+
+
+def _count(connection: Connection, kind: str, name: str, now: datetime) -> int:
+    a = attempts.c
+    query = select(func.count()).select_from(attempts).where(a.kind == kind, a.name == name, a.at > now - WINDOW)
+    return connection.execute(query).scalar_one()

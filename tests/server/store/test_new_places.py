@@ -1,0 +1,52 @@
+"""New participants by address in a real database, shared by all processes."""
+
+import asyncio
+from datetime import UTC, datetime
+
+import pytest
+from sqlalchemy import Connection
+
+from server.store import new_places
+from server.store.database import Database
+from server.store.new_places import NoPlaceLeft, PlaceBudget
+
+NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
+BUDGETS = [PlaceBudget("a network", 3), PlaceBudget("its site", 5)]
+
+
+def enrol(connection: Connection, budgets: list[PlaceBudget], refuse: bool = False) -> bool:
+    """A transaction as an enrolment makes it. `refuse`: the study turns out to be full."""
+    new_places.check(connection, budgets, NOW)
+    new_places.take(connection, budgets, NOW)
+    if refuse:
+        raise LookupError
+    return True
+
+
+def is_let_in(database: Database, network: str) -> bool:
+    try:
+        return database.write_now(enrol, [PlaceBudget(network, 3), BUDGETS[1]])
+    except NoPlaceLeft:
+        return False
+
+
+def test_each_budget_is_a_limit_of_its_own(database: Database) -> None:
+    assert [is_let_in(database, "one") for _ in range(4)] == [True, True, True, False]
+    assert [is_let_in(database, "two") for _ in range(3)] == [True, True, False], "the site has brought five"
+
+
+def test_an_enrolment_that_fails_takes_no_place(database: Database) -> None:
+    for _ in range(5):
+        with pytest.raises(LookupError):
+            database.write_now(enrol, BUDGETS, refuse=True)
+    assert database.write_now(enrol, BUDGETS)
+
+
+@pytest.mark.postgres
+@pytest.mark.parametrize("url", ["postgresql"], indirect=True)
+async def test_several_server_processes_share_the_places_of_an_address(url: str) -> None:
+    with Database(url, shared=True, in_turn=True) as one, Database(url, shared=True, in_turn=True) as other:
+        arrivals = [process.write(enrol, BUDGETS) for _ in range(10) for process in (one, other)]
+        answers = await asyncio.gather(*arrivals, return_exceptions=True)
+    assert answers.count(True) == 3
+    assert sum(isinstance(answer, NoPlaceLeft) for answer in answers) == 17
