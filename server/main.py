@@ -52,6 +52,7 @@ from server.web.health import Commits, metrics_of
 from server.web.participant import exits, game_socket, study_pages, watch_agents
 from server.web.participant.game_socket import Sockets
 from server.web.participant.watch_agents import Demonstrations
+from server.web.public_path import PublicPath
 from server.web.rate_limits import NewPlaces, Rates, rate_limit
 from server.web.request_boundary import Boundary
 from server.web.security_headers import SecurityHeaders
@@ -84,6 +85,7 @@ def create_app(settings: Settings) -> FastAPI:
     app = FastAPI(title="kitchenmind", docs_url=None, redoc_url=None, openapi_url=None, dependencies=before)
     app.add_middleware(SecurityHeaders, secure=_csrf(settings).secure)
     app.add_middleware(Boundary)
+    app.add_middleware(PublicPath, root=_csrf(settings).root)
     app.mount("/static", StaticFiles(directory=ROOT / "static"), name="static")
     install_error_pages(app)
     for module in _ROUTES:
@@ -102,7 +104,7 @@ async def wired(app: FastAPI, settings: Settings, ahead: Launched | None = None)
 
     Raises StudyError, ModelsDown, DatabaseInUse, DatabaseDown, DatabaseTooNew.
     """
-    files = _served(settings)
+    files, csrf = _served(settings), _csrf(settings)
     async with AsyncExitStack() as stack:
         several = settings.redis is not None
         models = _models(settings, files, ahead)
@@ -110,7 +112,7 @@ async def wired(app: FastAPI, settings: Settings, ahead: Launched | None = None)
         starting = asyncio.create_task(models.start())  # takes longest, in a process of its own
         stack.push_async_callback(ended, starting)  # nothing keeps running when the server does not start
         await run_in_threadpool(
-            warm_up.compile_all, files
+            warm_up.compile_all, files, csrf.root
         )  # starlette's own way, which imports its parts at the first call
         if several:
             await asyncio.to_thread(migrate_shared, settings.database)
@@ -122,7 +124,7 @@ async def wired(app: FastAPI, settings: Settings, ahead: Launched | None = None)
         await starting
         production = settings.mode == "production"
         places = NewPlaces(settings.new_per_address, settings.signing_key(), counts_local=production)
-        web = Web(database, studies, _csrf(settings), templates(), places, production)
+        web = Web(database, studies, csrf, templates(csrf.root), places, production)
         app.state.services = await _services(settings, files, web, models, stack)
         warm_up.prepare_routes(app)
         gc.freeze()

@@ -24,7 +24,8 @@ _SHORTEST_SECRET, _SHORTEST_TOKEN = 32, 16
 _RANDOM_OF_SECRET, _RANDOM_OF_TOKEN = 20, 12  # characters of it that nobody can foresee
 _MAKE_ONE = "`python3 -c 'import secrets; print(secrets.token_urlsafe(32))'`"
 _PLAIN_ADDRESS = re.compile(
-    r"https?://(?P<host>[A-Za-z0-9](?:[A-Za-z0-9.-]*[A-Za-z0-9])?|\[[0-9A-Fa-f:.]+\])(?::(?P<port>[0-9]{1,5}))?/?"
+    r"https?://(?P<host>[A-Za-z0-9](?:[A-Za-z0-9.-]*[A-Za-z0-9])?|\[[0-9A-Fa-f:.]+\])(?::(?P<port>[0-9]{1,5}))?"
+    r"(?:/[A-Za-z0-9_-]+)*/?"
 )
 _WIDEST_PROXY = {4: 8, 6: 16}  # bits that a network of proxies must fix, at least
 _IPV4_IN_IPV6 = ipaddress.IPv6Network("::ffff:0:0/96")  # how a socket of both kinds names IPv4 addresses
@@ -57,8 +58,8 @@ class Settings(BaseSettings):
     """Signs forms: at least 32 random characters. Production refuses rows of digits or keys and repeated characters.
     In local mode the server makes a secret and keeps it in the folder `data`."""
     public_url: str = ""
-    """The address that browsers use: scheme, name and port only, such as `https://lab.example.org`. Empty: the address
-    of each request."""
+    """The address that browsers use, such as `https://lab.example.org` or `https://lab.example.org/kitchen`. Behind a
+    path, the proxy may pass requests on with the path or without it. Empty: the address of each request."""
     trusted_proxies: str = "127.0.0.1"
     """Addresses or networks of the TLS proxy, separated by commas. The server believes `X-Forwarded-*` headers only
     from them. Production refuses `*`."""
@@ -124,8 +125,9 @@ class Settings(BaseSettings):
         found = _PLAIN_ADDRESS.fullmatch(self.public_url)
         if self.public_url and (found is None or int(found["port"] or 443) > 65535):
             raise ValueError(
-                "KITCHENMIND_PUBLIC_URL must be the address alone, like https://lab.example.org or "
-                "https://lab.example.org:8443: no user, no path, and a name with other letters in its xn-- form"
+                "KITCHENMIND_PUBLIC_URL must be an address like https://lab.example.org, https://lab.example.org:8443 "
+                "or https://lab.example.org/kitchen: no user, other letters in xn-- form, and in a path "
+                "letters, digits, - and _ only"
             )
         if self.metrics_token is not None and not self.metrics_token.get_secret_value():
             raise ValueError(f"KITCHENMIND_METRICS_TOKEN is empty. Leave it out, or make one with {_MAKE_ONE}")

@@ -12,9 +12,9 @@ from server.study.loader import StudyFile
 from server.web.dependencies import compile_templates
 
 
-def compile_all(files: Sequence[StudyFile]) -> None:
-    """Compile every page and the kernels of every study's first kitchen."""
-    compile_templates()
+def compile_all(files: Sequence[StudyFile], root: str = "") -> None:
+    """Compile every page and the kernels of every study's first kitchen. `root`: see `CsrfProtection.root`."""
+    compile_templates(root)
     with only_our_kernels():
         for file in files:
             simulation = Simulation(layout_of(file.study.layouts[0]), horizon=1)

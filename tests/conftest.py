@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator
 from functools import cache
+from typing import Any
 from zlib import crc32
 
 import httpx._transports.default as http_transport
@@ -26,7 +27,17 @@ for library in (
     os.environ.setdefault(library, "1")
 
 # httpx reads some hundred certificates for every client, 25 ms each time; the tests make thousands of clients.
-http_transport.create_ssl_context = cache(http_transport.create_ssl_context)
+_read_certificates = http_transport.create_ssl_context
+
+
+@cache
+def _certificates(_of_file: str | None, *given: Any, **named: Any) -> Any:
+    return _read_certificates(*given, **named)
+
+
+http_transport.create_ssl_context = lambda *given, **named: _certificates(
+    os.environ.get("SSL_CERT_FILE"), *given, **named
+)
 
 # Files are handed out whole, in this order: what takes minutes first, so that no worker is left with it at the end,
 # then the rest well mixed, so that the browsers of several files do not run at the same time.

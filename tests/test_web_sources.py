@@ -44,7 +44,7 @@ def test_every_script_and_style_that_a_template_names_exists_and_every_script_is
     named = {
         name
         for template in (ROOT / "templates").rglob("*.html")
-        for name in re.findall(r"(?:src|href)=\"(/static/[\w./-]+)\"", template.read_text(encoding="utf-8"))
+        for name in re.findall(r"(?:src|href)=\"{{ root }}(/static/[\w./-]+)\"", template.read_text(encoding="utf-8"))
     }
     assert [name for name in sorted(named) if not (ROOT / name.lstrip("/")).is_file()] == []
     imported = {

@@ -5,6 +5,7 @@ import random
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, cast
+from urllib.parse import urlsplit
 
 import msgspec
 import numpy as np
@@ -27,6 +28,12 @@ _encoder = msgspec.json.Encoder()
 MOST_RECONNECTS: Final = 50
 BrowserFault = Literal["reload", "second_tab", "half_open"]
 _FINAL: Final = frozenset({CloseCode.SUPERSEDED, CloseCode.NO_GAME})  # after these it does not connect again
+
+
+def origin_of(url: str) -> str:
+    """The scheme and host of an address, as a browser sends them."""
+    parts = urlsplit(url)
+    return f"{parts.scheme}://{parts.netloc}"
 
 
 @dataclass
@@ -97,7 +104,7 @@ class BotGame:
         self.browser_faults: dict[int, BrowserFault] = {}  # by the timestep at which they happen
         self.drop_at: int | None = None  # the timestep at which the browser is closed
         self._journal, self._traits = journal, traits
-        self._origin = "http" + url.removeprefix("ws").split("/s/")[0]
+        self._origin = origin_of("http" + url.removeprefix("ws"))
         self._wait = random.Random()  # noqa: S311 - when to come back is nobody's choice
         self._tab = f"bot-{traits.seed:016x}"
         self._kitchen: SeenKitchen | None = None

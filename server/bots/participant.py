@@ -12,7 +12,7 @@ import httpx
 
 from server.bots.answers import Field, Fields, Respondent
 from server.bots.cook import Traits
-from server.bots.game_client import BotGame, BrowserFault, GameDropped, Journal
+from server.bots.game_client import BotGame, BrowserFault, GameDropped, Journal, origin_of
 from server.web.auth import BOT_MARK, bot_mark
 
 MOST_PAGES: Final = 200
@@ -55,7 +55,8 @@ class ParsedPage(HTMLParser):
             self.code = self._own_code or data.strip()  # a recruiter's code is everybody's
 
     def form(self, path: str) -> Fields | None:
-        return next((fields for action, fields in self.forms if action == path), None)
+        """The fields of the form with this address, which may lie behind a path of the server."""
+        return next((fields for action, fields in self.forms if action.endswith(path)), None)
 
     def step(self, path: str) -> str:
         """The key of the step that this page is; empty for one that is none."""
@@ -90,7 +91,7 @@ class Bot:
         self._client = httpx.AsyncClient(
             base_url=self._base,
             follow_redirects=True,
-            headers={"Accept": "text/html", "Origin": self._base},
+            headers={"Accept": "text/html", "Origin": origin_of(self._base)},
             timeout=60,
         )
 

@@ -171,7 +171,7 @@ def _offered(url: str) -> str:
         page = httpx.get(url, headers={"Accept": "text/html"}, follow_redirects=True, timeout=10)
     except httpx.HTTPError as error:
         raise ValueError(f"there is no server at {url} ({error}). Start it with `kitchenmind serve`.") from None
-    found = re.search(r'href="/s/([a-z][a-z0-9_-]*)', page.text)
+    found = re.search(r'href="[^"?]*/s/([a-z][a-z0-9_-]*)', page.text)
     if found is None:
         raise ValueError(f"{url} offers no study. Name it with --study FILE.")
     return found.group(1)

@@ -33,6 +33,11 @@ class CsrfProtection:
         """Whether cookies may travel over TLS only."""
         return self.public_url.startswith("https://")
 
+    @property
+    def root(self) -> str:
+        """The path of the public address, which our pages lie behind: empty, or like `/kitchen`."""
+        return urlsplit(self.public_url).path.rstrip("/")
+
     def form_token(self, session: str, now_s: float | None = None) -> str:
         """Return what a form must bring back: when it was made, signed for the session that it was made for."""
         return self._form_signer(session, now_s).sign(_FORM).decode()

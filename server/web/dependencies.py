@@ -43,22 +43,26 @@ class Web:
 
 
 @cache
-def templates(folder: Path = TEMPLATES) -> jinja2.Environment:
-    """The templates: escaped, and a missing name is an error. One for the process: compiling them takes a while."""
+def templates(root: str = "") -> jinja2.Environment:
+    """The templates: escaped, and a missing name is an error. One for the process: compiling them takes a while.
+
+    `root`: the path of the public address, which every address in a page begins with.
+    """
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(folder),
+        loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.globals["root"] = root
     environment.filters["markdown"] = lambda words: Markup(_markdown.render(words))  # noqa: S704 - HTML in it is escaped
     return environment
 
 
-def compile_templates() -> None:
+def compile_templates(root: str) -> None:
     """Compile every template: the first page of a kind takes some 50 ms otherwise, for which all games would wait."""
-    environment = templates()
+    environment = templates(root)
     for name in environment.list_templates():
         environment.get_template(name)
 
@@ -159,7 +163,7 @@ class PageResponse:
             "participant": self.participant,
             "token": self._token,
             "query_with_language": self._query_with_language,
-            "path": f"/s/{self.study.name}" if self.study else "",
+            "path": f"{self.web.csrf.root}/s/{self.study.name}" if self.study else "",
             "may_start_new": self.study is not None and may_start_new(self.study),
             "phases": (),
             "phase": "",

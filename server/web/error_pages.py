@@ -49,7 +49,7 @@ def error_page(request: Request, status: int, reason: str, headers: Mapping[str,
     opened = web.studies.open(pieces[2]) if len(pieces) > 3 and pieces[1] == "s" else None
     study = opened[1] if opened else None
     kind = str(status if status in _KNOWN else 500 if status >= 500 else 400)
-    path = f"/s/{study.name}" if study else ""
+    path = f"{web.csrf.root}/s/{study.name}" if study else ""
     response = page(request, web, study).render("participant/error.html", status, kind=kind, study=None, path=path)
     for name, value in (headers or {}).items():
         response.headers[name] = value

@@ -53,7 +53,7 @@ def settings(**values: object) -> Settings:
         ({"secret": "change-me-please-this-is-secret-1", "public_url": PUBLIC}, "KITCHENMIND_SECRET"),
         ({"secret": STRONG, "public_url": "https://"}, "KITCHENMIND_PUBLIC_URL"),
         ({"secret": STRONG, "public_url": "https://[x"}, "KITCHENMIND_PUBLIC_URL"),
-        ({"secret": STRONG, "public_url": "https://lab.example.org/study"}, "KITCHENMIND_PUBLIC_URL"),
+        ({"secret": STRONG, "public_url": "https://lab.example.org/study?of=me"}, "KITCHENMIND_PUBLIC_URL"),
         ({"secret": STRONG, "public_url": "https://me:pw@lab.example.org"}, "KITCHENMIND_PUBLIC_URL"),
         ({"secret": STRONG, "public_url": "https://lab.example.org:99999"}, "KITCHENMIND_PUBLIC_URL"),
         ({"secret": STRONG, "public_url": "http://localhost", "host": "0.0.0.0"}, "KITCHENMIND_PUBLIC_URL"),

@@ -50,10 +50,11 @@ class Machine:
     folder: Path
     http: int = field(default_factory=free_port)
     https: int = field(default_factory=free_port)
+    path: str = ""  # behind which it lies
 
     @property
     def address(self) -> str:
-        return f"https://localhost:{self.https}"
+        return f"https://localhost:{self.https}{self.path}"
 
     def names(self) -> dict[str, str]:
         """The guide's words that are other ones here."""
@@ -142,6 +143,11 @@ class Machine:
 
 def nginx(machine: Machine) -> list[str]:
     """The guide's block in the least that nginx wants around it."""
+    return nginx_with(machine, machine.ours(block("location /")))
+
+
+def nginx_with(machine: Machine, location: str) -> list[str]:
+    """With this block."""
     folder = machine.folder / "proxy"
     places = " ".join(f"{of}_temp_path {folder}/{of};" for of in ("proxy", "fastcgi", "uwsgi", "scgi"))
     (folder / "nginx.conf").write_text(f"""
@@ -152,7 +158,7 @@ def nginx(machine: Machine) -> list[str]:
             server {{
                 listen 127.0.0.1:{machine.https} ssl;
                 ssl_certificate {machine.folder}/certificate.pem; ssl_certificate_key {machine.folder}/key.pem;
-                {machine.ours(block("location /"))}
+                {location}
             }}
         }}""")
     return ["nginx", "-p", str(folder), "-c", "nginx.conf", "-e", f"{folder}/error.log"]

@@ -48,18 +48,19 @@ class LiveServer:
     def __init__(
         self, folder: Path, speed: float = 10.0, study: str = SHORT_STUDY, real_models: bool = False, **settings: Any
     ) -> None:
-        """`more_studies`: files beside this study; `database`: another than SQLite; all else goes to the settings."""
+        """`more_studies`: files beside this study; `database`: another than SQLite; `port`: where it serves, else a
+        free one; all else goes to the settings."""
         file = folder / "short.yaml"
         file.write_text(study, encoding="utf-8")
         self.database = str(settings.pop("database", None) or with_tables(folder / "study.sqlite3"))
         studies = (file, *settings.pop("more_studies", ()))
+        self._port: int = settings.pop("port", 0)
         self.settings = Settings(
             database=self.database, studies=studies, speed=speed, secret=SECRET, _env_file=None, **settings
         )
         self.models = QuickModels()
         self._real_models = real_models
         self.app: FastAPI
-        self._port = 0
         self._thread: threading.Thread | None = None
         self._loop: asyncio.AbstractEventLoop
         self._server: uvicorn.Server

@@ -1,7 +1,8 @@
 // The two charts of the dashboard: people and lateness over time. uPlot draws them.
 
-import uPlot from '/static/vendor/uplot/uPlot.esm.js';
+import uPlot from '../../vendor/uplot/uPlot.esm.js';
 
+import { root } from '../browser/addresses.js';
 import { find } from '../browser/dom.js';
 
 const EVERY_MS = 10_000;
@@ -94,7 +95,7 @@ function line(label, colour, dash) {
 }
 
 async function load() {
-  const answer = await fetch(`/admin/s/${study}/course.json`, { headers: { accept: 'application/json' } });
+  const answer = await fetch(`${root}/admin/s/${study}/course.json`, { headers: { accept: 'application/json' } });
   if (!answer.ok) return;
   /** @type {Researcher.History} */
   const { machine, people } = await answer.json();

@@ -2,6 +2,7 @@
 
 /** @import { BoardThumbnail } from './board-thumbnail.js' */
 
+import { root } from '../browser/addresses.js';
 import { clock, make } from './elements.js';
 
 const LEVELS = ['', 'warn', 'bad'];
@@ -40,7 +41,7 @@ export function newCard(card, study) {
   const parts = newParts();
   const link = make(
     'a',
-    { className: 'mini', href: `/admin/s/${study}/game/${card.id}` },
+    { className: 'mini', href: `${root}/admin/s/${study}/game/${card.id}` },
     make('span', { className: 'h' }, parts.arm, parts.who, parts.episode),
     make('span', { className: 'b board' }, parts.canvas),
     make('span', { className: 't' }, parts.time),

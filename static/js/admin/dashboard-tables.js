@@ -1,5 +1,6 @@
 // The dashboard's numbers and tables, from one message of the server.
 
+import { root } from '../browser/addresses.js';
 import { find } from '../browser/dom.js';
 import { make, percent } from './elements.js';
 
@@ -185,10 +186,10 @@ function showPeople(rows, page) {
 /** @type {(row: Researcher.Person, page: Page) => HTMLElement} */
 function personRow(row, { study, cardOf }) {
   const card = cardOf.get(row.id);
-  const name = make('a', { href: `/admin/s/${study}/person/${row.id}` }, make('b', { text: row.who }));
+  const name = make('a', { href: `${root}/admin/s/${study}/person/${row.id}` }, make('b', { text: row.who }));
   const now = card
     ? [
-        make('a', { href: `/admin/s/${study}/game/${card.id}`, text: row.now }),
+        make('a', { href: `${root}/admin/s/${study}/game/${card.id}`, text: row.now }),
         make('span', { className: 'soft', text: ` t ${card.t}` }),
       ]
     : [row.now];
@@ -230,7 +231,7 @@ function ago(seconds) {
 /** @type {(rows: Researcher.ClientError[], study: string) => void} */
 function showClientErrors(rows, study) {
   const items = rows.slice(0, MAX_ERRORS).map(({ at, person, who, text }) => {
-    const link = make('a', { href: `/admin/s/${study}/person/${person}`, text: who });
+    const link = make('a', { href: `${root}/admin/s/${study}/person/${person}`, text: who });
     const time = make('time', { text: new Date(at).toLocaleTimeString() });
     return make('li', { className: 'warn' }, make('div', {}, make('b', {}, link), ` ${text}`), time);
   });

@@ -3,6 +3,7 @@
 /** @import { CardEntry } from './dashboard-card.js' */
 
 import { Sprites } from '../board/sprites.js';
+import { root, SPRITES } from '../browser/addresses.js';
 import { find, findAll } from '../browser/dom.js';
 import { BoardThumbnail } from './board-thumbnail.js';
 import { newCard, showCard } from './dashboard-card.js';
@@ -21,7 +22,7 @@ const { study = '', blind } = find('#dashboard', HTMLElement).dataset;
 const list = find('#boards', HTMLElement);
 const alertList = find('#alerts', HTMLElement);
 const search = find('#find', HTMLInputElement);
-const sprites = new Sprites('/static/sprites/');
+const sprites = new Sprites(SPRITES);
 /** @type {Map<string, CardEntry>} by episode */
 const cards = new Map();
 /** @type {(message: object) => void} */
@@ -144,7 +145,7 @@ function serverAlert({ text, since_s: since }) {
 
 /** @param {Researcher.Card} card */
 function cardAlert(card) {
-  const link = make('a', { href: `/admin/s/${study}/game/${card.id}`, text: card.who });
+  const link = make('a', { href: `${root}/admin/s/${study}/game/${card.id}`, text: card.who });
   const words = make('div', {}, make('b', {}, link), ` ${card.flag.toLowerCase()}`);
   const time = make('time', { text: card.since_s === null ? '' : clock(card.since_s) });
   return make('li', { className: LEVELS[card.level] }, words, time);
@@ -189,7 +190,7 @@ for (const button of findAll('[data-tab]', HTMLElement)) {
 search.addEventListener('input', showFigures);
 
 await sprites.load();
-listen(`/admin/s/${study}/live`, {
+listen(`${root}/admin/s/${study}/live`, {
   open: (tell) => {
     send = tell;
     tellView();

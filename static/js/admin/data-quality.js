@@ -1,5 +1,6 @@
 // Fills in the proposals of the data-quality rules that were not ready when the table of games was sent.
 
+import { root } from '../browser/addresses.js';
 import { find, findAll } from '../browser/dom.js';
 import { make } from './elements.js';
 
@@ -13,7 +14,7 @@ const { study } = find('#games', HTMLElement).dataset;
 async function fill() {
   const places = findAll('.quality[data-pending]', HTMLElement);
   if (!places.length) return;
-  const answer = await fetch(`/admin/s/${study}/verdicts.json`, { headers: { accept: 'application/json' } });
+  const answer = await fetch(`${root}/admin/s/${study}/verdicts.json`, { headers: { accept: 'application/json' } });
   if (!answer.ok) return;
   /** @type {{ waiting: number, verdicts: Record<string, [proposal: Proposal, rules: string]> }} */
   const { waiting, verdicts } = await answer.json();

@@ -2,6 +2,7 @@
 
 /** @import { Cell, Grid, Player } from './kitchen.js' */
 
+import { SPRITES } from '../browser/addresses.js';
 import { Renderer } from './renderer.js';
 import { Sprites } from './sprites.js';
 import { apply, boardState, defaults } from './state.js';
@@ -31,7 +32,7 @@ export class Scene {
    * @param {string} youText
    */
   static async open(canvas, youText) {
-    return new Scene(canvas, await new Sprites('/static/sprites/').load(), youText);
+    return new Scene(canvas, await new Sprites(SPRITES).load(), youText);
   }
 
   /**

@@ -4,6 +4,7 @@
 /** @import { Catalogue } from '../browser/texts.js' */
 /** @import { Dialog, DialogName } from './choose-dialog.js' */
 
+import { root } from '../browser/addresses.js';
 import { find } from '../browser/dom.js';
 
 /** @type {DialogName[]} dialogs with an element of that id in the page of the game */
@@ -127,8 +128,8 @@ export class Dialogs {
     this.#write('#over-score', String(ended.score));
     this.#write('#over-soups', String(ended.soups));
     const link = find('#over-next', HTMLAnchorElement, this.page);
-    const next = new URL(ended.next, location.href);
-    link.href = next.origin === location.origin ? next.pathname + next.search : '/';
+    const next = new URL(root + ended.next, location.href);
+    link.href = next.origin === location.origin ? next.pathname + next.search : `${root}/`;
     link.textContent = this.text(`over.${kind}.button`);
     // A participant who is still pressing keys must not press the button without having seen it.
     link.classList.add('wait');

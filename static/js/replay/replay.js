@@ -7,6 +7,7 @@ import { listen } from '../admin/live-socket.js';
 import { Renderer } from '../board/renderer.js';
 import { Sprites } from '../board/sprites.js';
 import { apply, boardState } from '../board/state.js';
+import { SPRITES } from '../browser/addresses.js';
 import { find, findAll } from '../browser/dom.js';
 import { showAccuracy, showInputs, showPrediction, showVerification, tickOf } from './details.js';
 import { Player } from './player.js';
@@ -24,7 +25,7 @@ const { base = '', name = '', who = '', live } = game.dataset;
 const canvas = find('#kitchen', HTMLCanvasElement);
 const scrubber = find('#scrub', HTMLInputElement);
 const videoButton = find('#video', HTMLButtonElement);
-const renderer = new Renderer(canvas, new Sprites('/static/sprites/'), who);
+const renderer = new Renderer(canvas, new Sprites(SPRITES), who);
 renderer.greysOldMarks = false;
 const still = matchMedia('(prefers-reduced-motion: reduce)');
 /** @type {State | null} */

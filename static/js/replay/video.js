@@ -6,6 +6,7 @@
 import { Renderer } from '../board/renderer.js';
 import { Sprites } from '../board/sprites.js';
 import { apply, boardState } from '../board/state.js';
+import { SPRITES } from '../browser/addresses.js';
 import { context2d } from '../browser/dom.js';
 import { tickOf } from './details.js';
 import { webm } from './webm.js';
@@ -94,7 +95,7 @@ export class VideoExport {
  * @param {Size} size
  */
 async function rendererOf(board, record, who, [width, height]) {
-  const renderer = new Renderer(board, await new Sprites('/static/sprites/').load(), who);
+  const renderer = new Renderer(board, await new Sprites(SPRITES).load(), who);
   renderer.greysOldMarks = false;
   renderer.fit(record.game.grid, width / devicePixelRatio, height / devicePixelRatio);
   return renderer;
