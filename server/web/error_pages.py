@@ -9,6 +9,7 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from server.store.database import DatabaseDown
+from server.web.admin.rendering import researchers_error
 from server.web.dependencies import page, web_of
 from server.web.security_headers import security_headers
 
@@ -40,9 +41,20 @@ def install_error_pages(app: FastAPI) -> None:
 
 
 def error_page(request: Request, status: int, reason: str, headers: Mapping[str, str] | None = None) -> Response:
-    """The answer to a request that failed. `reason` is for programs; people read the page's own words."""
+    """The answer to a request that failed. `reason` is for programs and researchers; participants read the
+    page's own words."""
     if "text/html" not in request.headers.get("accept", ""):
         return JSONResponse({"detail": reason}, status, dict(headers or {}))
+    if f"{request.url.path}/".startswith("/admin/"):
+        made: Response = researchers_error(request, status, reason)
+    else:
+        made = _participants_error(request, status)
+    for name, value in (headers or {}).items():
+        made.headers[name] = value
+    return made
+
+
+def _participants_error(request: Request, status: int) -> Response:
     web = web_of(request)
     # A path below /s/name leads back into the study; only a name that exists is put into the page.
     pieces = request.url.path.split("/")
@@ -50,7 +62,4 @@ def error_page(request: Request, status: int, reason: str, headers: Mapping[str,
     study = opened[1] if opened else None
     kind = str(status if status in _KNOWN else 500 if status >= 500 else 400)
     path = f"{web.csrf.root}/s/{study.name}" if study else ""
-    response = page(request, web, study).render("participant/error.html", status, kind=kind, study=None, path=path)
-    for name, value in (headers or {}).items():
-        response.headers[name] = value
-    return response
+    return page(request, web, study).render("participant/error.html", status, kind=kind, study=None, path=path)

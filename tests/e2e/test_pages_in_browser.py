@@ -234,7 +234,7 @@ def test_the_next_person_in_this_browser_starts_as_a_new_participant(person: Per
     person.shot("next-person")
     page.get_by_role("link", name="Show my completion code").click()
     expect(page.locator("#code")).to_have_text(code)
-    page.get_by_role("link", name="Start as a new participant").first.click()
+    page.get_by_role("link", name="Play again as a new participant").click()
     page.get_by_role("button", name="Start as a new participant").click()
     page.locator(".check input").check()
     assert page.evaluate("localStorage.getItem('keys')") is None, "nothing of the first person is left in the browser"

@@ -9,7 +9,7 @@ import pytest
 from tests.support import guide_house
 
 GUIDE = (guide_house.ROOT / "docs" / "guides" / "bring_your_own_kitchen.md").read_text(encoding="utf-8")
-LAST = GUIDE.partition("## Agents and predictors")[2]
+LAST = GUIDE.partition("## The full set of agents and predictors")[2]
 ROLES = ("population_sp", "target_sp", "population_fcp", "target_fcp", "features")
 AGENT = "timesteps = 12_800\ngames = 16\nsnapshots = 4\nself_play_games = 8\nimitation_updates = 120\n"
 PREDICTOR = "updates = 20\nwarm_up = 5\ncheck_every = 10\nhidden = 32\nheads = 2\nlayers = 2\n"

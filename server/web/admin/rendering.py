@@ -14,6 +14,7 @@ from server.web.auth import FORM_FIELD
 from server.web.dependencies import Web, web_of
 
 SEE_OTHER = 303
+NOT_FOUND = 404
 SAID = {
     "paused": "The game is paused.",
     "resumed": "The game continues.",
@@ -61,6 +62,13 @@ class AdminPage:
     def form_token(self) -> str:
         """What every form of this session must bring back."""
         return self.web.csrf.form_token(form_session(self.request))
+
+
+def researchers_error(request: Request, status: int, reason: str) -> HTMLResponse:
+    """What a researcher sees of a request that failed; nobody is known on this page, so it says nothing of a study."""
+    title = "Page not found" if status == NOT_FOUND else "That did not work"
+    text = "Check the address." if reason == "Not Found" else f"{reason[:1].upper()}{reason[1:]}."
+    return AdminPage(request).render("error.html", status, title=title, text=text)
 
 
 def back_to(path: str, said: str = "") -> RedirectResponse:

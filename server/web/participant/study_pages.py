@@ -10,6 +10,7 @@ from fastapi import APIRouter, HTTPException, Request, Response, WebSocket, WebS
 from fastapi.responses import RedirectResponse
 
 from server.participation import progress
+from server.participation.episode_specs import layout_of
 from server.participation.page_answers import check_page
 from server.participation.recruiter_links import is_preview, may_start_new, recruitment_of
 from server.play.close_codes import CloseCode
@@ -18,6 +19,7 @@ from server.store.new_places import NoPlaceLeft
 from server.store.participants import Participant
 from server.study.assignment import StudyFullError
 from server.study.definition import Study
+from server.study.text import Text
 from server.web.auth import BOT_MARK, forget_cookie, is_bot_mark, set_cookie, token_for
 from server.web.client_address import address_of
 from server.web.dependencies import (
@@ -38,6 +40,7 @@ from server.web.participant.views import Filled, consent_context, render_step
 router = APIRouter()
 router.include_router(visit_counts.router)
 SEE_OTHER = 303
+MOST_PICTURES = 5  # of kitchens of one study
 CHECK_S = 15
 MOST_ECHOES = 20
 ECHOED_CHARACTERS = 16
@@ -50,8 +53,15 @@ def _to(path: str) -> RedirectResponse:
 @router.get("/")
 async def choose(request: Request, web: WebDep) -> Response:
     """Which study to take part in."""
-    studies = [study for name in web.studies.names() if (found := web.studies.open(name)) for study in [found[1]]]
+    open_studies = [found[1] for name in web.studies.names() if (found := web.studies.open(name))]
+    studies = [(study, _kitchens(study)) for study in open_studies]
     return page(request, web).render("participant/choose.html", studies=studies)
+
+
+def _kitchens(study: Study) -> list[tuple[Text, list[str]]]:
+    """Titles and grids of the first kitchens, for their pictures."""
+    shown = study.layouts[:MOST_PICTURES] if "episodes" in study.flow else []
+    return [(kitchen.title, layout_of(kitchen).text.splitlines()) for kitchen in shown]
 
 
 @router.get("/s/{name}")

@@ -42,6 +42,11 @@ class Offer:
     def key(self) -> str:
         return f"{self.study.name}.{self.kitchen.name}"
 
+    @property
+    def rows(self) -> list[str]:
+        """The kitchen's grid, for its picture."""
+        return layout_of(self.kitchen).text.splitlines()
+
 
 @dataclass(frozen=True)
 class WatchRequest:

@@ -527,3 +527,14 @@ def test_an_export_is_refused_in_blind_mode_and_else_is_the_command_s(site: Site
     names = zipfile.ZipFile(io.BytesIO(archive.content)).namelist()
     assert any(name.endswith("dataset_description.json") for name in names)
     assert "export" in [entry.action for entry in site.database.read_now(audit.entries)]
+
+
+def test_researchers_get_errors_in_their_own_pages(site: Site) -> None:
+    researcher = signed_in(site, "own")
+    missing = researcher.get("/admin/s/nowhere")
+    assert (missing.status_code, missing.text.count("There is no study &#39;nowhere&#39; here.")) == (404, 1)
+    assert '<link rel="stylesheet" href="/static/css/admin.css">' in missing.text
+    assert "Check the address." in researcher.get("/admin/no-such-page").text
+    assert "admin.css" not in researcher.get("/administer").text
+    program = researcher.client.get("/admin/s/nowhere", headers={"accept": "application/json"})
+    assert program.json() == {"detail": "there is no study 'nowhere' here"}

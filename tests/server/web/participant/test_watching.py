@@ -2,16 +2,19 @@
 
 import asyncio
 import json
+import re
+from collections import Counter
 from collections.abc import AsyncIterator, Iterator
 from contextlib import AsyncExitStack, asynccontextmanager
 
+import httpx
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from server.web.participant.watch_agents import MOST_GAMES, MOST_OF_ONE_ADDRESS, Demonstrations
 from tests.support.live_server import LiveServer
-from tests.support.real_server import SHORT_STUDY
+from tests.support.real_server import ROOT, SHORT_STUDY
 
 PUBLIC = "https://lab.example.org"
 HELLO = json.dumps({"type": "hello", "protocol": 1, "tab": "tab-0001"})
@@ -91,3 +94,19 @@ async def running(socket: ClientConnection) -> None:
     """The game has begun."""
     await socket.send(json.dumps({"type": "ready"}))
     await heard(socket, "tick")
+
+
+def test_kitchens_are_pictured_and_agents_have_their_names(live: LiveServer) -> None:
+    page = httpx.get(f"{live.url}/watch", headers={"accept": "text/html"}).text
+    (picture, *_) = re.findall(r'<svg class="kitchen" .*?aria-label="([^"]+)">(.*?)</svg>', page, re.DOTALL)
+    assert picture[0] == "Ring"
+    drawn = Counter(re.findall(r'href="/static/sprites/([a-z-]+).svg"', picture[1]))
+    assert (drawn["counter"], drawn["pot-empty"], drawn["station-onion"]) == (17, 2, 2)
+    assert (drawn["chef-blue-down"], drawn["chef-green-down"]) == (1, 1)
+    assert all((ROOT / "static" / "sprites" / f"{name}.svg").is_file() for name in drawn)
+    assert "Scripted planner</option>" in page
+
+
+def test_start_page_pictures_the_kitchens_of_each_study(live: LiveServer) -> None:
+    page = httpx.get(live.url, headers={"accept": "text/html"}).text
+    assert page.count('<svg class="kitchen"') == len(live.app.state.services.web.studies.open("short")[1].layouts)
