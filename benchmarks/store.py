@@ -3,7 +3,7 @@
     python benchmarks/store.py [--database URL] [--quick] [--json]
 
 Without --database: SQLite in a temporary folder, and a PostgreSQL server of its own (both wait for the disk at every
-commit). "alone": one slot after the other, as many ticks in a commit as the slot has games. "slots": 20 slots of 30
+commit). "alone": one slot after the other, as many ticks in a commit as the slot has games. "slots": 5 slots of 120
 games that write at once, as 600 live games do. Pinned to one core; PostgreSQL's processes are elsewhere.
 """
 
@@ -11,6 +11,7 @@ import argparse
 import asyncio
 import json
 import os
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -20,16 +21,18 @@ from typing import Any
 
 import numpy as np
 
-from server.export.writer import export
-from server.play.episode_spec import EpisodeSpec
-from server.play.recorder import EpisodeResult, KeyRecord, TickRecord
-from server.store import episodes, participants, studies
-from server.store.database import Database
-from server.store.migrate import migrate
-
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from server.export.writer import export  # noqa: E402
+from server.play.episode_spec import EpisodeSpec  # noqa: E402
+from server.play.recorder import EpisodeResult, KeyRecord, TickRecord  # noqa: E402
+from server.store import episodes, participants, studies  # noqa: E402
+from server.store.database import Database  # noqa: E402
+from server.store.migrate import migrate  # noqa: E402
+
 GAMES = (1, 10, 30, 100)
-SLOTS, SLOT_GAMES = 20, 30
+SLOTS, SLOT_GAMES = 5, 120
 COMMITS = 240
 PEOPLE, PER_PERSON, TIMESTEPS = 100, 10, 400
 GRID = (ROOT / "overcooked" / "layouts" / "coordination_ring.layout").read_text(encoding="utf-8").strip("\n")

@@ -3,6 +3,7 @@
 import importlib.util
 import io
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -37,8 +38,17 @@ faults = importlib.util.module_from_spec(specification)
 specification.loader.exec_module(faults)
 
 
+def source_of(name: str) -> str:
+    return (ROOT / "benchmarks" / f"{name}.py").read_text(encoding="utf-8")
+
+
 def test_every_benchmark_has_a_quick_form() -> None:
     assert set(QUICK) == {path.stem for path in (ROOT / "benchmarks").glob("*.py")}
+
+
+@pytest.mark.parametrize("name", [name for name in QUICK if "from tests" in source_of(name)])
+def test_a_benchmark_that_borrows_from_the_tests_finds_them(name: str) -> None:
+    assert re.search(r"^sys\.path.*str\(ROOT\)", source_of(name), re.MULTILINE)
 
 
 @pytest.mark.slow

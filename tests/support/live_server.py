@@ -2,6 +2,7 @@
 killed as `kill -9` would, with nothing said and nothing finished."""
 
 import asyncio
+import logging
 import socket
 import threading
 from collections.abc import Callable, Coroutine
@@ -23,6 +24,14 @@ from tests.support.live_fakes import RuleModels
 from tests.support.real_server import SHORT_STUDY
 
 T = TypeVar("T")
+
+
+def _was_not_killed(record: logging.LogRecord) -> bool:
+    """A request that is cut off by `kill` is no error of the server: a process that is killed says nothing."""
+    return not (record.exc_info and isinstance(record.exc_info[1], asyncio.CancelledError))
+
+
+logging.getLogger("uvicorn.error").addFilter(_was_not_killed)
 SECRET = "a secret of the tests, long enough"
 
 

@@ -53,7 +53,7 @@ function options(width, series) {
     cursor: { y: false, points: { size: 6 } },
     legend: { live: true },
     scales: { y: { range: (_, _low, high) => [0, Math.max(1, high * 1.1)] } },
-    axes: [axis({ values: times, space: 60 }), axis({ size: 40 })],
+    axes: [axis({ values: times, space: 60 }), axis({ size: 56 })],
     series: [{ label: 'at', value: (_, at) => (at === null ? '–' : dateAndTime(at)) }, ...series],
   };
 }
