@@ -94,13 +94,29 @@ function line(label, colour, dash) {
   return { label, stroke: ink(colour), width: 2, dash, points: { show: false }, spanGaps: false };
 }
 
+/**
+ * Let the last counts hold until now: with a single moment there is nothing to draw a line to.
+ * @param {Researcher.History['people']} people
+ * @returns {[number[], number[], number[]]}
+ */
+function untilNow({ at, consented, completed }) {
+  const last = at.at(-1);
+  if (last === undefined) return [at, consented, completed];
+  const now = Math.max(Math.round(Date.now() / 1000), last + 1);
+  return [
+    [...at, now],
+    [...consented, consented[consented.length - 1] ?? 0],
+    [...completed, completed[completed.length - 1] ?? 0],
+  ];
+}
+
 async function load() {
   const answer = await fetch(`${root}/admin/s/${study}/course.json`, { headers: { accept: 'application/json' } });
   if (!answer.ok) return;
   /** @type {Researcher.History} */
   const { machine, people } = await answer.json();
   const consented = line('consented', '--warn', [4, 3]);
-  draw('people-chart', [consented, line('completed', '--good')], [people.at, people.consented, people.completed]);
+  draw('people-chart', [consented, line('completed', '--good')], untilNow(people));
   const median = line('median, ms', '--ink-soft', [4, 3]);
   draw('late-chart', [line('99th percentile, ms', '--bad'), median], [machine.at, machine.p99_ms, machine.p50_ms]);
 }
