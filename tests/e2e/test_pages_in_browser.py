@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, BrowserContext, Page, expect
+from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
 from sqlalchemy import Connection
 
 from server.store import attempts, participants
@@ -376,6 +376,46 @@ def test_introduction_comes_back_to_its_slide_and_goes_on_by_keyboard(person: Pe
     expect(page.locator("#finish")).to_be_focused()
     page.keyboard.press("Enter")
     expect(page.locator("#questions")).to_be_visible()
+
+
+def heading(page: Page) -> Locator:
+    return page.locator(".slide:visible :is(h1, h2)")
+
+
+def test_arrow_keys_turn_the_slides_and_stop_at_both_ends(person: Person) -> None:
+    page = person.consent().jump("introduction").page
+    first = heading(page).inner_text()
+    page.keyboard.press("ArrowLeft")
+    expect(heading(page)).to_have_text(first)
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowRight")
+    expect(heading(page)).to_have_text("Put three onions in the pot")
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("ArrowLeft")
+    expect(heading(page)).to_have_text(first)
+    for _ in range(page.locator(".slide").count() + 2):
+        page.keyboard.press("ArrowRight")
+    expect(page.locator("#finish")).to_be_focused()
+
+
+SWIPE = """([x, y]) => {
+    const form = document.getElementById('slides');
+    const touch = (clientX, clientY) => new Touch({ identifier: 1, target: form, clientX, clientY });
+    form.dispatchEvent(new TouchEvent('touchstart', { touches: [touch(200, 200)], bubbles: true }));
+    form.dispatchEvent(new TouchEvent('touchend', { changedTouches: [touch(200 + x, 200 + y)], bubbles: true }));
+}"""
+
+
+def test_swipes_turn_the_slides_and_scrolling_does_not(person: Person) -> None:
+    page = person.consent().jump("introduction").page
+    first = heading(page).inner_text()
+    for scrolling in ([-60, 200], [-20, 0], [0, -300]):
+        page.evaluate(SWIPE, scrolling)
+        expect(heading(page)).to_have_text(first)
+    page.evaluate(SWIPE, [-120, 20])
+    expect(heading(page)).not_to_have_text(first)
+    page.evaluate(SWIPE, [120, -20])
+    expect(heading(page)).to_have_text(first)
 
 
 COLOURS = """() => {

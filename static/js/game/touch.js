@@ -2,6 +2,8 @@
 
 /** @import { Change, Keys } from './input.js' */
 
+const TICK_MS = 8;
+
 /**
  * @param {HTMLElement} pad its buttons have data-action
  * @param {Keys} keys
@@ -92,6 +94,7 @@ class TouchPad {
   #put(pointer, button) {
     this.fingers.set(pointer, button);
     button.classList.add('down');
+    navigator.vibrate?.(TICK_MS); // where there is a motor: a key that can be felt
     this.#tell(this.keys.press(keyOf(pointer, button), Number(button.dataset.action)));
   }
 

@@ -20,6 +20,7 @@ const NOTHING = 0;
 const ONION = 1;
 const OPACITIES = [95, 80, 60];
 const FRAME_MS = 1000;
+const SWIPE_PX = 50;
 
 /** @type {(own: Player, ai: Player, more?: Partial<Moment>) => Moment} */
 const moment = (own, ai, more = {}) => ({ ...more, players: [own, ai] });
@@ -118,6 +119,37 @@ if (matchMedia('(pointer: coarse)').matches) {
 
 let letters = 'WASD';
 
+/**
+ * Turn one slide on or back, if there is one.
+ * @param {number} by
+ */
+function turn(by) {
+  if (here + by >= 0 && here + by < slides.length) show(here + by, true);
+}
+
+/** @param {KeyboardEvent} event */
+function turnByKey(event) {
+  const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+  if (by === undefined || event.altKey || event.ctrlKey || event.metaKey || event.shiftKey) return;
+  event.preventDefault();
+  turn(by);
+}
+
+/** A finger that moves sideways turns the slide; one that scrolls does not. */
+function turnBySwipe() {
+  /** @type {Touch | null} */
+  let from = null;
+  form.addEventListener('touchstart', (event) => (from = event.touches.length === 1 ? event.touches[0] : null), {
+    passive: true,
+  });
+  form.addEventListener('touchend', (event) => {
+    if (!from) return;
+    const [x, y] = [event.changedTouches[0].clientX - from.clientX, event.changedTouches[0].clientY - from.clientY];
+    from = null;
+    if (Math.abs(x) >= SWIPE_PX && Math.abs(x) > 2 * Math.abs(y)) turn(x < 0 ? 1 : -1);
+  });
+}
+
 /** Name the letters to walk with as they are printed on this keyboard: ZQSD in France. */
 function showLetters() {
   const printed = [...'WASD'].map((letter) => layout.of(`Key${letter}`) ?? letter).join('');
@@ -131,6 +163,8 @@ const layout = new KeyboardLayout(showLetters);
 showLetters();
 layout.ask();
 document.addEventListener('keydown', (event) => layout.learn(event));
+document.addEventListener('keydown', turnByKey);
+turnBySwipe();
 
 form.classList.add('one');
 dots.hidden = false;
