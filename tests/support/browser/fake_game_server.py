@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import json
 import mimetypes
 import threading
 import time
@@ -11,7 +10,6 @@ from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
-import jinja2
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
@@ -32,6 +30,7 @@ from server.play.messages import (
     encode,
 )
 from server.study.locale import locale
+from server.web.dependencies import templates
 
 ROOT = Path(__file__).resolve().parents[3]
 CSP = (
@@ -206,12 +205,9 @@ class FakeGameServer:
         return _response(HTTPStatus.NOT_FOUND, b"not found", "text/plain")
 
     def _html(self) -> str:
-        loader = jinja2.FileSystemLoader(ROOT / "templates")
-        environment = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
-        environment.policies["json.dumps_function"] = lambda value, **options: json.dumps(value, **options)
         words = locale(self.page["language"])
-        return environment.get_template("participant/game.html").render(
-            t=words, game={"socket": "/socket", **self.page}
+        return (
+            templates().get_template("participant/game.html").render(t=words, game={"socket": "/socket", **self.page})
         )
 
 
