@@ -6,6 +6,7 @@ import logging
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,7 @@ from server.monitoring.dashboard import Dashboard
 from server.monitoring.data_quality import load_rules
 from server.monitoring.latency_history import LatencyHistory
 from server.monitoring.live_games import LiveGames
+from server.monitoring.peers import Process
 from server.participation.seating import ConnectedPlayer, Seating
 from server.participation.served_studies import Studies
 from server.participation.study_versions import StudyVersions
@@ -98,9 +100,11 @@ def _csrf(settings: Settings) -> CsrfProtection:
 
 
 @asynccontextmanager
-async def wired(app: FastAPI, settings: Settings, ahead: Launched | None = None) -> AsyncIterator[None]:
+async def wired(
+    app: FastAPI, settings: Settings, ahead: Launched | None = None, joins: bool = False
+) -> AsyncIterator[None]:
     """The application with all its parts running, as long as the context lasts. `ahead`: a model worker's process,
-    launched already.
+    launched already. `joins`: other processes of this server run already.
 
     Raises StudyError, ModelsDown, DatabaseInUse, DatabaseDown, DatabaseTooNew.
     """
@@ -125,7 +129,7 @@ async def wired(app: FastAPI, settings: Settings, ahead: Launched | None = None)
         production = settings.mode == "production"
         places = NewPlaces(settings.new_per_address, settings.signing_key(), counts_local=production)
         web = Web(database, studies, csrf, templates(csrf.root), places, production)
-        app.state.services = await _services(settings, files, web, models, stack)
+        app.state.services = await _services(settings, files, web, models, stack, joins)
         warm_up.prepare_routes(app)
         gc.freeze()
         gc.set_threshold(*_GARBAGE_THRESHOLDS)
@@ -136,24 +140,24 @@ async def wired(app: FastAPI, settings: Settings, ahead: Launched | None = None)
 
 
 async def _services(
-    settings: Settings, files: list[StudyFile], web: Web, models: ModelServer, stack: AsyncExitStack
+    settings: Settings, files: list[StudyFile], web: Web, models: ModelServer, stack: AsyncExitStack, joins: bool
 ) -> Services:
     """Connect the parts and start what works in the background; `stack` stops it."""
     node = await _node(settings, files, stack) if settings.redis is not None else None
     games = _games(settings, web.database, models, node)
     stack.push_async_callback(games.stop)
-    versions = StudyVersions(settings, files, models, web.studies)
-    await versions.load_earlier(web.database)
+    peers = None if node is None else node.cluster
+    versions = StudyVersions(settings, files, models, web.studies, None if peers is None else peers.processes)
+    await versions.begin(web.database, joins)
     sockets = _sockets(web, games, versions)
     demonstrations = _demonstrations(web, games, models, stack)
-    peers = None if node is None else node.cluster
     live = LiveGames(web, games, sockets, peers)
     dashboard = Dashboard(live, _database_file(settings))
-    control = await _control(web, games, stack)
-    if node is not None:
-        node.show(live, control, lambda: metrics_of(live, models))
+    control = await _control(web, games, versions, stack, shared=node is not None)
     hook = _webhook(settings)
     alerts = Alerts(live, dashboard.file, _teller(settings, hook), versions)
+    if node is not None:
+        node.show(live, control, partial(_state, live, models, alerts, versions))
     services = Services(
         settings=settings,
         web=web,
@@ -176,6 +180,11 @@ async def _services(
     return services
 
 
+def _state(live: LiveGames, models: ModelServer, alerts: Alerts, versions: StudyVersions, name: str) -> Process:
+    """What the other processes are told of this one."""
+    return Process(name, metrics_of(live, models), alerts.shared(), versions.served())
+
+
 def _demonstrations(web: Web, games: Games, models: ModelServer, stack: AsyncExitStack) -> Demonstrations:
     demonstrations = Demonstrations(
         lambda recorder, load: Games(games.clock, models, recorder, load), web.studies, web.csrf.is_own_origin
@@ -189,9 +198,9 @@ def _database_file(settings: Settings) -> Path | None:
     return Path(str(url.database)) if url.get_backend_name() == "sqlite" else None
 
 
-async def _control(web: Web, games: Games, stack: AsyncExitStack) -> Control:
-    control = Control(games, web.database, web.studies)
-    await control.begin()
+async def _control(web: Web, games: Games, versions: StudyVersions, stack: AsyncExitStack, shared: bool) -> Control:
+    control = Control(games, web.database, web.studies, versions)
+    await control.begin(shared)
     stack.push_async_callback(control.stop)
     return control
 

@@ -15,6 +15,10 @@ class ClusterControl:
         """Run a command for one game. False: the game does not run, or nobody is there to read the message."""
         return bool(await self._control.run(command)) or await self._peers.run_at_owner(command)
 
+    async def run_in_each(self, command: BroadcastCommand, within_s: float) -> bool:
+        """Run a command in every other process; return whether it succeeded in each of them in time."""
+        return await self._peers.run_in_each(command, within_s)
+
     async def broadcast(self, command: BroadcastCommand) -> int:
         """Run a command in every process; return how many games it reached."""
         here = await self._control.run(command)

@@ -6,7 +6,7 @@ from server.cluster.registry import Cluster, LetGo
 from server.monitoring.commands import Command
 from server.monitoring.control import Control
 from server.monitoring.live_games import LiveGames
-from server.monitoring.peers import View
+from server.monitoring.peers import Process, View
 from server.play.games import Games
 from server.play.recorder import EpisodeRecord
 from server.store.fences import FencedRecorder
@@ -20,7 +20,7 @@ class ClusterNode:
         self.recorder, self.cluster = recorder, cluster
         self._live: LiveGames | None = None
         self._control: Control | None = None
-        self.figures: Callable[[], dict[str, float]] = dict
+        self.process: Callable[[str], Process] = lambda name: Process(name, {})
 
     async def load(self, episode: str) -> EpisodeRecord | None:
         """Take the episode up: from now on nobody else can store anything of it. Raises RecorderDown."""
@@ -35,9 +35,9 @@ class ClusterNode:
     def let_go(self, episode: str) -> None:
         self.recorder.let_go(episode)
 
-    def show(self, live: LiveGames, control: Control, figures: Callable[[], dict[str, float]]) -> None:
-        """From now on the others hear of this process."""
-        self._live, self._control, self.figures = live, control, figures
+    def show(self, live: LiveGames, control: Control, process: Callable[[str], Process]) -> None:
+        """From now on the others hear of this process. `process`: says how it is, by its name."""
+        self._live, self._control, self.process = live, control, process
         self.cluster.start(self)
 
     # What the cluster asks

@@ -64,7 +64,9 @@ class Here(Protocol):
 
     async def views(self) -> list[View]: ...
 
-    figures: Callable[[], dict[str, float]]
+    def process(self, name: str) -> Process:
+        """Say how this process is."""
+        ...
 
     async def run(self, command: Command | LetGo) -> int:
         """Run a command of another process; return how many games it reached."""
@@ -123,7 +125,7 @@ class Cluster:
         watched = await self._redis.exists(self._key("watched"))
         views = await self._here.views() if watched else []
         async with self._redis.pipeline(transaction=False) as pipe:
-            process = Process(self.name, self._here.figures())
+            process = self._here.process(self.name)
             pipe.set(self._key("process", self.name), msgspec.json.encode(process), ex=LEASE_S)
             pipe.sadd(self._key("names"), self.name)
             pipe.expire(self._key("names"), FORGET_S)
@@ -175,19 +177,28 @@ class Cluster:
             self._complain(error)
             return []
 
+    async def run_in_each(self, command: BroadcastCommand, within_s: float) -> bool:
+        try:
+            others = len(await self._of_others("process"))
+            answers = await self._asked("all", others, command, within_s) if others else []
+        except _DOWN as error:
+            self._complain(error)
+            return False
+        return len(answers) >= others and all(answers)
+
     async def _of_others(self, kind: str) -> list[str]:
         names = sorted(map(str, await self._redis.smembers(self._key("names"))))
         others = [name for name in names if name != self.name]
         found = await self._redis.mget([self._key(kind, name) for name in others]) if others else []
         return [str(value) for value in found if value is not None]
 
-    async def _asked(self, whom: str, expected: int, command: Command) -> list[int]:
+    async def _asked(self, whom: str, expected: int, command: Command, within_s: float = ANSWER_S) -> list[int]:
         """Return their answers: as many as expected, or those that came in time."""
         number = secrets.token_hex(8)
         replies = self._waiting[number] = []
         try:
             await self._send(whom, command, number)
-            async with asyncio.timeout(ANSWER_S):
+            async with asyncio.timeout(within_s):
                 while len(replies) < expected:
                     await asyncio.sleep(0.01)
         except TimeoutError:

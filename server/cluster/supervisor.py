@@ -72,7 +72,7 @@ class Supervisor:
 
     def _spawn(self, number: int, first: bool = True) -> subprocess.Popen[bytes]:
         descriptors = (self._listening.fileno(), self._lifeline)
-        told = ",".join(map(str, (*descriptors, int(first and number == 0))))
+        told = ",".join(map(str, (*descriptors, int(first and number == 0), int(not first))))
         command = [sys.executable, str(_ENTRY), *self._words]
         return subprocess.Popen(  # noqa: S603
             command, pass_fds=descriptors, env={**os.environ, OF_SUPERVISOR: told}, start_new_session=True
@@ -101,6 +101,7 @@ class Supervised:
     listening: socket.socket
     lifeline: int  # readable when the supervisor is gone
     first: bool  # it tells the address
+    again: bool  # it takes the place of a process that died
 
 
 def supervised() -> Supervised | None:
@@ -108,7 +109,7 @@ def supervised() -> Supervised | None:
     told = os.environ.pop(OF_SUPERVISOR, "")
     if not told:
         return None
-    descriptor, lifeline, first = map(int, told.split(","))
+    descriptor, lifeline, first, again = map(int, told.split(","))
     listening = socket.socket(fileno=descriptor)
     listening.setblocking(False)
-    return Supervised(listening, lifeline, bool(first))
+    return Supervised(listening, lifeline, bool(first), bool(again))

@@ -183,7 +183,7 @@ async def _serve(
 
     raise_descriptor_limit()
     app = create_app(settings)
-    async with wired(app, settings, launched):
+    async with wired(app, settings, launched, joins=process is not None and process.again):
         server = _server(app, settings, announced=process is None or process.first)
         loop = asyncio.get_running_loop()
 

@@ -7,7 +7,7 @@ import asyncio
 import logging
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -17,6 +17,7 @@ from sqlalchemy import Connection
 from server.monitoring import invented_participants
 from server.monitoring.live_games import LiveGames, who
 from server.monitoring.needs_attention import ACT
+from server.monitoring.peers import Alert as Alert
 from server.monitoring.peers import Process
 from server.participation.study_changes import Versions, remedy
 from server.play.pause_reasons import DATABASE
@@ -29,17 +30,6 @@ AWAY_S: Final = 15.0  # a participant is disconnected or has the tab hidden for 
 LATE_MS: Final = 50.0  # p99 of the last ticks
 LATEST: Final = 2000  # ticks
 DISK_GB: Final = 1.0
-
-
-@dataclass(frozen=True)
-class Alert:
-    """`key` stays the same as long as it lasts; `path` leads to the page where something can be done."""
-
-    key: str
-    text: str
-    path: str = "/admin"
-    study: str = ""  # empty: the whole server
-    since: datetime | None = None  # when it was first seen
 
 
 def message_of(alert: Alert, over: bool, public_url: str) -> dict[str, str]:
@@ -76,7 +66,7 @@ class Alerts:
     async def look(self) -> None:
         """Tell of what has begun and what is over since the last look."""
         others = await self._live.peers.processes()
-        self._peers = self._late(others)
+        self._peers = self._late(others) + [alert for process in others for alert in process.alerts]
         leads = all(self._live.peers.name < other.name for other in others)  # one tells what all of them see
         found = {
             alert.key: alert for alert in (*self._machine(leads), *self._changed(leads), *await self._games(leads))
@@ -90,11 +80,16 @@ class Alerts:
             if known is None:
                 self._tell(self.open[key], False)
 
+    def shared(self) -> tuple[Alert, ...]:
+        """What the dashboards of other processes show too. How late timesteps are, they see in the figures; games
+        stand on their cards."""
+        return tuple(alert for alert in self.open.values() if alert.key != "late" and not _is_of_game(alert))
+
     def shown(self, study: str) -> list[dict[str, object]]:
         """Alerts of the whole server as the dashboard of a study lists them; those of games stand on their cards."""
         now = datetime.now(UTC)
-        of_all = (*self.open.values(), *self._peers)
-        mine = [alert for alert in of_all if alert.study in ("", study) and not alert.key.startswith("game ")]
+        of_all = {(alert.key, alert.text): alert for alert in (*self._peers, *self.open.values())}  # each once
+        mine = [alert for alert in of_all.values() if alert.study in ("", study) and not _is_of_game(alert)]
         return [{"text": one.text, "since_s": round((now - (one.since or now)).total_seconds())} for one in mine]
 
     def _late(self, others: list[Process]) -> list[Alert]:
@@ -162,6 +157,10 @@ class Alerts:
             )
             for person, who in people.items()
         ]
+
+
+def _is_of_game(alert: Alert) -> bool:
+    return alert.key.startswith("game ")
 
 
 def _displays(name: str, broken: list[int]) -> Iterator[Alert]:

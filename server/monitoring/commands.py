@@ -58,6 +58,21 @@ class MessageStudy(Struct, frozen=True, tag_field="command", tag="message_study"
     text: str
 
 
+class PrepareVersion(Struct, frozen=True, tag_field="command", tag="prepare_version"):
+    """Get ready to serve a version of a study that is in the database."""
+
+    study: str
+    sha256: str
+
+
+class OpenVersion(Struct, frozen=True, tag_field="command", tag="open_version"):
+    """Serve a version that was prepared to those who come from now on. `at`: when it was chosen, in Unix seconds."""
+
+    study: str
+    sha256: str
+    at: float
+
+
 AnyGameCommand = PauseGame | ResumeGame | SendMessage | ExtendAbsence | EndGame
-BroadcastCommand = EndGames | PauseStudy | ResumeStudy | MessageStudy  # to every process
+BroadcastCommand = EndGames | PauseStudy | ResumeStudy | MessageStudy | PrepareVersion | OpenVersion  # to all
 Command = AnyGameCommand | BroadcastCommand

@@ -1,6 +1,7 @@
 """Run researchers' commands on the games of this process. The routes write the audit log."""
 
 import asyncio
+import logging
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import Final
@@ -13,40 +14,50 @@ from server.monitoring.commands import (
     EndGames,
     ExtendAbsence,
     MessageStudy,
+    OpenVersion,
     PauseGame,
     PauseStudy,
+    PrepareVersion,
     ResumeGame,
     ResumeStudy,
     SendMessage,
 )
 from server.participation.served_studies import Studies
+from server.participation.study_changes import ServedVersion, Versions
 from server.play.game import Game
 from server.play.games import Games
 from server.play.messages import Notice
 from server.play.pause_reasons import RESEARCHER
 from server.store import decisions, overview
 from server.store.database import Database, DatabaseDown
+from server.study.loader import StudyError
 
+log = logging.getLogger(__name__)
 LOOK_EVERY_S: Final = 0.25  # the countdown takes 3 s, so no game of a paused study gets to move
+FOLLOW_EVERY_S: Final = 1.0
 BUSY_S: Final = 3.0
 
 
 class Control:
     """Runs the commands; keeps the games of paused studies paused. Made once in server.main."""
 
-    def __init__(self, games: Games, database: Database, studies: Studies) -> None:
-        self._games, self._database, self._studies = games, database, studies
+    def __init__(self, games: Games, database: Database, studies: Studies, versions: Versions | None = None) -> None:
+        self._games, self._database, self._studies, self._versions = games, database, studies, versions
         self._paused: dict[str, tuple[int, ...]] = {}  # study -> its versions
         self._checked: dict[str, int] = {}  # episode -> version, of games seen while a study is paused
         self._keeper: asyncio.Task[None] | None = None
+        self._follower: asyncio.Task[None] | None = None
 
-    async def begin(self) -> None:
-        """Take up the pauses that were on when the server stopped."""
+    async def begin(self, shared: bool = False) -> None:
+        """Take up the pauses that were on when the server stopped. `shared`: other processes pause and resume studies
+        too, and their commands may be lost."""
         for study in await self._database.read(decisions.paused_studies):
             self._pause_study(study)
+        if shared:
+            self._follower = asyncio.create_task(self._follow())
 
     async def stop(self) -> None:
-        await ended(self._keeper)
+        await ended(self._keeper, self._follower)
 
     async def run(self, command: Command) -> int:
         """Run a command on the games of this process; return how many games it reached."""
@@ -59,9 +70,23 @@ class Control:
                 return await self._resume_study(study)
             case MessageStudy(study, text):
                 return sum(_show(game, text) for game in await self._of(self._studies.versions(study)))
+            case PrepareVersion() | OpenVersion():
+                return await self._run_on_versions(command)
             case _:
                 game = self._running(command.episode)
                 return 0 if game is None else int(await self._run_on(game, command))
+
+    async def _run_on_versions(self, command: PrepareVersion | OpenVersion) -> int:
+        if self._versions is None:
+            return 0
+        if isinstance(command, OpenVersion):
+            return int(self._versions.open(ServedVersion(command.study, command.sha256, command.at)))
+        try:
+            await self._versions.prepare(self._database, command.study, command.sha256)
+        except (StudyError, OSError, DatabaseDown) as error:
+            log.warning("the new version of %s cannot be served: %s", command.study, error)
+            return 0
+        return 1
 
     async def _run_on(self, game: Game, command: AnyGameCommand) -> bool:
         match command:
@@ -113,6 +138,20 @@ class Control:
             if game.session.phase != "ended":
                 _release(game)
         return len(games)
+
+    async def _follow(self) -> None:
+        """Pause and resume studies as the database says: a command from another process may have been lost."""
+        while True:
+            await asyncio.sleep(FOLLOW_EVERY_S)
+            before = set(self._paused)
+            with suppress(DatabaseDown):  # then no game runs anyway
+                stored = await self._database.read(decisions.paused_studies)
+                if self._paused.keys() != before:
+                    continue  # a command came in between, which may be newer than what was read
+                for study in stored - before:
+                    self._pause_study(study)
+                for study in before - stored:
+                    await self._resume_study(study)
 
     async def _keep(self) -> None:
         while self._paused:

@@ -66,8 +66,10 @@ class Dashboard:
         return display
 
     async def _display_of(self, study_ids: tuple[int, ...], display: DisplayCount) -> dict[str, int]:
-        """Timesteps not shown as the condition promises: of games that are over, and of those that run here."""
-        running = [card.game.session.display_violations for card in await self._live.cards(study_ids)]
+        """Timesteps not shown as the condition promises: of games that are over, and of those that run."""
+        here, elsewhere = await self._live.cards(study_ids), await self._live.views(study_ids)
+        running = [card.game.session.display_violations for card in here]
+        running += [view.display_violations for view in elsewhere]
         return {
             "timesteps": display.timesteps + sum(running),
             "games": display.episodes + sum(count > 0 for count in running),

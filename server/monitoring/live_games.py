@@ -76,6 +76,7 @@ class LiveGames:
                     card=card_of(self, card, {}),
                     board=board_of(card.game, blind=False),
                     still=still_of(card),
+                    display_violations=card.game.session.display_violations,
                 )
             )
             await asyncio.sleep(0)  # the games' own ticks come first

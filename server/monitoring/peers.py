@@ -1,9 +1,11 @@
 """The other processes of this server, if it has several: what runs there, and how to reach it."""
 
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any, Protocol
 
 from server.monitoring.commands import AnyGameCommand, BroadcastCommand
+from server.participation.study_changes import ServedVersion
 
 
 class ClusterDown(Exception):
@@ -21,14 +23,28 @@ class View:
     card: dict[str, Any]
     board: dict[str, Any]
     still: dict[str, Any]
+    display_violations: int = 0  # timesteps not shown as the condition promises
+
+
+@dataclass(frozen=True)
+class Alert:
+    """`key` stays the same as long as it lasts; `path` leads to the page where something can be done."""
+
+    key: str
+    text: str
+    path: str = "/admin"
+    study: str = ""  # empty: the whole server
+    since: datetime | None = None  # when it was first seen
 
 
 @dataclass(frozen=True)
 class Process:
-    """How another process is."""
+    """How another process is, what it alerts to, and which studies it serves."""
 
     name: str
     figures: dict[str, float]
+    alerts: tuple[Alert, ...] = ()
+    served: tuple[ServedVersion, ...] = ()
 
 
 class Peers(Protocol):
@@ -50,6 +66,10 @@ class Peers(Protocol):
         """Run the command in every other process; return what they answered within a second."""
         ...
 
+    async def run_in_each(self, command: BroadcastCommand, within_s: float) -> bool:
+        """Run the command in every other process; return whether it succeeded in each of them in time."""
+        ...
+
 
 class SingleProcess:
     """The only process of its server."""
@@ -67,3 +87,6 @@ class SingleProcess:
 
     async def run_at_all(self, command: BroadcastCommand) -> list[int]:  # noqa: ARG002
         return []
+
+    async def run_in_each(self, command: BroadcastCommand, within_s: float) -> bool:  # noqa: ARG002
+        return True

@@ -52,6 +52,8 @@ class Seating:
     def _look(self, connection: Connection, token: str, study: str) -> tuple[str | None, ConnectedPlayer | None]:
         """Whose token it is, and the seat that they have already: who comes back to a game waits for no commit."""
         participant = participants.by_token(connection, token)
+        if participant is not None and self.studies.version(participant.study_id) is None:
+            self.studies.learn(connection)  # another process serves a newer version
         version = self.studies.version(participant.study_id) if participant else None
         if participant is None or version is None or version.name != study:
             return None, None

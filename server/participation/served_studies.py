@@ -21,6 +21,7 @@ class Studies:
     def __init__(self) -> None:
         self._open: dict[str, int] = {}
         self._versions: dict[int, Study] = {}
+        self._unreadable: set[int] = set()
 
     @classmethod
     async def opened(cls, database: Database, files: Iterable[StudyFile]) -> "Studies":
@@ -30,22 +31,31 @@ class Studies:
             row = await database.write(stored_studies.register, file.study.name, file.text)
             studies._open[file.study.name] = row.id
             studies._versions[row.id] = file.study
-        for row in await database.read(_every):
-            if row.id not in studies._versions:
-                studies._keep(row)
+        await database.read(studies.learn)
         return studies
 
-    async def take(self, database: Database, file: StudyFile) -> None:
-        """Let those who come from now on into this version of a study. Raises DatabaseDown."""
+    async def add(self, database: Database, file: StudyFile) -> int:
+        """Store a version, which nobody is let into yet; return its number. Raises DatabaseDown."""
         row = await database.write(stored_studies.register, file.study.name, file.text)
-        self._versions[row.id] = file.study
-        self._open[file.study.name] = row.id
+        self._versions = self._versions | {row.id: file.study}
+        return row.id
 
-    def _keep(self, row: stored_studies.StudyVersion) -> None:
-        try:
-            self._versions[row.id] = parse_study(row.source, f"{row.key} version {row.version}").study
-        except StudyError as error:
-            log.warning("version %d of %s cannot be read any more: %s", row.version, row.key, error)
+    def let_into(self, name: str, number: int) -> None:
+        """Let those who come from now on into this version of a study."""
+        self._open[name] = number
+
+    def learn(self, connection: Connection) -> None:
+        """Read the versions back that are not known here: earlier ones, and those that other processes serve."""
+        found: dict[int, Study] = {}
+        for row in stored_studies.every(connection):
+            if row.id in self._versions or row.id in self._unreadable:
+                continue
+            try:
+                found[row.id] = parse_study(row.source, f"{row.key} version {row.version}").study
+            except StudyError as error:
+                self._unreadable.add(row.id)
+                log.warning("version %d of %s cannot be read any more: %s", row.version, row.key, error)
+        self._versions = self._versions | found  # a new one: the event loop may be reading it
 
     def names(self) -> tuple[str, ...]:
         """The studies that take new participants, in the order given."""
@@ -83,7 +93,3 @@ class Studies:
         """The step that the participant is at; the last one for those who finished."""
         way = self.way(participant)
         return way[min(participant.position, len(way) - 1)]
-
-
-def _every(connection: Connection) -> list[stored_studies.StudyVersion]:
-    return stored_studies.every(connection)

@@ -1,10 +1,27 @@
 """What the researchers' pages know of study files that have changed since they were loaded."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 from server.store.database import Database
+
+
+@dataclass(frozen=True)
+class ServedVersion:
+    """The version of a study that a process gives to those who come from now on. `opened_at`: when a researcher chose
+    it; 0: it was there at the start; less: the same, of a process that was started again beside others."""
+
+    study: str
+    sha256: str
+    opened_at: float
+
+
+class Serving(Protocol):
+    """A process, as far as its studies go."""
+
+    @property
+    def served(self) -> Sequence[ServedVersion]: ...
 
 
 @dataclass(frozen=True)
@@ -30,11 +47,21 @@ class Versions(Protocol):
     """The study files of this server."""
 
     changed: dict[str, ChangedStudy]
-    can_take: bool
-    """Whether a new version can be served without a restart: with one server process."""
 
-    async def take(self, database: Database, name: str) -> str:
-        """Serve the new version of a study; return its SHA-256. Raises StudyError, OSError, DatabaseDown."""
+    def look(self) -> None:
+        """Find the files that are not as they are served."""
+        ...
+
+    async def prepare_file(self, database: Database, name: str) -> ServedVersion:
+        """Know the file as it is now as a version, and have its models. Raises StudyError, OSError, DatabaseDown."""
+        ...
+
+    async def prepare(self, database: Database, name: str, sha256: str) -> None:
+        """Know a stored version and have its models, before anybody can be in it. Raises StudyError, DatabaseDown."""
+        ...
+
+    def open(self, version: ServedVersion) -> bool:
+        """Serve a version that was prepared; False if it was not."""
         ...
 
 
@@ -43,6 +70,4 @@ def remedy(versions: Versions, name: str) -> str:
     changed: Mapping[str, ChangedStudy] = versions.changed
     if changed[name].problem:
         return "Correct it; `kitchenmind study check` says more."
-    return (
-        "The dashboard of the study offers the new version." if versions.can_take else "Restart the server to serve it."
-    )
+    return "The dashboard of the study offers the new version."

@@ -2,11 +2,15 @@
 
 Participants who have begun keep their version, so its agents and predictors stay loaded; those that the newest version
 no longer names are loaded at the start for everybody who is still in the study.
+
+Several processes serve the same version: each is prepared for a new one before any lets somebody into it, and a process
+that missed that follows the others.
 """
 
 import asyncio
 import logging
-from collections.abc import Sequence
+import time
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -16,43 +20,93 @@ from sqlalchemy import Connection, select
 from models.inference.runner import ModelServer
 from models.inference.supervised_worker import ModelsDown
 from server.participation.served_studies import Studies
-from server.participation.study_changes import ChangedStudy
+from server.participation.study_changes import ChangedStudy, ServedVersion, Serving
 from server.required_models import RequiredModels, required_models
 from server.settings import Settings
-from server.store.database import Database
+from server.store import studies as stored_studies
+from server.store.database import Database, DatabaseDown
 from server.store.tables import participants
-from server.study.loader import StudyError, StudyFile, load_study
+from server.study.loader import StudyError, StudyFile, load_study, parse_study
 from server.study_check import missing_problems
 
 log = logging.getLogger(__name__)
 LOOK_EVERY_S: Final = 3.0
+NEVER_CHOSEN: Final = 0.0
+_JOINED: Final = -1.0
 _Stamp = tuple[int, int]  # modification time and size
+_NOT_LOOKED: Final[_Stamp] = (-1, -1)
+Elsewhere = Callable[[], Awaitable[Sequence[Serving]]]  # the other processes of this server
 
 
 class StudyVersions:
     """The files of a server; made once in server.main, `run` looks at them until it is cancelled."""
 
-    def __init__(self, settings: Settings, files: Sequence[StudyFile], models: ModelServer, studies: Studies) -> None:
-        self._settings, self._models, self._studies = settings, models, studies
+    def __init__(
+        self,
+        settings: Settings,
+        files: Sequence[StudyFile],
+        models: ModelServer,
+        studies: Studies,
+        elsewhere: Elsewhere | None = None,
+    ) -> None:
+        self._settings, self._models, self._studies, self._elsewhere = settings, models, studies, elsewhere
+        self._database: Database | None = None
         self._files = list(files)  # every one that was ever served here: participants may still be in it
         self._served = {file.study.name: file for file in files}
         self._stamps = {name: _stamp(Path(file.source)) for name, file in self._served.items()}
         self._required = required_models(files)
+        self._opened_at = dict.fromkeys(self._served, NEVER_CHOSEN)
+        self._prepared: dict[str, tuple[int, StudyFile]] = {}  # by SHA-256
         self.changed: dict[str, ChangedStudy] = {}
-        self.can_take = settings.workers == 1 and settings.redis is None
+
+    def served(self) -> tuple[ServedVersion, ...]:
+        """What this process serves, for the others."""
+        return tuple(ServedVersion(name, file.sha256, self._opened_at[name]) for name, file in self._served.items())
 
     def fingerprint(self, layout: str, model: str) -> str | None:
         """Return the SHA-256 that names a model in the data."""
         return self._required.fingerprint(layout, model)
 
+    async def begin(self, database: Database, joins: bool = False) -> None:
+        """Load what participants of earlier versions need. `joins`: other processes serve already, so this one serves
+        what they do; the files may have changed since they started."""
+        self._database = database
+        if joins:
+            self._opened_at = dict.fromkeys(self._served, _JOINED)
+            await self._follow()
+        await self.load_earlier(database)
+
     async def run(self) -> None:
-        """Look at the files every few seconds."""
+        """Look at the files every few seconds, and at the other processes if there are any."""
         while True:
             await asyncio.sleep(LOOK_EVERY_S)
             try:
                 await asyncio.to_thread(self.look)
+                await self._follow()
+            except DatabaseDown:
+                pass
             except Exception:
                 log.exception("the study files could not be looked at")
+
+    async def _follow(self) -> None:
+        """Know every version that somebody can be in, and serve the one that was chosen last."""
+        database = self._database
+        if self._elsewhere is None or database is None:
+            return
+        known = self._studies.every_version()
+        await database.read(self._studies.learn)
+        if self._studies.every_version() != known:
+            await self.load_earlier(database)
+        theirs = [version for process in await self._elsewhere() for version in process.served]
+        for version in sorted(theirs, key=lambda one: one.opened_at):
+            if version.opened_at <= self._opened_at.get(version.study, version.opened_at):
+                continue
+            try:
+                await self.prepare(database, version.study, version.sha256)
+            except StudyError as error:
+                log.warning("%s is not served as in other processes: %s", version.study, error)
+            else:
+                self.open(version)
 
     def look(self) -> None:
         """Find the files that are not as they are served."""
@@ -82,26 +136,58 @@ class StudyVersions:
         file = load_study(served.source, self._settings.models_folder)
         if file.study.name != name:
             raise StudyError([f"{file.source}:1: the study is now called {file.study.name!r}, not {name!r}."])
+        return self._usable(file)
+
+    def _usable(self, file: StudyFile) -> StudyFile:
         missing = [file.describe(problem) for problem in missing_problems(file, required_models([file]))]
         if missing:
             raise StudyError(missing)
         required_models([*self._files, file])  # participants may still be in the others: one name, one kitchen
         return file
 
-    async def take(self, database: Database, name: str) -> str:
-        """Serve the file as it is now to those who come from now on; return its SHA-256. Raises StudyError (also for a
-        model that does not load), OSError, DatabaseDown; then the version that was served stays."""
+    async def prepare_file(self, database: Database, name: str) -> ServedVersion:
+        """Store the file as it is now as a version, and have its models; return what is to be opened. Raises StudyError
+        (also for a model that does not load), OSError, DatabaseDown."""
         file = await asyncio.to_thread(self._checked, name, self._served[name])
+        await self._have(database, file)
+        return ServedVersion(name, file.sha256, time.time())
+
+    async def prepare(self, database: Database, name: str, sha256: str) -> None:
+        """Do the same for a version that another process has stored. Raises StudyError, DatabaseDown."""
+        served = self._served.get(name)
+        if served is None:
+            raise StudyError([f"there is no study {name!r} here"])
+        if served.sha256 == sha256:
+            return
+        row = next((row for row in await database.read(stored_studies.every, name) if row.sha256 == sha256), None)
+        if row is None:
+            raise StudyError([f"{name} has no version {sha256[:12]}"])
+        file = replace(parse_study(row.source, served.source), folder=served.folder)
+        await self._have(database, await asyncio.to_thread(self._usable, file))
+
+    async def _have(self, database: Database, file: StudyFile) -> None:
         required = required_models([*self._files, file])
         try:
             await self._load(required)
         except ModelsDown as error:
             raise StudyError([f"{file.source}: {error}"]) from error
-        await self._studies.take(database, file)
+        self._prepared[file.sha256] = (await self._studies.add(database, file), file)
         self._files.append(file)
-        self._served[name], self._required = file, required
-        self.changed.pop(name, None)
-        return file.sha256
+        self._required = required
+
+    def open(self, version: ServedVersion) -> bool:
+        """Serve a version that was prepared to those who come from now on. False: it was not prepared here."""
+        name, served = version.study, self._served.get(version.study)
+        found = self._prepared.pop(version.sha256, None)
+        if served is None or (found is None and served.sha256 != version.sha256):
+            return False
+        self._opened_at[name] = version.opened_at
+        if found is not None:
+            number, self._served[name] = found
+            self._studies.let_into(name, number)
+            self.changed.pop(name, None)
+            self._stamps[name] = _NOT_LOOKED  # the file may be another one again
+        return True
 
     async def load_earlier(self, database: Database) -> None:
         """Load what participants of earlier versions need, who are still in the study. What cannot be loaded is said

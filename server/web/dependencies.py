@@ -114,6 +114,9 @@ async def participant_of(request: Request, name: str, web: WebDep) -> Participan
     if found is None:
         return None
     study = web.studies.version(found.study_id)
+    if study is None:  # another process serves a newer version
+        await web.database.read(web.studies.learn)
+        study = web.studies.version(found.study_id)
     return found if study is not None and study.name == name else None
 
 

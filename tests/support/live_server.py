@@ -45,6 +45,8 @@ class QuickModels(RuleModels):
 
     async def close(self) -> None: ...
 
+    async def add(self, *_: Any) -> None: ...
+
     ready = True
 
     def statistics(self) -> ModelStatistics:

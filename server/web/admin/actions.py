@@ -11,8 +11,10 @@ from server.monitoring.commands import (
     EndGame,
     ExtendAbsence,
     MessageStudy,
+    OpenVersion,
     PauseGame,
     PauseStudy,
+    PrepareVersion,
     ResumeGame,
     ResumeStudy,
     SendMessage,
@@ -32,6 +34,8 @@ log = logging.getLogger(__name__)
 router = APIRouter(prefix="/admin/s/{name}")
 LONGEST_TEXT = 500
 MOST_MINUTES = 60
+VERSION_WITHIN_S = 60.0  # loading a version's models takes seconds
+OPEN_WITHIN_S = 1.0  # who misses it follows
 
 
 def control_of(services: ServicesDep) -> ClusterControl:
@@ -87,14 +91,20 @@ async def serve_version(name: str, admin: ActDep, services: ServicesDep, form: A
     """Serve the study file as it is now to those who come from now on; the others keep their version."""
     web, versions = services.web, services.versions
     study_at(web, name)
-    if name not in versions.changed or not versions.can_take:
+    await asyncio.to_thread(versions.look)
+    if name not in versions.changed:
         return back_to(f"/admin/s/{name}", "gone")
     try:
-        sha256 = await versions.take(web.database, name)
+        new = await versions.prepare_file(web.database, name)
     except (StudyError, OSError) as error:
         log.warning("the new version of %s is not served: %s", name, error)
         return back_to(f"/admin/s/{name}", "version_refused")
-    await _note(web, admin, "serve new version", {"study": name, "version": sha256, "reason": _text(form, "note")})
+    if not await services.control.run_in_each(PrepareVersion(name, new.sha256), VERSION_WITHIN_S):
+        log.warning("the new version of %s is not served: not every server process is ready for it", name)
+        return back_to(f"/admin/s/{name}", "version_refused")
+    versions.open(new)
+    await services.control.run_in_each(OpenVersion(name, new.sha256, new.opened_at), OPEN_WITHIN_S)
+    await _note(web, admin, "serve new version", {"study": name, "version": new.sha256, "reason": _text(form, "note")})
     return back_to(f"/admin/s/{name}", "version_served")
 
 

@@ -138,7 +138,7 @@ async def dashboard(request: Request, name: str, admin: WatchDep, services: Serv
     study_ids, study = study_at(web, name)
     paused = name in await web.database.read(decisions.paused_studies)
     page = AdminPage(request, admin)
-    changed = versions.changed.get(name) if versions.can_take else None
+    changed = versions.changed.get(name)
     new = changed if changed is not None and not changed.problem and admin.may("act") else None
     return page.render("dashboard.html", tab="live", study=study, versions=len(study_ids), paused=paused, new=new)
 

@@ -1,14 +1,17 @@
 """Two server processes with one PostgreSQL and one Redis: what one plays, the other's researchers see and reach."""
 
 import asyncio
+import re
 import time
 from collections.abc import AsyncIterator, Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
+from models.inference.supervised_worker import ModelsDown
 from server.bots.cook import Traits
 from server.bots.game_client import BotGame, Journal
 from server.bots.participant import Bot
@@ -23,10 +26,11 @@ from server.monitoring.commands import (
     ResumeStudy,
     SendMessage,
 )
-from server.monitoring.peers import View
+from server.monitoring.peers import Process, View
 from server.play.game import Game
-from server.store import ticks
+from server.store import admins, decisions, new_places, ticks
 from server.study.loader import StudyError
+from server.web.passwords import hashed
 from tests.support.live_server import LiveServer
 from tests.support.postgres_server import PostgresServer
 from tests.support.real_server import SHORT_STUDY
@@ -193,10 +197,132 @@ async def test_the_dashboard_of_each_process_says_which_of_them_is_late(pair: Pa
     assert not there.app.state.services.alerts.open, "one process tells of it, not every one"
 
 
+async def test_a_pause_of_a_study_reaches_every_process_although_its_command_is_lost(
+    pair: Pair, bot: Bot, redis: RedisServer
+) -> None:
+    here, there = pair
+    game = running(here)
+    assert game is not None
+    redis.stop()
+    services = there.app.state.services
+    there.do(lambda: services.web.database.write(decisions.pause_study, "short", "ada"))
+    there.do(lambda: services.control.broadcast(PauseStudy("short")))
+    await until(lambda: game.session.phase == "paused")
+    there.do(lambda: services.web.database.write(decisions.resume_study, "short", "ada"))
+    there.do(lambda: services.control.broadcast(ResumeStudy("short")))
+    await until(lambda: game.session.phase == "running")
+
+
+def alerted(live: LiveServer, words: str) -> int:
+    """How many alerts with these words the dashboard of this server lists."""
+    return sum(words in str(alert["text"]) for alert in live.app.state.services.alerts.shown("short"))
+
+
+async def test_the_dashboard_of_each_process_shows_the_alerts_of_all(pair: Pair) -> None:
+    here, there = pair
+    await until(lambda: all(live.do(live.app.state.services.live.peers.processes) for live in pair))
+    database = here.app.state.services.web.database
+    here.do(lambda: database.write(new_places.turn_away, "short", datetime.now(UTC)))
+    await until(lambda: alerted(here, "asked for more than") and alerted(there, "asked for more than"))
+    assert [alerted(live, "asked for more than") for live in pair] == [1, 1]
+    told = [live for live in pair if "places short" in live.app.state.services.alerts.open]
+    assert len(told) == 1, "one process tells of it, not every one"
+
+
+async def test_timesteps_without_the_promised_display_are_shown_wherever_the_game_runs(pair: Pair, bot: Bot) -> None:
+    here, there = pair
+    game = running(here)
+    assert game is not None
+    game.session.display_violations += 1000
+
+    def counted() -> Any:
+        services = there.app.state.services
+        ids, study = services.web.studies.versions("short"), services.web.studies.open("short")[1]
+        return there.do(lambda: services.dashboard.of(ids, study, "active", True))["display"]
+
+    await until(lambda: counted()["games"] == 1)
+    assert counted()["timesteps"] >= 1000
+    await until(lambda: all(alerted(live, "did not show what the condition promises") for live in pair))
+
+
+def change_the_study(folder: Path) -> None:
+    """As an editor would, while both servers run."""
+    path = folder / "short.yaml"
+    path.write_text(path.read_text("utf-8").replace("A short study", "A newer study"), encoding="utf-8")
+
+
+def opened(live: LiveServer) -> Any:
+    """The number of the version that this server lets people into."""
+    return live.app.state.services.web.studies.open("short")[0]
+
+
+def signed_in(live: LiveServer) -> httpx.Client:
+    """A researcher at this server."""
+    database, password = live.app.state.services.web.database, "a password for the tests"
+    live.do(lambda: database.write(admins.create, "ada", hashed(password), "act"))
+    client = httpx.Client(base_url=live.url, follow_redirects=True, timeout=60)
+    form = {"form_token": token_in(client.get("/admin/login").text), "name": "ada", "password": password}
+    assert client.post("/admin/login", data=form).status_code == 200
+    return client
+
+
+def token_in(page: str) -> str:
+    """The hidden field that every form needs."""
+    found = re.search(r'name="form_token" value="([^"]+)"', page)
+    assert found is not None
+    return found[1]
+
+
+async def test_one_click_serves_the_new_version_of_a_study_in_every_process(pair: Pair, tmp_path: Path) -> None:
+    here, there = pair
+    await until(lambda: all(live.do(live.app.state.services.live.peers.processes) for live in pair))
+    before = opened(here)
+    assert opened(there) == before
+    change_the_study(tmp_path)
+    researcher = signed_in(here)
+    form = {"form_token": token_in(researcher.get("/admin/s/short").text)}
+    assert "The new version is served" in researcher.post("/admin/s/short/version", data=form).text
+    await until(lambda: opened(there) != before)
+    assert opened(there) == opened(here) != before
+
+
+async def test_a_version_that_not_every_process_can_serve_is_served_by_none(
+    pair: Pair, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here, there = pair
+    await until(lambda: all(live.do(live.app.state.services.live.peers.processes) for live in pair))
+    before = opened(here)
+    change_the_study(tmp_path)
+    monkeypatch.setattr(there.models, "add", broken)
+    researcher = signed_in(here)
+    form = {"form_token": token_in(researcher.get("/admin/s/short").text)}
+    assert "could not be served" in researcher.post("/admin/s/short/version", data=form).text
+    assert opened(here) == opened(there) == before
+
+
+async def broken(*_: Any) -> None:
+    raise ModelsDown("planner cannot be used: pretends to be broken")
+
+
+async def test_a_participant_of_a_version_that_one_process_serves_is_known_in_all(pair: Pair, tmp_path: Path) -> None:
+    here, there = pair
+    change_the_study(tmp_path)
+    services = here.app.state.services
+    services.versions.open(here.do(lambda: services.versions.prepare_file(services.web.database, "short")))
+    visitor = Bot(here.url, "short", 1)
+    await visitor.consent()
+    found = httpx.get(f"{there.url}/s/short/now", cookies={"participant": visitor.token})
+    assert found.status_code == 200, "sent away to consent again"
+    assert "A newer study" in found.text
+    await until(lambda: opened(there) == opened(here))  # nobody told it: it has seen what the other serves
+    await visitor.close()
+
+
 class Nobody:
     """A process without games."""
 
-    figures = dict
+    def process(self, name: str) -> Process:
+        return Process(name, {})
 
     def leases(self) -> list[str]:
         return []

@@ -11,6 +11,9 @@ import pytest
 
 from models.inference.supervised_worker import ModelsDown
 from server.monitoring.alerts import Alerts
+from server.monitoring.peers import Process
+from server.participation.served_studies import Studies
+from server.participation.study_changes import ServedVersion
 from server.participation.study_versions import StudyVersions
 from server.settings import Settings
 from server.store import audit
@@ -134,7 +137,7 @@ def test_a_version_whose_models_do_not_load_changes_nothing(
     assert "could not be served" in researcher.post("/admin/s/small/version").text
     assert site.studies.open("small") == before
     with pytest.raises(StudyError, match="pretends to be broken"):
-        asyncio.run(versions.take(site.database, "small"))
+        asyncio.run(versions.prepare_file(site.database, "small"))
 
 
 def test_models_of_an_earlier_version_are_loaded_for_those_who_are_still_in_it(
@@ -147,3 +150,24 @@ def test_models_of_an_earlier_version_are_loaded_for_those_who_are_still_in_it(
     versions = StudyVersions(settings, [newest], models, site.studies)  # type: ignore[arg-type]
     asyncio.run(versions.load_earlier(site.database))
     assert ("matrix", "stay") in models.agents
+
+
+def test_a_process_that_is_started_again_serves_what_the_others_serve(
+    site: Site, file: Path, models: AddedModels
+) -> None:
+    at_the_start = site.studies.open("small")
+    served = ServedVersion("small", load_study(file).sha256, 0.0)
+    change(file, *OTHER_AGENT)
+    newest = load_study(file)
+    studies = asyncio.run(Studies.opened(site.database, [newest]))
+    assert studies.open("small") != at_the_start
+
+    async def others() -> list[Process]:
+        return [Process("another", {}, served=(served,))]
+
+    settings = Settings(database=f"sqlite:///{file.parent}/site.db")
+    versions = StudyVersions(settings, [newest], models, studies, others)  # type: ignore[arg-type]
+    asyncio.run(versions.begin(site.database, joins=True))
+    assert studies.open("small") == at_the_start
+    versions.look()
+    assert versions.changed["small"].sha256 == newest.sha256
