@@ -93,7 +93,7 @@ async def serve_version(name: str, admin: ActDep, services: ServicesDep, form: A
     study_at(web, name)
     await asyncio.to_thread(versions.look)
     if name not in versions.changed:
-        return back_to(f"/admin/s/{name}", "gone")
+        return back_to(f"/admin/s/{name}", "version_unchanged")
     try:
         new = await versions.prepare_file(web.database, name)
     except (StudyError, OSError) as error:
