@@ -17,7 +17,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoes
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from analysis import apa_text, figures, formatting, questionnaires
+from analysis import apa_text, figures, formatting, primary_text, questionnaires
 from analysis.compare import repeats
 from analysis.exclusions import versions_notice
 from analysis.results import Result, select, write_results
@@ -134,8 +134,9 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
             versions=versions_notice(analysis.export),
             figures={name: Markup(svg) for name, svg in drawn.items()},  # noqa: S704
             css=Markup((HERE / "report.css").read_text(encoding="utf-8")),  # noqa: S704
+            primary=[Markup(text) for text in primary_text.primary_lines(analysis.declaration, analysis.rows)],  # noqa: S704
             findings=[Markup(text) for text in apa_text.findings(analysis)],  # noqa: S704
-            sentences=[Markup(text) for text in apa_text.sentences(analysis)],  # noqa: S704
+            sentences=[Markup(text) for text in _sentences(analysis)],  # noqa: S704
             flagged=_flagged(analysis),
             own_grids=[name for name in analysis.layouts if name in LAYOUTS[1:]],
             provenance=_provenance(analysis, options),
@@ -143,6 +144,12 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
             displays=_displays(analysis.export),
         )
     )
+
+
+def _sentences(analysis: Analysis) -> list[str]:
+    """The primary test first, then everything else."""
+    first = primary_text.primary_sentence(analysis.declaration, analysis.rows)
+    return [*([first] if first else []), *apa_text.sentences(analysis)]
 
 
 def _flagged(analysis: Analysis) -> pl.DataFrame:

@@ -1,7 +1,7 @@
 """All of a study's analysis in one call: an export in, result rows and what a report needs beside them out."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import polars as pl
@@ -16,9 +16,11 @@ from analysis import (
     measures,
     mixed_model,
     power,
+    primary,
     questionnaires,
 )
 from analysis import ranks as ranking
+from analysis.declared import Declaration, declaration_of
 from analysis.groups import ALL, cells
 from analysis.results import Result
 from analysis.tables import Export, ExportError
@@ -55,6 +57,7 @@ class Analysis:
     model: mixed_model.MixedModel
     powers: tuple[power.Power, ...]
     rows: tuple[Result, ...]
+    declaration: Declaration = field(default_factory=Declaration)
 
 
 def main_contrast(conditions: Sequence[str]) -> tuple[str, str] | None:
@@ -76,7 +79,10 @@ def analyse(export: Export, options: Options) -> Analysis:
     answers = questionnaires.answers_on(export.answers, episodes, chosen)
     model = mixed_model.fit(episodes, MEASURE, conditions)
     design = AnalysisDesign(conditions, layouts, agents, main_contrast(conditions))
+    declaration = declaration_of(export)
+    declared = declaration.primary
     rows = [
+        *([primary.primary_row(declared, episodes, export.answers)] if declared else []),
         *exclusions.flow(export, every, episodes),
         *reward_rows(episodes, design, options),
         *model.rows,
@@ -99,6 +105,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         model,
         tuple(powers),
         (*rows, *_power_rows(powers)),
+        declaration,
     )
 
 

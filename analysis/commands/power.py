@@ -3,11 +3,13 @@
 import argparse
 import math
 import sys
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from analysis.declared import DeclaredTest
     from analysis.power import PowerDesign
 
 
@@ -19,6 +21,9 @@ class StudyPlan:
     participants: int
     person_sd: float | None = None
     residual_sd: float | None = None
+    declared: "DeclaredTest | None" = None  # the primary test of the study file
+    primary_episodes: int = 0  # of a participant that the primary test uses
+    answer_sds: tuple[float, float] | None = None  # between and within people, of the primary test's question
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,6 +49,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--residual-sd", type=float, help="standard deviation within people in points, instead of a pilot"
     )
+    parser.add_argument(
+        "--answer-effect",
+        type=float,
+        nargs="+",
+        default=[],
+        metavar="POINTS",
+        help="true differences on the answer scale, if the primary test is about a question (needs a pilot)",
+    )
     parser.add_argument("--alpha", type=float, default=0.05, help="significance level (default: 0.05)")
     parser.add_argument(
         "--studies", type=int, default=2000, help="number of simulated studies for each point (default: 2000)"
@@ -57,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     from analysis import figures, power
 
     try:
-        design, participants = _design(arguments)
+        design, plan, participants = _design(arguments)
     except ValueError as error:
         print(f"kitchenmind power: {error}", file=sys.stderr)
         return 2
@@ -68,12 +81,38 @@ def run(arguments: argparse.Namespace) -> int:
     power.write_points(points, arguments.out / "power.csv")
     for effect in dict.fromkeys(arguments.effect):
         print(power.sentence(design, points, effect, participants))
+    for line in _primary_lines(design, plan, participants, arguments):
+        print(line)
     print(f"The curve: {arguments.out / 'power.svg'}; its numbers: {arguments.out / 'power.csv'}")
     return 0
 
 
-def _design(arguments: argparse.Namespace) -> "tuple[PowerDesign, int]":
-    """The design to simulate and the participants to speak about. Raises ValueError with a remedy."""
+def _primary_lines(
+    design: "PowerDesign", plan: StudyPlan, participants: int, arguments: argparse.Namespace
+) -> Iterator[str]:
+    """A sentence for every effect on the declared primary test."""
+    from analysis import primary_power
+    from analysis.declared import REWARD
+
+    declared = plan.declared
+    if declared is None:
+        return
+    effects, spread = arguments.effect, (design.person_sd, design.residual_sd)
+    if declared.measure != REWARD:
+        if not arguments.answer_effect or plan.answer_sds is None:
+            yield (
+                f"The primary test of the study file is about {declared.measure}. For its power, give --answer-effect "
+                "and a pilot with answers to it."
+            )
+            return
+        effects, spread = arguments.answer_effect, plan.answer_sds
+    of_primary = primary_power.PrimaryDesign(declared, *spread, plan.primary_episodes)
+    for effect in dict.fromkeys(effects):
+        yield primary_power.sentence(of_primary, effect, participants, arguments.studies, arguments.seed)
+
+
+def _design(arguments: argparse.Namespace) -> "tuple[PowerDesign, StudyPlan, int]":
+    """The design to simulate, the plan and the participants to speak about. Raises ValueError with a remedy."""
     from analysis.power import PowerDesign
 
     if arguments.source.is_dir():
@@ -81,8 +120,8 @@ def _design(arguments: argparse.Namespace) -> "tuple[PowerDesign, int]":
     else:
         plan = _from_study(arguments.source)
         if arguments.pilot is not None:
-            pilot = _from_export(arguments.pilot, arguments)
-            plan = StudyPlan(plan.episodes, plan.participants, pilot.person_sd, pilot.residual_sd)
+            pilot = _from_export(arguments.pilot, arguments, plan.declared)
+            plan = replace(plan, person_sd=pilot.person_sd, residual_sd=pilot.residual_sd, answer_sds=pilot.answer_sds)
     person_sd = plan.person_sd if arguments.person_sd is None else arguments.person_sd
     residual_sd = plan.residual_sd if arguments.residual_sd is None else arguments.residual_sd
     if person_sd is None or residual_sd is None:
@@ -92,7 +131,7 @@ def _design(arguments: argparse.Namespace) -> "tuple[PowerDesign, int]":
         )
     participants = plan.participants if arguments.participants is None else arguments.participants
     _check(arguments, person_sd, residual_sd, participants)
-    return PowerDesign(person_sd, residual_sd, plan.episodes, arguments.alpha), participants
+    return PowerDesign(person_sd, residual_sd, plan.episodes, arguments.alpha), plan, participants
 
 
 def _check(arguments: argparse.Namespace, person_sd: float, residual_sd: float, participants: int) -> None:
@@ -101,6 +140,7 @@ def _check(arguments: argparse.Namespace, person_sd: float, residual_sd: float, 
 
     bounds = {
         "--effect": (all(math.isfinite(effect) for effect in arguments.effect), "Use numbers."),
+        "--answer-effect": (all(math.isfinite(effect) for effect in arguments.answer_effect), "Use numbers."),
         "--participants": (2 <= participants <= MOST, f"Use 2 to {MOST:,}."),
         "--studies": (arguments.studies >= 1, "Use at least 1."),
         "--alpha": (0 < arguments.alpha < 1, "Use a number between 0 and 1."),
@@ -113,9 +153,11 @@ def _check(arguments: argparse.Namespace, person_sd: float, residual_sd: float, 
             raise ValueError(f"{name} is out of range. {remedy}")
 
 
-def _from_export(folder: Path, arguments: argparse.Namespace) -> StudyPlan:
-    """How reward varied in a pilot."""
-    from analysis import measures, mixed_model
+def _from_export(folder: Path, arguments: argparse.Namespace, declared: "DeclaredTest | None" = None) -> StudyPlan:
+    """How reward varied in a pilot, and answers where the primary test (`declared`, else the pilot's own) is about
+    them."""
+    from analysis import measures, mixed_model, primary
+    from analysis.declared import declaration_of
     from analysis.exclusions import versions_notice
     from analysis.study import MEASURE, smallest_condition
     from analysis.tables import read_export
@@ -128,21 +170,41 @@ def _from_export(folder: Path, arguments: argparse.Namespace) -> StudyPlan:
     variance = model.variance
     if variance is None:
         raise ValueError(f"{folder} does not tell how reward varies: its mixed model {model.rows[0].note}.")
-    each = round(episodes.height / episodes["participant"].n_unique())
-    return StudyPlan(each, smallest_condition(episodes, export.conditions), variance.person_sd, variance.residual_sd)
+    plan = StudyPlan(
+        round(episodes.height / episodes["participant"].n_unique()),
+        smallest_condition(episodes, export.conditions),
+        variance.person_sd,
+        variance.residual_sd,
+        declared or declaration_of(export).primary,
+    )
+    if plan.declared is None:
+        return plan
+    table, measure = primary.values_of_episodes(plan.declared, episodes, export.answers)
+    people = max(1, table["participant"].n_unique())
+    plan = replace(plan, primary_episodes=max(1, round(table.height / people)))
+    spread = mixed_model.fit(table, measure, export.conditions).variance if measure != MEASURE else None
+    return replace(plan, answer_sds=(spread.person_sd, spread.residual_sd)) if spread else plan
 
 
 def _from_study(path: Path) -> StudyPlan:
     """Episodes of a participant as a study file plans them."""
     import yaml
 
+    from analysis.declared import declared_test
+
     try:
         study = yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.BaseLoader)  # noqa: S506 - texts only
         repeat = int(study.get("order", {}).get("repeat", 1))
-        return StudyPlan(len(study["layouts"]) * len(study["agents"]) * repeat, participants=29)
+        layouts, agents = len(study["layouts"]), len(study["agents"])
     except OSError as error:
         raise ValueError(
             f"cannot read {path}: {error.strerror}. Give a study file or the folder of an export."
         ) from None
     except (yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise ValueError(f"{path} is no study file: it needs `layouts` and `agents`.") from None
+    try:
+        declared = declared_test(study)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}. `kitchenmind study check {path}` names the line.") from None
+    used = (len(declared.layouts) or layouts) * (len(declared.agents) or agents) * repeat if declared else 0
+    return StudyPlan(layouts * agents * repeat, 29, declared=declared, primary_episodes=used)

@@ -76,6 +76,7 @@ def planned_analysis(study: Study) -> dict[str, Any]:
         "measure": "reward: score plus credit for unfinished soups, per episode",
         "analysed": "episodes played to their end by participants who finished, unless the researcher excluded them",
         "conditions": conditions,
+        "primary_test": study.primary.model_dump(mode="json") if study.primary else None,
         "main_comparison": f"{contrast[0]} - {contrast[1]}" if contrast else None,
         "layouts": layouts,
         "agents": [agent.name for agent in study.agents],
@@ -128,7 +129,7 @@ The study `{name}` as it was before the first participant: conditions {condition
 | `layouts/` | every kitchen as drawn |
 | `allocation.csv` | condition, seed and games of {people} participants, if nobody drops out |
 | `questions.md` | all questions in all languages |
-| `analysis.json` | what will be computed, and the rules that propose to leave an episode out |
+| `analysis.json` | the primary test, what else will be computed, and the rules that propose to leave an episode out |
 | `plan.md` | the researchers' own words, where they gave some |
 | `manifest.json` | SHA-256 of these files, of every kitchen and model, and of {files} files of the code |
 

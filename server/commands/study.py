@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from server.study.definition import Study
     from server.study.loader import StudyFile
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -84,10 +85,20 @@ def _summary(file: "StudyFile") -> str:
         f"{file.source} is a study: {study.name}, version {file.sha256[:12]}",
         f"  conditions   {conditions}",
         f"  way          {pages} steps, {episodes} episode{'s' * (episodes != 1)}; languages {languages}",
+        f"  primary      {_primary(study)}",
         f"  order        {study.order.rule}; how many of 60 simulated participants meet what in which episode:",
         *_balance(file, min(episodes, MOST_PLACES)),
     ]
     return "\n".join(lines)
+
+
+def _primary(study: "Study") -> str:
+    """The declared primary test, or that there is none."""
+    primary = study.primary
+    if primary is None:
+        return "no primary test is declared; `primary:` declares one before the data"
+    words = f"{primary.test} of {primary.measure}, {' - '.join(primary.comparison)}, {primary.direction}"
+    return f"{words}, alpha {primary.alpha:g}"
 
 
 def _balance(file: "StudyFile", places: int) -> list[str]:

@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BeforeValidator, Field, model_validator
 
 from overcooked.other_names import bundled_name
+from server.study.analysis_plan import PrimaryTest
 from server.study.locale import languages, locale
 from server.study.questionnaire import AnyQuestion, Key, Questionnaire
 from server.study.recruitment import Recruitment
@@ -13,8 +14,7 @@ from server.study.text import Text
 
 Lesson = Literal["walk", "fetch", "fill", "wait", "plate", "deliver", "marks"]
 LESSONS: tuple[Lesson, ...] = ("walk", "fetch", "fill", "wait", "plate", "deliver", "marks")
-# Entries of `flow` that need no block of their own.
-FIXED_PAGES = ("introduction", "quiz", "tutorial", "episodes", "thanks")
+FIXED_PAGES = ("introduction", "quiz", "tutorial", "episodes", "thanks")  # entries of `flow` without a block
 
 
 class Condition(StrictModel):
@@ -270,6 +270,7 @@ class Study(StrictModel):
     """The key of the questionnaire that follows every episode."""
     attention: AttentionChecks = AttentionChecks()
     breaks: Breaks = Breaks()
+    primary: PrimaryTest | None = None
     pages: dict[Key, Section] = Field(default_factory=dict)
     flow: Annotated[tuple[str, ...], Field(min_length=1)]
     """The steps in order: introduction, quiz, tutorial, episodes, thanks, and keys of `pages` and `questionnaires`."""

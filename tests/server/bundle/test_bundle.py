@@ -93,6 +93,14 @@ def test_a_bundle_has_all_that_is_registered(published: Path, tmp_path: Path) ->
     assert {rows[n]["condition"] for n in range(0, 6, 2)} == {"tom", "random", "none"}
 
 
+def test_a_bundle_registers_the_primary_test() -> None:
+    study = load_study(ROOT / "tests" / "data" / "every_setting.yaml").study
+    primary = making.texts.planned_analysis(study)["primary_test"]
+    assert primary["comparison"] == ["worse", "bare"]
+    assert (primary["measure"], primary["test"], primary["direction"]) == ("fun", "student", "greater")
+    assert making.texts.planned_analysis(load_study(PUBLISHED).study)["primary_test"] is None
+
+
 def test_the_allocation_list_is_what_participants_get(tmp_path: Path) -> None:
     file = load_study(PUBLISHED)
     listed = {

@@ -20,6 +20,7 @@ def errors(text: str) -> tuple[str, ...]:
     return raised.value.lines
 
 
+FLOW, PRIMARY = "flow: [everything,", "primary: {comparison: [with, without]"
 WRONG = [
     # (what stands in the file, what stands there instead, where the message points, what it says)
     ("duration_min: 4", "duration_mn: 4", "duration_mn", "unknown key 'duration_mn'. Did you mean 'duration_min'?"),
@@ -52,6 +53,15 @@ WRONG = [
     ("seed: 11\n", "recruitment: {completed: {url: 'javascript:alert(1)'}}\nseed: 1\n", "recr", "look like ^https"),
     ("- {name: stay, predictor: random}", "- {nam: stay, predictor: random}", "  - {nam:", "unknown key 'nam'"),
     ("{en: Goodbye, zh", "{en: Goodbye?, zh", "  goodbye:", "Put words that hold one of : ? , { } [ ] in quotes."),
+    (FLOW, "primary: {comparison: [with, wth]}\n" + FLOW, "primary:", "comparison.1: there is no condition 'wth'"),
+    (FLOW, "primary: {comparison: [with]}\n" + FLOW, "primary:", "comparison: there are too few. Write at least 2."),
+    (FLOW, "primary: {comparison: [with, with]}\n" + FLOW, "primary:", "'with' is there twice. Name each once."),
+    (FLOW, PRIMARY + ", layouts: [moon]}\n" + FLOW, "primary:", "layouts.0: there is no layout 'moon'. Known: "),
+    (FLOW, PRIMARY + ", agents: [moon]}\n" + FLOW, "primary:", "primary.agents.0: there is no agent 'moon'. Known: "),
+    (FLOW, PRIMARY + ", measure: marks}\n" + FLOW, "primary:", "'marks' is not measured after every episode in both"),
+    (FLOW, PRIMARY + ", measure: check}\n" + FLOW, "primary:", "'check' is not measured after every episode in both"),
+    (FLOW, PRIMARY + ", test: anova}\n" + FLOW, "primary:", "'anova' is not possible here. Use 'welch', 'student'"),
+    (FLOW, PRIMARY + ", alpha: 5}\n" + FLOW, "primary:", "primary.alpha: 5 is too large. Write less than 0.5."),
     ("languages: [en, zh]", "languages: []", "languages", "there are too few. Write at least 1."),
 ]  # fmt: skip
 

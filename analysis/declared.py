@@ -1,0 +1,132 @@
+"""What the study file declared about its analysis before the data, from the versions of it that an export holds."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from analysis.tables import Export, ExportError
+
+TESTS = ("welch", "student", "mann_whitney")
+DIRECTIONS = ("two_sided", "greater", "less")
+REWARD = "reward"
+
+
+@dataclass(frozen=True)
+class DeclaredTest:
+    """The primary test of a study file. Empty layouts or agents: all."""
+
+    measure: str
+    comparison: tuple[str, str]  # the difference is the first minus the second
+    test: str = "welch"
+    direction: str = "two_sided"
+    alpha: float = 0.05
+    layouts: tuple[str, ...] = ()
+    agents: tuple[str, ...] = ()
+
+    @property
+    def contrast(self) -> str:
+        return " - ".join(self.comparison)
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """What the newest of the analysed versions declares. `warning`: that not every version declares the same."""
+
+    primary: DeclaredTest | None = None
+    warning: str = ""
+
+
+def declaration_of(export: Export) -> Declaration:
+    """Return what the study files in the export declare. Raises ExportError for a declaration that cannot be read."""
+    found = {number: _primary(text, path) for number, (text, path) in _study_files(export).items()}
+    if not found:
+        return Declaration()
+    newest = found[max(found)]
+    played = [number for number in export.versions if number in found] or [max(found)]
+    others = [number for number in played if found[number] != newest]
+    if not others:
+        return Declaration(newest)
+    people = sum(export.versions[number] for number in others)
+    what = "another primary test" if any(found[number] for number in others) else "no primary test"
+    names = ", ".join(str(number) for number in others)
+    warning = (
+        f"{people} participants took part under version {names} of the study file, which declares {what}. "
+        "The declaration below was not made before their data."
+    )
+    return Declaration(newest, warning)
+
+
+def _study_files(export: Export) -> dict[int, tuple[Mapping[str, Any], Path]]:
+    """Each version of the study file that the export holds and the report analyses, with where it lies."""
+    plain = re.fullmatch(r"[\w-]+", export.study)  # never outside the folder
+    wanted = "*" if export.version is None else export.version
+    files = export.folder.glob(f"studies/{export.study}_version-{wanted}.yaml") if plain else ()
+    found: dict[int, tuple[Mapping[str, Any], Path]] = {}
+    for path in files:
+        number = path.stem.rpartition("-")[2]
+        try:
+            text = yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.BaseLoader)  # noqa: S506 - texts only
+        except (OSError, ValueError, yaml.YAMLError, RecursionError):
+            continue
+        if number.isdecimal() and isinstance(text, dict):
+            found[int(number)] = (text, path)
+    return found
+
+
+def _primary(study: Mapping[str, Any], path: Path) -> DeclaredTest | None:
+    try:
+        return declared_test(study)
+    except ValueError as error:
+        raise ExportError(f"{path}: {error}. Export the study again.") from None
+
+
+def declared_test(study: Mapping[str, Any]) -> DeclaredTest | None:
+    """Return the primary test of a study file's texts, none without one. Raises ValueError that names the key."""
+    block = study.get("primary")
+    if block in (None, "", "null", "~"):
+        return None
+    if not isinstance(block, dict):
+        raise ValueError("primary: this is not a block of `key: value` lines")
+    comparison = _names(block, "comparison")
+    if len(set(comparison)) != 2 or len(comparison) != 2:
+        raise ValueError("primary.comparison: it needs two different conditions, such as [tom, none]")
+    alpha = _number("primary.alpha", block.get("alpha", "0.05"))
+    if not alpha < 0.5:
+        raise ValueError(f"primary.alpha: {alpha:g} is too large; it must be below 0.5")
+    return DeclaredTest(
+        str(block.get("measure", REWARD)),
+        (comparison[0], comparison[1]),
+        _one_of(block, "test", TESTS),
+        _one_of(block, "direction", DIRECTIONS),
+        alpha,
+        _names(block, "layouts"),
+        _names(block, "agents"),
+    )
+
+
+def _names(block: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    value = block.get(key) or []
+    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+        raise ValueError(f"primary.{key}: this is not a list of names")
+    return tuple(value)
+
+
+def _one_of(block: Mapping[str, Any], key: str, known: tuple[str, ...]) -> str:
+    value = block.get(key, known[0])
+    if value not in known:
+        raise ValueError(f"primary.{key}: {value!r} is not one of {', '.join(known)}")
+    return str(value)
+
+
+def _number(place: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = -1.0
+    if not 0 < number < float("inf"):
+        raise ValueError(f"{place}: {value!r} is not a number above 0")
+    return number

@@ -1,0 +1,118 @@
+"""The primary test that the study file declares: one difference between two conditions over people."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+import polars as pl
+from scipy import stats
+
+from analysis import effects
+from analysis.declared import REWARD, DeclaredTest
+from analysis.groups import ALL, Groups, Values, computed, person_means
+from analysis.questionnaires import answers_on
+from analysis.results import Result
+
+SECTION = "primary"
+ALTERNATIVES: dict[str, Literal["two-sided", "greater", "less"]] = {  # in scipy's words
+    "two_sided": "two-sided",
+    "greater": "greater",
+    "less": "less",
+}
+
+
+def primary_row(declared: DeclaredTest, episodes: pl.DataFrame, answers: pl.DataFrame) -> Result:
+    """Return the declared test of these episodes; without p and with the reason where it cannot be computed."""
+    values = values_of_people(declared, episodes, answers)
+    return compared(declared, values[declared.comparison[0]], values[declared.comparison[1]])
+
+
+def values_of_people(declared: DeclaredTest, episodes: pl.DataFrame, answers: pl.DataFrame) -> dict[str, Values]:
+    """Return each person's mean of the declared measure over the declared episodes, by condition."""
+    chosen, measure = values_of_episodes(declared, episodes, answers)
+    return Groups(person_means(chosen, measure), measure).at(ALL, ALL, declared.comparison)
+
+
+def values_of_episodes(
+    declared: DeclaredTest, episodes: pl.DataFrame, answers: pl.DataFrame
+) -> tuple[pl.DataFrame, str]:
+    """Return the declared episodes, or the answers about them, and the column that has the declared measure."""
+    chosen = episodes
+    for column, names in (("layout", declared.layouts), ("agent", declared.agents)):
+        chosen = chosen.filter(pl.col(column).is_in(list(names))) if names else chosen
+    if declared.measure == REWARD:
+        return chosen, REWARD
+    about = answers.filter(pl.col("question") == declared.measure)
+    return answers_on(about, chosen, chosen["layout"].unique().to_list()), "value"
+
+
+def compared(declared: DeclaredTest, first: Values, second: Values) -> Result:
+    """Return the declared test of first - second."""
+    base = Result(
+        SECTION,
+        declared.test,
+        _one_name(declared.layouts),
+        _one_name(declared.agents),
+        contrast=declared.contrast,
+        question="" if declared.measure == REWARD else declared.measure,
+        n=first.size + second.size,
+        unit="people",
+    )
+    if trouble := effects.can_compare([first, second]):
+        return replace(base, note=trouble)
+    row = computed(_ranks if declared.test == "mann_whitney" else _means, base, declared, first, second)
+    return row if row.note else replace(row, note=f"{ALTERNATIVES[declared.direction]}, alpha = {declared.alpha:g}")
+
+
+def _one_name(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else "chosen" if names else ALL
+
+
+def _means(base: Result, declared: DeclaredTest, first: Values, second: Values) -> Result:
+    test = stats.ttest_ind(
+        first, second, equal_var=declared.test == "student", alternative=ALTERNATIVES[declared.direction]
+    )
+    level = interval_level(declared)
+    both = stats.ttest_ind(first, second, equal_var=declared.test == "student").confidence_interval(level)
+    difference = float(first.mean() - second.mean())
+    g = effects.hedges_g(first, second, level)
+    return replace(
+        base,
+        estimate=difference,
+        estimate_low=float(both.low),
+        estimate_high=float(both.high),
+        se=difference / float(test.statistic) if test.statistic else np.nan,
+        statistic_name="t",
+        statistic=float(test.statistic),
+        df=float(test.df),
+        p=float(test.pvalue),
+        effect_name="Hedges g",
+        effect=g.value,
+        ci_low=g.low,
+        ci_high=g.high,
+        ci_level=level,
+    )
+
+
+def _ranks(base: Result, declared: DeclaredTest, first: Values, second: Values) -> Result:
+    """The estimate is the median of all differences between two people (Hodges and Lehmann)."""
+    u, p = stats.mannwhitneyu(first, second, alternative=ALTERNATIVES[declared.direction])
+    delta = effects.cliffs_delta(first, second, interval_level(declared))
+    return replace(
+        base,
+        estimate=float(np.median(first[:, None] - second[None, :])),
+        statistic_name="U",
+        statistic=float(u),
+        p=float(p),
+        effect_name="Cliff delta",
+        effect=delta.value,
+        ci_low=delta.low,
+        ci_high=delta.high,
+        ci_level=delta.level,
+    )
+
+
+def interval_level(declared: DeclaredTest) -> float:
+    """Return the level of the interval that leaves out zero exactly where the test is significant."""
+    return 1 - declared.alpha * (1 if declared.direction == "two_sided" else 2)

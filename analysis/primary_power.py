@@ -1,0 +1,100 @@
+"""The power of the declared primary test: simulated with the report's own test, and exact where that is a t-test."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special, stats
+
+from analysis.declared import DeclaredTest
+from analysis.power import MOST, WANTED
+from analysis.primary import ALTERNATIVES
+from analysis.primary_text import TITLES
+
+Values = NDArray[np.float64]
+BATCH = 2_000_000  # values in memory at a time
+
+
+@dataclass(frozen=True)
+class PrimaryDesign:
+    """The declared test, and how the means of people vary (in points of the measure)."""
+
+    declared: DeclaredTest
+    person_sd: float
+    residual_sd: float
+    episodes: int  # of a participant that the test uses
+
+    @property
+    def mean_sd(self) -> float:
+        """Standard deviation between the means of people."""
+        return math.sqrt(self.person_sd**2 + self.residual_sd**2 / self.episodes)
+
+
+def p_values(declared: DeclaredTest, first: Values, second: Values) -> Values:
+    """Return p of the declared test along the last axis: (studies, participants) -> (studies,)."""
+    alternative = ALTERNATIVES[declared.direction]
+    if declared.test == "mann_whitney":
+        return np.asarray(stats.mannwhitneyu(first, second, axis=-1, alternative=alternative).pvalue)
+    pooled = declared.test == "student"
+    return np.asarray(stats.ttest_ind(first, second, axis=-1, equal_var=pooled, alternative=alternative).pvalue)
+
+
+def simulated(design: PrimaryDesign, effect: float, participants: int, studies: int, seed: int) -> float:
+    """Return the share of simulated studies that find the effect, which goes the declared way in a one-sided test."""
+    generator = np.random.default_rng([seed, participants, abs(round(effect * 1000)), int(effect < 0)])
+    shift = effect if design.declared.direction == "two_sided" else math.copysign(effect, _sign(design.declared))
+    found = 0
+    step = max(1, BATCH // (2 * participants))
+    for start in range(0, studies, step):
+        means = generator.normal(0, design.mean_sd, (2, min(step, studies - start), participants))
+        found += int((p_values(design.declared, means[0] + shift, means[1]) < design.declared.alpha).sum())
+    return found / studies
+
+
+def _sign(declared: DeclaredTest) -> float:
+    return -1.0 if declared.direction == "less" else 1.0
+
+
+def exact(design: PrimaryDesign, effect: float, participants: int) -> float:
+    """Return the power of the t-test with equal variances, from the noncentral t distribution."""
+    sides = 2 if design.declared.direction == "two_sided" else 1
+    df = 2 * participants - 2
+    shift = abs(effect) / (design.mean_sd * math.sqrt(2 / participants))
+    bound = float(stats.t.ppf(1 - design.declared.alpha / sides, df))
+    below, missed = np.nan_to_num([special.nctdtr(df, shift, -bound), special.nctdtr(df, shift, bound)])
+    return float(1 - missed + (below if sides == 2 else 0))
+
+
+def participants_needed(design: PrimaryDesign, effect: float) -> int | None:
+    """Return the smallest number of participants in each condition with the wanted power; None beyond MOST."""
+    if exact(design, effect, MOST) < WANTED:
+        return None
+    low, high = 1, MOST  # too few, enough
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if exact(design, effect, middle) >= WANTED else (middle, high)
+    return high
+
+
+def sentence(design: PrimaryDesign, effect: float, participants: int, studies: int, seed: int) -> str:
+    """Return what a methods section says about the declared test."""
+    declared = design.declared
+    share = simulated(design, effect, participants, studies, seed)
+    size = effect if declared.direction == "two_sided" else math.copysign(effect, _sign(declared))
+    return (
+        f"Primary test of the study file ({TITLES[declared.test]} of {declared.measure}, {declared.contrast}, "
+        f"{declared.direction.replace('_', '-')}, alpha = {declared.alpha:g}; {design.episodes} episodes a "
+        f"participant, standard deviation {design.person_sd:.2g} between and {design.residual_sd:.2g} within "
+        f"participants): with {participants} participants in each condition, a true difference of {size:g} is found "
+        f"with a probability of {100 * share:.0f} % ({studies} simulated studies){_needed(design, effect)}."
+    )
+
+
+def _needed(design: PrimaryDesign, effect: float) -> str:
+    if design.declared.test == "mann_whitney":
+        return ""  # there is no closed form
+    needed = participants_needed(design, effect)
+    if needed is None:
+        return f"; {100 * WANTED:.0f} % are not reached with {MOST:,} participants in each condition"
+    return f"; {100 * WANTED:.0f} % are reached with {needed} participants in each condition"

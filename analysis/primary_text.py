@@ -1,0 +1,90 @@
+"""The words of the report's first box: the primary test as declared, and what came of it."""
+
+import math
+from collections.abc import Sequence
+
+from markupsafe import escape
+
+from analysis import formatting, questionnaires
+from analysis.declared import REWARD, Declaration, DeclaredTest
+from analysis.formatting import listed, number
+from analysis.phrases import condition, note, statistic
+from analysis.primary import SECTION
+from analysis.results import Result, select
+
+TITLES = {"welch": "Welch’s t-test", "student": "Student’s t-test", "mann_whitney": "Mann-Whitney test"}
+DIRECTIONS = {"two_sided": "two-sided", "greater": "one-sided: greater", "less": "one-sided: less"}
+NO_PRIMARY = (
+    "The study file declared no primary test before the data, so every test in this report is exploratory: a single "
+    "significant result among many proves little."
+)
+SECONDARY = "Every other test in this report is secondary or exploratory."
+
+
+def primary_lines(declaration: Declaration, rows: Sequence[Result]) -> list[str]:
+    """Return the lines of the box as HTML: what was declared, the result, and what everything else is."""
+    declared = declaration.primary
+    if declared is None:
+        return [*_warning(declaration), NO_PRIMARY]
+    sentence = primary_sentence(declaration, rows)
+    return [*_warning(declaration), f"Declared: {declaration_words(declared)}.", sentence, SECONDARY]
+
+
+def _warning(declaration: Declaration) -> list[str]:
+    return [f"<b>{escape(declaration.warning)}</b>"] if declaration.warning else []
+
+
+def declaration_words(declared: DeclaredTest) -> str:
+    """Return the declaration as HTML: test, measure, where, comparison, direction and level."""
+    first, second = (condition(name) for name in declared.comparison)
+    return (
+        f"{TITLES[declared.test]} over people of {_measure(declared)} (each person’s mean over {_where(declared)}), "
+        f"{first} against {second}, {DIRECTIONS[declared.direction]}, α = {declared.alpha:g}"
+    )
+
+
+def _measure(declared: DeclaredTest) -> str:
+    if declared.measure == REWARD:
+        return "the reward"
+    return f"the answers to “{escape(questionnaires.title(declared.measure))}”"
+
+
+def _where(declared: DeclaredTest) -> str:
+    layouts = listed([formatting.layout_title(name) for name in declared.layouts]) or "all layouts"
+    agents = listed([formatting.agent_title(name) for name in declared.agents])
+    return str(escape(f"{layouts} with {agents}" if agents else f"{layouts} and agents"))
+
+
+def primary_sentence(declaration: Declaration, rows: Sequence[Result]) -> str:
+    """Return the result of the primary test as a sentence to paste; empty if none was declared."""
+    declared = declaration.primary
+    found = select(rows, section=SECTION)
+    if declared is None or not found:
+        return ""
+    row = found[0]
+    if math.isnan(row.p):
+        return f"The primary test could not be computed: {note(row)}."
+    first, second = (condition(name) for name in declared.comparison)
+    return f"In the primary test, {_measure(declared)} {_verdict(declared, row, first, second)} ({_numbers(row)})."
+
+
+def _verdict(declared: DeclaredTest, row: Result, first: str, second: str) -> str:
+    way = {"greater": "higher", "less": "lower"}.get(declared.direction, "")
+    plural = declared.measure != REWARD
+    if row.p < declared.alpha:
+        way = way or ("higher" if row.effect > 0 else "lower")  # the median of differences may be 0
+        return f"{'were' if plural else 'was'} significantly {way} with {first} than with {second}"
+    if way:
+        return f"{'were' if plural else 'was'} not significantly {way} with {first} than with {second}"
+    return f"did not differ significantly between {first} and {second}"
+
+
+def _numbers(row: Result) -> str:
+    """Estimate, interval, statistic, effect size and people."""
+    decimals = 2 if row.question else 1
+    estimate = f"difference {formatting.signed(row.estimate, decimals)}"
+    if not math.isnan(row.estimate_low):
+        low, high = (number(bound, decimals) for bound in (row.estimate_low, row.estimate_high))
+        estimate += f", {100 * row.ci_level:g} % CI [{low}, {high}]"
+    effect = "Hedges’ <i>g</i>" if row.effect_name == "Hedges g" else "Cliff’s δ"
+    return f"{estimate}, {statistic(row)}, {effect} = {number(row.effect)}, {row.n} people"

@@ -1,0 +1,28 @@
+"""What a study file declares about its analysis before there are data."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from server.study.questionnaire import Key
+from server.study.strict_model import StrictModel
+
+
+class PrimaryTest(StrictModel):
+    """The one test that answers the study's question, declared before the data. All other tests are secondary."""
+
+    measure: Key = "reward"
+    """What is compared: reward, or the key of a scale question that follows every episode."""
+    comparison: Annotated[tuple[Key, ...], Field(min_length=2, max_length=2)]
+    """The two conditions to compare. The difference is the first minus the second."""
+    test: Literal["welch", "student", "mann_whitney"] = "welch"
+    """The test over people, each with the mean of their episodes. welch: t-test without equal variances. student:
+    t-test with equal variances. mann_whitney: of ranks."""
+    direction: Literal["two_sided", "greater", "less"] = "two_sided"
+    """two_sided: a difference either way. greater or less: the first condition is expected to have more or less."""
+    alpha: Annotated[float, Field(gt=0, lt=0.5)] = 0.05
+    """The significance level: the largest acceptable probability of a false alarm."""
+    layouts: tuple[Key, ...] = ()
+    """Use only the episodes on these layouts. Empty: all."""
+    agents: tuple[Key, ...] = ()
+    """Use only the episodes with these agents. Empty: all."""

@@ -1,0 +1,287 @@
+"""The declared primary test: its numbers against other programs, its place in the report, and its words."""
+
+import csv
+import math
+import re
+from collections import defaultdict
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from scipy import stats
+from statsmodels.regression.mixed_linear_model import MixedLM
+from statsmodels.stats.weightstats import CompareMeans, DescrStatsW
+
+import kitchenmind
+from analysis import primary, primary_power
+from analysis.declared import DIRECTIONS, TESTS, Declaration, DeclaredTest, declaration_of, declared_test
+from analysis.primary_text import primary_lines, primary_sentence
+from analysis.report import write_report
+from analysis.results import select
+from analysis.study import Options, analyse
+from analysis.synthetic import Truth, write_export
+from analysis.tables import ExportError, read_export
+from server.study.analysis_plan import PrimaryTest
+from tests.support.declaring import declaring
+
+QUICK = Options(power_studies=20, draws=50)
+PRIMARY = "primary: {comparison: [tom, none]}\n"
+FIRST = np.array([71.0, 65.5, 80.0, 92.5, 77.0, 64.0, 81.0])
+SECOND = np.array([60.0, 72.0, 55.5, 64.0, 61.0, 58.0])
+
+
+def test_the_study_file_and_the_report_know_the_same_declaration() -> None:
+    fields = PrimaryTest.model_fields
+    assert set(fields) == set(DeclaredTest.__dataclass_fields__)
+    for name, known in (("test", TESTS), ("direction", DIRECTIONS)):
+        assert set(fields[name].annotation.__args__) == set(known)  # type: ignore[union-attr]
+    in_the_file = PrimaryTest(comparison=("tom", "none"))
+    assert declared_test({"primary": {"comparison": ["tom", "none"]}}) == DeclaredTest(**in_the_file.model_dump())
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+@pytest.mark.parametrize("test", ["welch", "student"])
+def test_a_declared_t_test_has_the_numbers_of_statsmodels(test: str, direction: str) -> None:
+    declared = DeclaredTest("reward", ("tom", "none"), test, direction, alpha=0.04)
+    row = primary.compared(declared, FIRST, SECOND)
+    other = CompareMeans(DescrStatsW(FIRST), DescrStatsW(SECOND))
+    kind = "pooled" if test == "student" else "unequal"
+    sides = {"two_sided": "two-sided", "greater": "larger", "less": "smaller"}[direction]
+    t, p, df = other.ttest_ind(alternative=sides, usevar=kind)
+    assert (row.statistic, row.p, row.df) == pytest.approx((t, p, df))
+    alpha = 0.04 if direction == "two_sided" else 0.08
+    assert (row.estimate_low, row.estimate_high) == pytest.approx(other.tconfint_diff(alpha, usevar=kind))
+    assert row.ci_level == pytest.approx(1 - alpha)
+    assert row.estimate == pytest.approx(FIRST.mean() - SECOND.mean())
+    assert row.se == pytest.approx(
+        other.std_meandiff_pooledvar if test == "student" else other.std_meandiff_separatevar
+    )
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_declared_ranks_are_counted_over_pairs(direction: str) -> None:
+    first, second = np.array([4.0, 5, 5, 6, 7, 3, 6, 5, 4]), np.array([3.0, 4, 2, 5, 4, 3, 5, 2])
+    row = primary.compared(DeclaredTest("fun", ("a", "b"), "mann_whitney", direction), first, second)
+    differences = sorted(a - b for a in first for b in second)
+    u = sum(1.0 if each > 0 else 0.5 if each == 0 else 0.0 for each in differences)
+    m, n = first.size, second.size
+    ties = sum(count**3 - count for count in np.unique([*first, *second], return_counts=True)[1])
+    sd = math.sqrt(m * n / 12 * (m + n + 1 - ties / ((m + n) * (m + n - 1))))
+    above, below = (stats.norm.sf((shift - 0.5) / sd) for shift in (u - m * n / 2, m * n / 2 - u))
+    p = {"two_sided": min(1, 2 * min(above, below)), "greater": above, "less": below}[direction]
+    assert (row.statistic, row.p) == pytest.approx((u, p))
+    assert row.estimate == np.median(differences)
+
+
+def by_hand(folder: Path, layouts: set[str], agents: set[str], question: str = "") -> dict[str, list[float]]:
+    """Each person's mean by condition, from the tables as they are exported."""
+    answers = {
+        row["episode"]: float(row["value"])
+        for row in pl.read_parquet(folder / "answers.parquet").to_dicts()
+        if row["question"] == question
+    }
+    found = defaultdict(list)
+    for row in pl.read_parquet(folder / "episodes.parquet").to_dicts():
+        if row["layout"] in layouts and row["agent_1"] in agents and not row["excluded"]:
+            value = answers.get(row["episode"]) if question else row["score"] + row["progress"]
+            found[row["condition"], row["participant_0"]].append(value)
+    means = defaultdict(list)
+    for (condition, _), values in found.items():
+        means[condition].append(sum(values) / len(values))
+    return means
+
+
+@pytest.mark.parametrize("question", ["", "efficiency"])
+def test_a_person_counts_once_with_the_declared_episodes_only(
+    question: str, planted_folder: Path, tmp_path: Path
+) -> None:
+    measure = f"measure: {question}, " if question else ""
+    text = f"primary: {{{measure}comparison: [tom, random], layouts: [matrix, double_rings], agents: [fcp]}}\n"
+    export = read_export(declaring(planted_folder, tmp_path / "data", text))
+    declared = declaration_of(export).primary
+    assert declared is not None
+    row = primary.primary_row(declared, export.episodes.filter(pl.col("excluded") == "").with_columns(
+        reward=pl.col("score") + pl.col("progress")
+    ), export.answers)  # fmt: skip
+    means = by_hand(planted_folder, {"matrix", "double_rings"}, {"fcp"}, question)
+    t, p = stats.ttest_ind(means["tom"], means["random"], equal_var=False)
+    assert (row.statistic, row.p) == pytest.approx((t, p))
+    assert row.estimate == pytest.approx(np.mean(means["tom"]) - np.mean(means["random"]))
+    assert (row.n, row.unit, row.contrast, row.question) == (32, "people", "tom - random", question)
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_the_declared_test_comes_first_in_the_report(planted_folder: Path, tmp_path: Path) -> None:
+    folder = declaring(planted_folder, tmp_path / "data", PRIMARY, PRIMARY)
+    made = write_report(folder, tmp_path / "out", QUICK)
+    page = made.page.read_text(encoding="utf-8")
+    box = page[page.index('<section class="primary"') : page.index("</section>")]
+    assert "Primary test, declared in the study file" in box
+    assert "Declared: Welch’s t-test over people of the reward" in box
+    assert re.search(r"was significantly higher with ToM predictions than with no prediction \(difference \+\d", box)
+    assert "Every other test in this report is secondary or exploratory." in box
+    assert page.index('<section class="primary"') < page.index('<ol class="find">')
+    assert "Secondary and exploratory findings" in page
+    assert page.index("In the primary test", page.index("Sentences to paste")) < page.index("The analysis is of")
+    with made.results.open(encoding="utf-8", newline="") as stream:
+        first = next(csv.DictReader(stream))
+    assert (first["section"], first["test"]) == ("primary", "welch")
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_a_study_without_a_primary_test_is_called_exploratory(planted_folder: Path, tmp_path: Path) -> None:
+    made = write_report(planted_folder, tmp_path / "out", QUICK)
+    page = made.page.read_text(encoding="utf-8")
+    assert "The study file declared no primary test before the data, so every test in this report is explor" in page
+    assert "In the primary test" not in page
+    assert select(made.analysis.rows, section="primary") == []
+
+
+@pytest.mark.parametrize(
+    ("before", "words"),
+    [("", "which declares no primary test"), ("primary: {comparison: [tom, random]}\n", "declares another primary te")],
+)
+def test_a_declaration_that_came_after_some_data_is_named(
+    before: str, words: str, planted_folder: Path, tmp_path: Path
+) -> None:
+    export = read_export(declaring(planted_folder, tmp_path / "data", before, PRIMARY))
+    found = declaration_of(export)
+    assert found.primary == DeclaredTest("reward", ("tom", "none"))
+    assert words in found.warning
+    assert "24 participants took part under version 1" in found.warning
+    assert primary_lines(found, ())[0].startswith("<b>24 participants")
+    alone = read_export(tmp_path / "data", version=2)
+    assert declaration_of(alone) == Declaration(found.primary)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("primary: [tom, none]\n", "primary: this is not a block"),
+        ("primary: {comparison: [tom]}\n", "primary.comparison: it needs two different conditions"),
+        ("primary: {comparison: tom}\n", "primary.comparison: this is not a list"),
+        ("primary: {comparison: [tom, none], test: anova}\n", "primary.test: 'anova' is not one of welch"),
+        ("primary: {comparison: [tom, none], alpha: none}\n", "primary.alpha: 'none' is not a number"),
+        ("primary: {comparison: [tom, none], alpha: 0.7}\n", "primary.alpha: 0.7 is too large"),
+    ],
+)
+def test_a_damaged_declaration_is_refused_with_its_place(
+    text: str, reason: str, planted_folder: Path, tmp_path: Path
+) -> None:
+    export = read_export(declaring(planted_folder, tmp_path / "data", text))
+    with pytest.raises(ExportError, match=re.escape(reason)) as raised:
+        analyse(export, QUICK)
+    assert "simulated_version-1.yaml: primary" in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("direction", "sign", "words"),
+    [
+        ("two_sided", 1, "was significantly higher"),
+        ("two_sided", -1, "was significantly lower"),
+        ("greater", 1, "was significantly higher"),
+        ("greater", -1, "was not significantly higher"),
+        ("less", -1, "was significantly lower"),
+        ("less", 1, "was not significantly lower"),
+        ("two_sided", 0, "did not differ significantly"),
+    ],
+)
+@pytest.mark.parametrize("test", TESTS)
+def test_the_sentence_says_what_the_test_found(test: str, direction: str, sign: int, words: str) -> None:
+    declared = DeclaredTest("reward", ("tom", "none"), test, direction)
+    around = np.array([58.0, 60, 62, 64, 66, 68, 70])
+    row = primary.compared(declared, around + 20 * sign, around + 0.5)
+    assert words in primary_sentence(Declaration(declared), (row,))
+    doubt = replace(declared, alpha=1e-9)
+    assert "significantly" in primary_sentence(Declaration(doubt), (row,))
+    assert "was significantly" not in primary_sentence(Declaration(doubt), (row,)), "the declared alpha decides"
+
+
+def test_a_primary_test_without_data_says_why() -> None:
+    declared = DeclaredTest("reward", ("tom", "none"))
+    row = primary.compared(declared, np.array([1.0]), np.array([]))
+    assert math.isnan(row.p)
+    said = primary_sentence(Declaration(declared), (row,))
+    assert said == "The primary test could not be computed: fewer than two values in a condition."
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+@pytest.mark.parametrize("test", TESTS)
+def test_the_power_of_a_declared_test_is_that_of_the_textbook(test: str, direction: str) -> None:
+    from statsmodels.stats.power import TTestIndPower
+
+    declared = DeclaredTest("reward", ("tom", "none"), test, direction, alpha=0.03)
+    design = primary_power.PrimaryDesign(declared, 8.0, 14.0, 6)
+    sd = math.sqrt(64 + 196 / 6)
+    sides = "two-sided" if direction == "two_sided" else "larger"
+    truth = TTestIndPower().power(7 / sd, 25, 0.03, alternative=sides)
+    effect = -7.0 if direction == "less" else 7.0
+    slack = 4 * math.sqrt(truth * (1 - truth) / 4000)
+    found = primary_power.simulated(design, effect, 25, 4000, seed=1)
+    if test == "mann_whitney":  # 95.5 % as efficient where values are normal (Hodges and Lehmann 1956)
+        truth = TTestIndPower().power(7 / sd, 25 * 0.955, 0.03, alternative=sides)
+    assert found == pytest.approx(truth, abs=slack + 0.01)
+    if test != "mann_whitney":
+        assert primary_power.exact(design, effect, 25) == pytest.approx(truth, abs=1e-6)
+        needed = primary_power.participants_needed(design, effect)
+        assert needed == math.ceil(TTestIndPower().solve_power(7 / sd, None, 0.03, 0.8, alternative=sides))
+
+
+def test_the_power_command_covers_the_declared_test(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "study.yaml"
+    file.write_text(
+        "layouts: [a, b, c]\nagents: [d, e]\n"
+        "primary: {comparison: [tom, none], direction: greater, layouts: [a, b], agents: [d]}\n"
+    )
+    words = ["power", str(file), "--effect", "8", "--studies", "200", "--person-sd", "8", "--residual-sd", "14"]
+    assert kitchenmind.main([*words, "--out", str(tmp_path / "out")]) == 0
+    out = capsys.readouterr().out
+    line = next(line for line in out.splitlines() if line.startswith("Primary test of the study file"))
+    assert "Welch’s t-test of reward, tom - none, greater, alpha = 0.05; 2 episodes a participant" in line
+    design = primary_power.PrimaryDesign(DeclaredTest("reward", ("tom", "none"), direction="greater"), 8, 14, 2)
+    assert f"80 % are reached with {primary_power.participants_needed(design, 8)} participants" in line
+    file.write_text("layouts: [a]\nagents: [d]\nprimary: {comparison: [tom]}\n")
+    assert kitchenmind.main([*words, "--out", str(tmp_path / "out")]) == 2
+    assert "primary.comparison: it needs two different conditions" in capsys.readouterr().err
+
+
+def test_the_power_of_a_declared_question_comes_from_a_pilot(
+    planted_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = "primary: {measure: efficiency, comparison: [tom, none], layouts: [matrix, double_rings]}\n"
+    file = tmp_path / "study.yaml"
+    file.write_text("layouts: [a, b, c]\nagents: [d, e]\n" + text)
+    words = ["power", str(file), "--pilot", str(planted_folder), "--effect", "8", "--studies", "50"]
+    words += ["--out", str(tmp_path / "out")]
+    assert kitchenmind.main(words) == 0
+    assert "give --answer-effect and a pilot" in capsys.readouterr().out
+    assert kitchenmind.main([*words, "--answer-effect", "0.5"]) == 0
+    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("Primary test"))
+    between, within = (float(value) for value in re.findall(r"(\d+\.?\d*) (?:between|within)", line))
+    assert (between, within) == pytest.approx(spread_of_answers(planted_folder), abs=0.06)
+    assert "4 episodes a participant" in line
+    assert "a true difference of 0.5 is found" in line
+
+
+def spread_of_answers(folder: Path) -> tuple[float, float]:
+    """Standard deviations of the answers between and within people, by statsmodels."""
+    answers = pl.read_parquet(folder / "answers.parquet").filter(pl.col("question") == "efficiency")
+    episodes = pl.read_parquet(folder / "episodes.parquet").filter(
+        pl.col("layout").is_in(["matrix", "double_rings"]) & (pl.col("excluded") == "")
+    )
+    table = answers.join(episodes, on="episode").with_columns(value=pl.col("value").cast(pl.Float64))
+    x = [np.ones(table.height), table["layout"] == "matrix", table["agent_1"] == "fcp"]
+    x += [table["condition"] == name for name in ("random", "tom")]
+    _, person = np.unique(table["participant_0"].to_numpy(), return_inverse=True)
+    fitted = MixedLM(table["value"].to_numpy(), np.stack(x, axis=1).astype(float), person).fit(reml=True)
+    return math.sqrt(float(np.asarray(fitted.cov_re)[0, 0])), math.sqrt(float(fitted.scale))
+
+
+def test_an_export_brings_its_own_declaration_for_power(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_export(Truth(participants=6, layouts=("matrix", "double_rings"), timesteps=10, seed=3), tmp_path / "plain")
+    folder = declaring(tmp_path / "plain", tmp_path / "data", "primary: {comparison: [tom, none], agents: [sp]}\n")
+    words = ["power", str(folder), "--effect", "8", "--studies", "50", "--out", str(tmp_path / "out")]
+    assert kitchenmind.main(words) == 0
+    assert "alpha = 0.05; 2 episodes a participant" in capsys.readouterr().out
