@@ -1,10 +1,10 @@
 """What the study file declared about its analysis before the data, from the versions of it that an export holds."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 
@@ -13,6 +13,8 @@ from analysis.tables import Export, ExportError
 TESTS = ("welch", "student", "mann_whitney")
 DIRECTIONS = ("two_sided", "greater", "less")
 REWARD = "reward"
+EMPTY = (None, "", "null", "~")
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True)
@@ -33,23 +35,35 @@ class DeclaredTest:
 
 
 @dataclass(frozen=True)
+class DeclaredEffect:
+    """The smallest effects of interest of a study file. None: not set. Empty layouts: the published one."""
+
+    reward: float | None = None  # points of an episode
+    answers: float | None = None  # points of the scale
+    layouts: tuple[str, ...] = ()  # where no difference is expected
+
+
+@dataclass(frozen=True)
 class Declaration:
-    """What the newest of the analysed versions declares. `warning`: that not every version declares the same."""
+    """What the newest of the analysed versions declares. `warning`: not all have the same primary test."""
 
     primary: DeclaredTest | None = None
+    smallest: DeclaredEffect | None = None
     warning: str = ""
 
 
 def declaration_of(export: Export) -> Declaration:
     """Return what the study files in the export declare. Raises ExportError for a declaration that cannot be read."""
-    found = {number: _primary(text, path) for number, (text, path) in _study_files(export).items()}
-    if not found:
+    files = _study_files(export)
+    if not files:
         return Declaration()
+    found = {number: _read(declared_test, text, path) for number, (text, path) in files.items()}
     newest = found[max(found)]
+    smallest = _read(declared_effect, *files[max(files)])
     played = [number for number in export.versions if number in found] or [max(found)]
     others = [number for number in played if found[number] != newest]
     if not others:
-        return Declaration(newest)
+        return Declaration(newest, smallest)
     people = sum(export.versions[number] for number in others)
     what = "another primary test" if any(found[number] for number in others) else "no primary test"
     names = ", ".join(str(number) for number in others)
@@ -57,7 +71,7 @@ def declaration_of(export: Export) -> Declaration:
         f"{people} participants took part under version {names} of the study file, which declares {what}. "
         "The declaration below was not made before their data."
     )
-    return Declaration(newest, warning)
+    return Declaration(newest, smallest, warning)
 
 
 def _study_files(export: Export) -> dict[int, tuple[Mapping[str, Any], Path]]:
@@ -77,21 +91,19 @@ def _study_files(export: Export) -> dict[int, tuple[Mapping[str, Any], Path]]:
     return found
 
 
-def _primary(study: Mapping[str, Any], path: Path) -> DeclaredTest | None:
+def _read(reader: Callable[[Mapping[str, Any]], Found | None], study: Mapping[str, Any], path: Path) -> Found | None:
     try:
-        return declared_test(study)
+        return reader(study)
     except ValueError as error:
         raise ExportError(f"{path}: {error}. Export the study again.") from None
 
 
 def declared_test(study: Mapping[str, Any]) -> DeclaredTest | None:
     """Return the primary test of a study file's texts, none without one. Raises ValueError that names the key."""
-    block = study.get("primary")
-    if block in (None, "", "null", "~"):
+    block = _block(study, "primary")
+    if block is None:
         return None
-    if not isinstance(block, dict):
-        raise ValueError("primary: this is not a block of `key: value` lines")
-    comparison = _names(block, "comparison")
+    comparison = _names(block, "primary.comparison")
     if len(set(comparison)) != 2 or len(comparison) != 2:
         raise ValueError("primary.comparison: it needs two different conditions, such as [tom, none]")
     alpha = _number("primary.alpha", block.get("alpha", "0.05"))
@@ -103,15 +115,36 @@ def declared_test(study: Mapping[str, Any]) -> DeclaredTest | None:
         _one_of(block, "test", TESTS),
         _one_of(block, "direction", DIRECTIONS),
         alpha,
-        _names(block, "layouts"),
-        _names(block, "agents"),
+        _names(block, "primary.layouts"),
+        _names(block, "primary.agents"),
     )
 
 
-def _names(block: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    value = block.get(key) or []
+def declared_effect(study: Mapping[str, Any]) -> DeclaredEffect | None:
+    """Return the smallest effects of a study file's texts, none without them. Raises ValueError that names the key."""
+    block = _block(study, "smallest_effect")
+    if block is None:
+        return None
+    reward, answers = (
+        None if block.get(key) in EMPTY else _number(f"smallest_effect.{key}", block[key])
+        for key in ("reward", "answers")
+    )
+    return DeclaredEffect(reward, answers, _names(block, "smallest_effect.layouts"))
+
+
+def _block(study: Mapping[str, Any], key: str) -> Mapping[str, Any] | None:
+    block = study.get(key)
+    if isinstance(block, dict):
+        return block
+    if block in EMPTY:
+        return None
+    raise ValueError(f"{key}: this is not a block of `key: value` lines")
+
+
+def _names(block: Mapping[str, Any], place: str) -> tuple[str, ...]:
+    value = block.get(place.rpartition(".")[2]) or []
     if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
-        raise ValueError(f"primary.{key}: this is not a list of names")
+        raise ValueError(f"{place}: this is not a list of names")
     return tuple(value)
 
 

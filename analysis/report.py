@@ -17,7 +17,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoes
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from analysis import apa_text, figures, formatting, primary_text, questionnaires
+from analysis import apa_text, equivalence_text, figures, formatting, primary_text, questionnaires
 from analysis.compare import repeats
 from analysis.exclusions import versions_notice
 from analysis.results import Result, select, write_results
@@ -111,6 +111,7 @@ def _environment() -> Environment:
         contrast=formatting.contrast_title,
         question=questionnaires.title,
     )
+    environment.globals["outcome"] = equivalence_text.outcome
     environment.tests["computed"] = lambda value: not math.isnan(value)
     return environment
 
@@ -138,6 +139,7 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
             findings=[Markup(text) for text in apa_text.findings(analysis)],  # noqa: S704
             sentences=[Markup(text) for text in _sentences(analysis)],  # noqa: S704
             flagged=_flagged(analysis),
+            equivalence=equivalence_text.pairs_of_rows(analysis.rows),
             own_grids=[name for name in analysis.layouts if name in LAYOUTS[1:]],
             provenance=_provenance(analysis, options),
             simulated=_simulated(analysis.export),
@@ -149,7 +151,11 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
 def _sentences(analysis: Analysis) -> list[str]:
     """The primary test first, then everything else."""
     first = primary_text.primary_sentence(analysis.declaration, analysis.rows)
-    return [*([first] if first else []), *apa_text.sentences(analysis)]
+    return [
+        *([first] if first else []),
+        *apa_text.sentences(analysis),
+        *equivalence_text.equivalence_sentences(analysis.rows),
+    ]
 
 
 def _flagged(analysis: Analysis) -> pl.DataFrame:

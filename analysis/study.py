@@ -12,6 +12,7 @@ from analysis import (
     cards,
     compare,
     data_quality,
+    equivalence,
     exclusions,
     measures,
     mixed_model,
@@ -91,6 +92,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         *questionnaires.tests(answers, conditions, agents),
         *accuracy.offline(_offline(export, options), layouts, agents),
         *accuracy.live(episodes, layouts, agents),
+        *robustness_rows(declaration, episodes, answers, design),
     ]
     powers = _powers(model, episodes, conditions, options)
     return Analysis(
@@ -117,6 +119,14 @@ class AnalysisDesign:
     layouts: tuple[str, ...]
     agents: tuple[str, ...]
     contrast: tuple[str, str] | None
+
+
+def robustness_rows(
+    declaration: Declaration, episodes: pl.DataFrame, answers: pl.DataFrame, design: AnalysisDesign
+) -> list[Result]:
+    """What a reviewer asks for beside the tests."""
+    smallest, compared = declaration.smallest, (design.conditions, design.contrast)
+    return equivalence.equivalence_rows(smallest, episodes, answers, *compared) if smallest else []
 
 
 def reward_rows(episodes: pl.DataFrame, design: AnalysisDesign, options: Options) -> list[Result]:

@@ -77,6 +77,7 @@ def planned_analysis(study: Study) -> dict[str, Any]:
         "analysed": "episodes played to their end by participants who finished, unless the researcher excluded them",
         "conditions": conditions,
         "primary_test": study.primary.model_dump(mode="json") if study.primary else None,
+        "smallest_effect": study.smallest_effect.model_dump(mode="json") if study.smallest_effect else None,
         "main_comparison": f"{contrast[0]} - {contrast[1]}" if contrast else None,
         "layouts": layouts,
         "agents": [agent.name for agent in study.agents],

@@ -26,3 +26,14 @@ class PrimaryTest(StrictModel):
     """Use only the episodes on these layouts. Empty: all."""
     agents: tuple[Key, ...] = ()
     """Use only the episodes with these agents. Empty: all."""
+
+
+class SmallestEffect(StrictModel):
+    """The smallest differences that matter. The report calls conditions equivalent only within these bounds."""
+
+    reward: Annotated[float, Field(gt=0, le=10_000)] | None = None
+    """The smallest difference in reward that matters, in points of an episode. Empty: no equivalence of reward."""
+    answers: Annotated[float, Field(gt=0, le=8)] | None = None
+    """The smallest difference in answers that matters, in points of the scale. Empty: no equivalence of answers."""
+    layouts: tuple[Key, ...] = ()
+    """Layouts on which predictions should make no difference. Empty: clear_division, if the study has it."""

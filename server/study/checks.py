@@ -54,6 +54,7 @@ def problems(study: Study) -> Iterator[Problem]:
     yield from _two_people(study)
     yield from _recruitment(study)
     yield from _primary(study)
+    yield from _smallest_effect(study)
 
 
 def balance(study: Study, participants: int = 60) -> dict[str, Counter[tuple[str, int]]]:
@@ -220,6 +221,15 @@ def _primary(study: Study) -> Iterator[Problem]:
         known = ", ".join(["reward", *sorted(set.intersection(*measures) - {"reward"})])
         reason = f"{primary.measure!r} is not measured after every episode in both conditions"
         yield Problem(("primary", "measure"), reason, f"Known: {known}.")
+
+
+def _smallest_effect(study: Study) -> Iterator[Problem]:
+    smallest = study.smallest_effect
+    if smallest is None:
+        return
+    yield from _known_once(study.layouts, smallest.layouts, ("smallest_effect", "layouts"), "layout")
+    if smallest.reward is None and smallest.answers is None:
+        yield Problem(("smallest_effect",), "no effect is set", "Add `reward: 5` or `answers: 0.5`, in points.")
 
 
 def _measures(study: Study, condition: str) -> Iterator[str]:

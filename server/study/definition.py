@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BeforeValidator, Field, model_validator
 
 from overcooked.other_names import bundled_name
-from server.study.analysis_plan import PrimaryTest
+from server.study.analysis_plan import PrimaryTest, SmallestEffect
 from server.study.locale import languages, locale
 from server.study.questionnaire import AnyQuestion, Key, Questionnaire
 from server.study.recruitment import Recruitment
@@ -271,6 +271,7 @@ class Study(StrictModel):
     attention: AttentionChecks = AttentionChecks()
     breaks: Breaks = Breaks()
     primary: PrimaryTest | None = None
+    smallest_effect: SmallestEffect | None = None
     pages: dict[Key, Section] = Field(default_factory=dict)
     flow: Annotated[tuple[str, ...], Field(min_length=1)]
     """The steps in order: introduction, quiz, tutorial, episodes, thanks, and keys of `pages` and `questionnaires`."""

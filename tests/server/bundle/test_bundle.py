@@ -98,6 +98,7 @@ def test_a_bundle_registers_the_primary_test() -> None:
     primary = making.texts.planned_analysis(study)["primary_test"]
     assert primary["comparison"] == ["worse", "bare"]
     assert (primary["measure"], primary["test"], primary["direction"]) == ("fun", "student", "greater")
+    assert making.texts.planned_analysis(study)["smallest_effect"]["answers"] == 0.6
     assert making.texts.planned_analysis(load_study(PUBLISHED).study)["primary_test"] is None
 
 

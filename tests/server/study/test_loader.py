@@ -21,6 +21,7 @@ def errors(text: str) -> tuple[str, ...]:
 
 
 FLOW, PRIMARY = "flow: [everything,", "primary: {comparison: [with, without]"
+SMALLEST = "smallest_effect: {"
 WRONG = [
     # (what stands in the file, what stands there instead, where the message points, what it says)
     ("duration_min: 4", "duration_mn: 4", "duration_mn", "unknown key 'duration_mn'. Did you mean 'duration_min'?"),
@@ -62,6 +63,9 @@ WRONG = [
     (FLOW, PRIMARY + ", measure: check}\n" + FLOW, "primary:", "'check' is not measured after every episode in both"),
     (FLOW, PRIMARY + ", test: anova}\n" + FLOW, "primary:", "'anova' is not possible here. Use 'welch', 'student'"),
     (FLOW, PRIMARY + ", alpha: 5}\n" + FLOW, "primary:", "primary.alpha: 5 is too large. Write less than 0.5."),
+    (FLOW, SMALLEST + "layouts: [moon]}\n" + FLOW, "smallest_", "layouts.0: there is no layout 'moon'. Known: "),
+    (FLOW, SMALLEST + "layouts: [matrix]}\n" + FLOW, "smallest_", "no effect is set. Add `reward: 5` or `answers:"),
+    (FLOW, SMALLEST + "reward: 0}\n" + FLOW, "smallest_", "smallest_effect.reward: 0 is too small. Write more than"),
     ("languages: [en, zh]", "languages: []", "languages", "there are too few. Write at least 1."),
 ]  # fmt: skip
 
