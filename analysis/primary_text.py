@@ -38,12 +38,13 @@ def declaration_words(declared: DeclaredTest) -> str:
     """Return the declaration as HTML: test, measure, where, comparison, direction and level."""
     first, second = (condition(name) for name in declared.comparison)
     return (
-        f"{TITLES[declared.test]} over people of {_measure(declared)} (each person’s mean over {_where(declared)}), "
-        f"{first} against {second}, {DIRECTIONS[declared.direction]}, α = {declared.alpha:g}"
+        f"{TITLES[declared.test]} over people of {measure_words(declared)} (each person’s mean over "
+        f"{_where(declared)}), {first} against {second}, {DIRECTIONS[declared.direction]}, α = {declared.alpha:g}"
     )
 
 
-def _measure(declared: DeclaredTest) -> str:
+def measure_words(declared: DeclaredTest) -> str:
+    """Return what is compared, as HTML."""
     if declared.measure == REWARD:
         return "the reward"
     return f"the answers to “{escape(questionnaires.title(declared.measure))}”"
@@ -65,7 +66,7 @@ def primary_sentence(declaration: Declaration, rows: Sequence[Result]) -> str:
     if math.isnan(row.p):
         return f"The primary test could not be computed: {note(row)}."
     first, second = (condition(name) for name in declared.comparison)
-    return f"In the primary test, {_measure(declared)} {_verdict(declared, row, first, second)} ({_numbers(row)})."
+    return f"In the primary test, {measure_words(declared)} {_verdict(declared, row, first, second)} ({_numbers(row)})."
 
 
 def _verdict(declared: DeclaredTest, row: Result, first: str, second: str) -> str:

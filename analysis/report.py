@@ -17,10 +17,11 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoes
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from analysis import apa_text, equivalence_text, figures, formatting, primary_text, questionnaires
+from analysis import apa_text, equivalence_text, figures, formatting, primary_text, questionnaires, sensitivity_text
 from analysis.compare import repeats
 from analysis.exclusions import versions_notice
 from analysis.results import Result, select, write_results
+from analysis.sensitivity import POPULATIONS
 from analysis.spreadsheet import safe_table
 from analysis.study import Analysis, Options, analyse, smallest_condition
 from analysis.tables import COLUMNS, LAYOUTS, Export, read_export, table_file
@@ -139,6 +140,7 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
             findings=[Markup(text) for text in apa_text.findings(analysis)],  # noqa: S704
             sentences=[Markup(text) for text in _sentences(analysis)],  # noqa: S704
             flagged=_flagged(analysis),
+            populations=POPULATIONS,
             equivalence=equivalence_text.pairs_of_rows(analysis.rows),
             own_grids=[name for name in analysis.layouts if name in LAYOUTS[1:]],
             provenance=_provenance(analysis, options),
@@ -155,7 +157,12 @@ def _sentences(analysis: Analysis) -> list[str]:
         *([first] if first else []),
         *apa_text.sentences(analysis),
         *equivalence_text.equivalence_sentences(analysis.rows),
+        *_exclusion_sentences(analysis),
     ]
+
+
+def _exclusion_sentences(analysis: Analysis) -> list[str]:
+    return sensitivity_text.sensitivity_sentences(analysis.declaration, analysis.contrast, analysis.rows)
 
 
 def _flagged(analysis: Analysis) -> pl.DataFrame:

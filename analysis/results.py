@@ -26,7 +26,7 @@ class Interval:
 class Result:
     """One row of results.csv. Empty text or nan: does not apply, or could not be computed (then `note` says why)."""
 
-    section: str  # primary, reward, equivalence, questionnaire, accuracy, exclusions, assumptions, mixed model, quality
+    section: str  # primary, reward, questionnaire, accuracy, exclusions, assumptions, mixed model, equivalence, ...
     test: str  # what was computed: mean, kruskal_wallis, anova, t_test, ...
     layout: str = ""  # "all": over the chosen layouts together
     agent: str = ""  # "all": over the agents together

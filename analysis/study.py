@@ -12,7 +12,6 @@ from analysis import (
     cards,
     compare,
     data_quality,
-    equivalence,
     exclusions,
     measures,
     mixed_model,
@@ -24,6 +23,7 @@ from analysis import ranks as ranking
 from analysis.declared import Declaration, declaration_of
 from analysis.groups import ALL, cells
 from analysis.results import Result
+from analysis.robustness import RobustnessInputs, robustness_rows
 from analysis.tables import Export, ExportError
 
 MEASURE = "reward"
@@ -74,14 +74,15 @@ def analyse(export: Export, options: Options) -> Analysis:
     episodes = measures.analysed(every, export.participants)
     conditions = tuple(name for name in export.conditions if name in set(episodes["condition"]))
     layouts, agents = export.layouts, export.agents
-    chosen = options.questionnaire_layouts or layouts[:QUESTIONNAIRE_LAYOUTS]
-    if unknown := [name for name in chosen if name not in layouts]:
-        raise ExportError(f"The export has no layout {unknown[0]}. It has: {', '.join(layouts)}.")
+    chosen = _questionnaire_layouts(options, layouts)
     answers = questionnaires.answers_on(export.answers, episodes, chosen)
     model = mixed_model.fit(episodes, MEASURE, conditions)
     design = AnalysisDesign(conditions, layouts, agents, main_contrast(conditions))
     declaration = declaration_of(export)
     declared = declaration.primary
+    quality = data_quality.verdicts(every, export.answers)
+    compared = (conditions, design.contrast, declaration, options.seed)
+    checked = RobustnessInputs(export, every, episodes, quality, answers, *compared)
     rows = [
         *([primary.primary_row(declared, episodes, export.answers)] if declared else []),
         *exclusions.flow(export, every, episodes),
@@ -92,7 +93,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         *questionnaires.tests(answers, conditions, agents),
         *accuracy.offline(_offline(export, options), layouts, agents),
         *accuracy.live(episodes, layouts, agents),
-        *robustness_rows(declaration, episodes, answers, design),
+        *robustness_rows(checked),
     ]
     powers = _powers(model, episodes, conditions, options)
     return Analysis(
@@ -103,12 +104,19 @@ def analyse(export: Export, options: Options) -> Analysis:
         design.contrast,
         tuple(chosen),
         episodes,
-        data_quality.verdicts(every, export.answers),
+        quality,
         model,
         tuple(powers),
         (*rows, *_power_rows(powers)),
         declaration,
     )
+
+
+def _questionnaire_layouts(options: Options, layouts: Sequence[str]) -> Sequence[str]:
+    chosen = options.questionnaire_layouts or layouts[:QUESTIONNAIRE_LAYOUTS]
+    if unknown := [name for name in chosen if name not in layouts]:
+        raise ExportError(f"The export has no layout {unknown[0]}. It has: {', '.join(layouts)}.")
+    return chosen
 
 
 @dataclass(frozen=True)
@@ -119,14 +127,6 @@ class AnalysisDesign:
     layouts: tuple[str, ...]
     agents: tuple[str, ...]
     contrast: tuple[str, str] | None
-
-
-def robustness_rows(
-    declaration: Declaration, episodes: pl.DataFrame, answers: pl.DataFrame, design: AnalysisDesign
-) -> list[Result]:
-    """What a reviewer asks for beside the tests."""
-    smallest, compared = declaration.smallest, (design.conditions, design.contrast)
-    return equivalence.equivalence_rows(smallest, episodes, answers, *compared) if smallest else []
 
 
 def reward_rows(episodes: pl.DataFrame, design: AnalysisDesign, options: Options) -> list[Result]:

@@ -1,0 +1,76 @@
+"""Sentences about exclusions and attrition."""
+
+import math
+from collections.abc import Sequence
+
+from analysis import formatting
+from analysis.declared import Declaration, DeclaredTest
+from analysis.formatting import listed, p_equals
+from analysis.phrases import ALPHA, condition
+from analysis.primary_text import measure_words
+from analysis.results import Result, select
+from analysis.robustness import main_test
+from analysis.sensitivity import ATTRITION, SECTION
+
+
+def sensitivity_sentences(
+    declaration: Declaration, contrast: tuple[str, str] | None, rows: Sequence[Result]
+) -> list[str]:
+    """Return whether the conclusion depends on who is left out, and whether conditions lost people unequally."""
+    declared = main_test(declaration, contrast)
+    tests = select(rows, section=SECTION)
+    made = [_exclusions(declared, tests)] if declared and tests else []
+    return [text for text in (*made, _attrition(rows)) if text]
+
+
+def conclusion(row: Result, declared: DeclaredTest) -> str:
+    """Return what a row says: higher, lower, no significant difference, or nothing."""
+    if math.isnan(row.p):
+        return ""
+    if row.p >= declared.alpha:
+        return "no significant difference"
+    return "higher" if row.effect > 0 else "lower"
+
+
+def _exclusions(declared: DeclaredTest, tests: Sequence[Result]) -> str:
+    found = {row.test: conclusion(row, declared) for row in tests}
+    if not found["analysed"]:
+        return ""
+    first, second = (condition(name) for name in declared.comparison)
+    decimals = 2 if declared.measure != "reward" else 1
+    sizes = {row.test: formatting.signed(row.estimate, decimals) for row in tests}
+    what = f"The comparison of {measure_words(declared)} between {first} and {second}"
+    others = [name for name, said in found.items() if said and said != found["analysed"]]
+    untested = [name for name, said in found.items() if not said]
+    names = {
+        "assigned": "all who were assigned",
+        "completed": "all who finished",
+        "no_drop": "only people without an episode that a rule proposes to drop",
+        "no_flag": "only people without a flagged episode",
+    }
+    asked = [name for name in names if name not in untested]
+    values = ", ".join(f"{sizes[name]} with {names[name]}" for name in asked)
+    missing = f" It could not be computed with {listed([names[name] for name in untested])}." if untested else ""
+    if not others:
+        return f"{what} does not depend on the exclusions: {sizes['analysed']} as analysed, {values}.{missing}"
+    changed = listed([f"{names[name]} ({found[name]})" for name in others])
+    return (
+        f"{what} depends on the exclusions: {sizes['analysed']} as analysed ({found['analysed']}), {values}; the "
+        f"conclusion differs with {changed}.{missing}"
+    )
+
+
+def _attrition(rows: Sequence[Result]) -> str:
+    parts = select(rows, section=ATTRITION, test="left")
+    tests = select(rows, section=ATTRITION, test="left_by_condition")
+    if not parts or not tests:
+        return ""
+    lost = listed([f"{round(row.estimate * row.n)} of {row.n} with {condition(row.condition)}" for row in parts])
+    row = tests[0]
+    if math.isnan(row.p):
+        return f"Of those assigned, these did not finish the study: {lost}."
+    verb = "differed" if row.p < ALPHA else "did not differ significantly"
+    return (
+        f"Of those assigned, these did not finish the study: {lost}; attrition {verb} between the conditions "
+        f"({row.note}, <i>p</i> {p_equals(row.p)})."
+    )
