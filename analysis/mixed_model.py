@@ -50,7 +50,7 @@ def fit(episodes: pl.DataFrame, measure: str, conditions: Sequence[str]) -> Mixe
     base = Result("mixed model", "fixed_effect", "all", "all", n=chosen.height)
     if len(present) < 2 or people < FEWEST_PEOPLE or chosen.height <= people:
         return _none(base, "needs two conditions, six people and more than one episode a person")
-    data = _data(chosen, measure, _design(chosen, present))
+    data = _data(chosen, measure, fixed_effects(chosen, present))
     try:
         fitted = mixed_model_fit.fit(data)
     except (mixed_model_fit.FitError, np.linalg.LinAlgError) as error:
@@ -77,8 +77,8 @@ def _dummies(values: pl.Series, levels: Sequence[str]) -> Array:
     return np.stack([(values == level).to_numpy() for level in levels[1:]], axis=1).astype(np.float64)
 
 
-def _design(chosen: pl.DataFrame, conditions: Sequence[str]) -> Array:
-    """Intercept, conditions, agents, layouts: (episodes, columns)."""
+def fixed_effects(chosen: pl.DataFrame, conditions: Sequence[str]) -> Array:
+    """Return intercept, conditions, agents, layouts: (episodes, columns)."""
     parts = [np.ones((chosen.height, 1)), _dummies(chosen["condition"], conditions)]
     for column, known in (("agent", AGENTS), ("layout", LAYOUTS)):
         levels = in_order(chosen[column], known)

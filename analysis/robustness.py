@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import polars as pl
 
-from analysis import equivalence, sensitivity
+from analysis import equivalence, ordinal, sensitivity
 from analysis.declared import REWARD, Declaration, DeclaredTest
 from analysis.results import Result
 from analysis.tables import Export
@@ -34,7 +34,8 @@ def robustness_rows(inputs: RobustnessInputs) -> list[Result]:
         )
     if declared := main_test(inputs.declaration, inputs.contrast):
         rows += sensitivity.sensitivity_rows(declared, inputs.every, inputs.episodes, inputs.quality, inputs.export)
-    return rows + sensitivity.attrition_rows(inputs.export, inputs.episodes, inputs.seed)
+    rows += sensitivity.attrition_rows(inputs.export, inputs.episodes, inputs.seed)
+    return rows + ordinal.ordinal_rows(inputs.answers, inputs.conditions)
 
 
 def main_test(declaration: Declaration, contrast: tuple[str, str] | None) -> DeclaredTest | None:
