@@ -17,7 +17,16 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoes
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from analysis import apa_text, equivalence_text, figures, formatting, primary_text, questionnaires, sensitivity_text
+from analysis import (
+    apa_text,
+    equivalence_text,
+    figures,
+    formatting,
+    primary_text,
+    questionnaires,
+    robustness_text,
+    sensitivity_text,
+)
 from analysis.compare import repeats
 from analysis.exclusions import versions_notice
 from analysis.results import Result, select, write_results
@@ -141,6 +150,7 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
             sentences=[Markup(text) for text in _sentences(analysis)],  # noqa: S704
             flagged=_flagged(analysis),
             populations=POPULATIONS,
+            checks=robustness_text.CHECKS,
             equivalence=equivalence_text.pairs_of_rows(analysis.rows),
             own_grids=[name for name in analysis.layouts if name in LAYOUTS[1:]],
             provenance=_provenance(analysis, options),
@@ -158,6 +168,7 @@ def _sentences(analysis: Analysis) -> list[str]:
         *apa_text.sentences(analysis),
         *equivalence_text.equivalence_sentences(analysis.rows),
         *_exclusion_sentences(analysis),
+        *robustness_text.check_sentences(analysis.contrast, analysis.rows),
     ]
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import polars as pl
 
-from analysis import equivalence, ordinal, sensitivity
+from analysis import equivalence, model_checks, ordinal, sensitivity
 from analysis.declared import REWARD, Declaration, DeclaredTest
 from analysis.results import Result
 from analysis.tables import Export
@@ -20,6 +20,8 @@ class RobustnessInputs:
     quality: pl.DataFrame  # a verdict on every episode
     answers: pl.DataFrame  # about the analysed episodes on the questionnaire's layouts
     conditions: tuple[str, ...]
+    layouts: tuple[str, ...]
+    agents: tuple[str, ...]
     contrast: tuple[str, str] | None
     declaration: Declaration
     seed: int
@@ -35,7 +37,11 @@ def robustness_rows(inputs: RobustnessInputs) -> list[Result]:
     if declared := main_test(inputs.declaration, inputs.contrast):
         rows += sensitivity.sensitivity_rows(declared, inputs.every, inputs.episodes, inputs.quality, inputs.export)
     rows += sensitivity.attrition_rows(inputs.export, inputs.episodes, inputs.seed)
-    return rows + ordinal.ordinal_rows(inputs.answers, inputs.conditions)
+    rows += ordinal.ordinal_rows(inputs.answers, inputs.conditions)
+    rows += model_checks.model_rows(inputs.episodes, inputs.conditions)
+    if inputs.contrast:
+        rows += model_checks.simple_effects(inputs.episodes, inputs.contrast, inputs.layouts, inputs.agents)
+    return rows
 
 
 def main_test(declaration: Declaration, contrast: tuple[str, str] | None) -> DeclaredTest | None:

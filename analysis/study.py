@@ -81,7 +81,7 @@ def analyse(export: Export, options: Options) -> Analysis:
     declaration = declaration_of(export)
     declared = declaration.primary
     quality = data_quality.verdicts(every, export.answers)
-    compared = (conditions, design.contrast, declaration, options.seed)
+    compared = (conditions, layouts, agents, design.contrast, declaration, options.seed)
     checked = RobustnessInputs(export, every, episodes, quality, answers, *compared)
     rows = [
         *([primary.primary_row(declared, episodes, export.answers)] if declared else []),

@@ -69,7 +69,7 @@ def test_results_hold_every_number_of_the_page(report: Report, page: str) -> Non
     assert len(rows) == len(report.analysis.rows)
     assert {row["section"] for row in rows} == {
         "exclusions", "reward", "mixed model", "assumptions", "questionnaire", "accuracy", "power", "sensitivity",
-        "attrition", "ordinal",
+        "attrition", "ordinal", "robustness", "simple effects",
     }  # fmt: skip
     text = re.sub(r"<svg.*?</svg>|<style.*?</style>|<script.*?</script>", "", page, flags=re.DOTALL)
     shown = [float(cell.replace("−", "-")) for cell in re.findall(r'<td class="num">([+−]?\d+\.\d+)</td>', text)]

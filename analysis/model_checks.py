@@ -1,0 +1,165 @@
+"""Checks on the mixed model of reward: other error terms, round order as covariate, and simple effects."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import polars as pl
+from scipy import stats
+
+from analysis import compare, mixed_model, mixed_model_fit, random_slopes
+from analysis.groups import ALL, PeopleGroups, Values, pairs
+from analysis.mixed_model_fit import Array, Data, FitError
+from analysis.results import Result
+
+SECTION = "robustness"
+REWARD = "reward"
+SIMPLE = "simple effects"
+
+
+def model_rows(episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result]:
+    """Return the differences between conditions with errors that are robust to clusters (`cluster_robust`), with a
+    random slope of the agent for each person (`random_slopes`), and with the round as covariate (`with_round`); what a
+    round adds (`round`), and whether it adds more under a condition (`round_by_condition`)."""
+    chosen = episodes.filter(pl.col(REWARD).is_not_null())
+    present = [name for name in conditions if name in set(chosen["condition"])]
+    people = chosen["participant"].n_unique()
+    base = Result(SECTION, "", ALL, ALL, n=chosen.height)
+    if len(present) < 2 or people < mixed_model.FEWEST_PEOPLE or chosen.height <= people:
+        return [replace(base, test="cluster_robust", note="needs two conditions, six people and several episodes each")]
+    checks: tuple[tuple[str, Callable[[Result, pl.DataFrame, list[str]], list[Result]]], ...] = (
+        ("cluster_robust", _cluster_robust),
+        ("random_slopes", _random_slopes),
+        ("with_round", _with_round),
+    )
+    rows: list[Result] = []
+    for test, check in checks:
+        named = replace(base, test=test)
+        try:
+            rows += check(named, chosen, present)
+        except (FitError, np.linalg.LinAlgError) as error:
+            rows.append(replace(named, note=f"could not be fitted: {error}"))
+    return rows
+
+
+def _weights(pair: tuple[str, str], conditions: Sequence[str], size: int) -> Values:
+    """Which sum of the effects is the difference; the first condition's effect is in the intercept."""
+    weights = np.zeros(size)
+    for name, sign in zip(pair, (1.0, -1.0), strict=True):
+        if name != conditions[0]:
+            weights[list(conditions).index(name)] = sign
+    return weights
+
+
+def _tested(base: Result, estimate: float, se: float, df: float) -> Result:
+    """An estimate with its t-test and 95 % interval."""
+    if not se > 0:
+        return replace(base, note="nothing varies beside the effects")
+    half = float(stats.t.ppf(0.975, df)) * se
+    return replace(
+        base,
+        estimate=estimate,
+        estimate_low=estimate - half,
+        estimate_high=estimate + half,
+        se=se,
+        statistic_name="t",
+        statistic=estimate / se,
+        df=df,
+        p=float(2 * stats.t.sf(abs(estimate / se), df)),
+        ci_level=0.95,
+    )
+
+
+def _contrasts(base: Result, beta: Values, covariance: Array, conditions: Sequence[str], df: float) -> list[Result]:
+    rows = []
+    for pair in pairs(conditions):
+        weights = _weights(pair, conditions, beta.size)
+        se = math.sqrt(float(weights @ covariance @ weights))
+        rows.append(_tested(replace(base, contrast=" - ".join(pair)), float(weights @ beta), se, df))
+    return rows
+
+
+def _people(chosen: pl.DataFrame) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
+    return np.unique(chosen["participant"].to_numpy(), return_inverse=True)[1]
+
+
+def cluster_robust(data: Data) -> tuple[Values, Array]:
+    """Return least-squares estimates and their covariance with people as clusters, corrected for their number."""
+    if np.linalg.matrix_rank(data.x) < data.x.shape[1]:
+        raise FitError("two of its effects cannot be told apart: not every condition was played alike")
+    if np.ptp(data.y) <= mixed_model_fit.ROUNDING * np.abs(data.y).max():
+        raise FitError("nothing varies beside the effects")
+    inverse = np.linalg.inv(data.x.T @ data.x)
+    beta = inverse @ data.x.T @ data.y
+    scores = data.sums(data.x * (data.y - data.x @ beta)[:, None])  # (people, effects)
+    people, (count, size) = len(scores), data.x.shape
+    correction = people / (people - 1) * (count - 1) / (count - size)
+    return np.asarray(beta), np.asarray(correction * inverse @ scores.T @ scores @ inverse)
+
+
+def _cluster_robust(base: Result, chosen: pl.DataFrame, conditions: list[str]) -> list[Result]:
+    person = _people(chosen)
+    data = Data(chosen[REWARD].to_numpy().astype(np.float64), mixed_model.fixed_effects(chosen, conditions), person)
+    beta, covariance = cluster_robust(data)
+    return _contrasts(base, beta, covariance, conditions, float(person.max()))
+
+
+def _random_slopes(base: Result, chosen: pl.DataFrame, conditions: list[str]) -> list[Result]:
+    """Degrees of freedom: the people minus the conditions, as in a balanced study."""
+    agents = sorted(set(chosen["agent"]))
+    if len(agents) < 2:
+        return [replace(base, note="needs two agents")]
+    person = _people(chosen)
+    data = Data(chosen[REWARD].to_numpy().astype(np.float64), mixed_model.fixed_effects(chosen, conditions), person)
+    own = np.stack([np.ones(chosen.height), *((chosen["agent"] == name).to_numpy() for name in agents[1:])], axis=1)
+    fitted = random_slopes.fit(data, own.astype(np.float64))
+    df = float(person.max() + 1 - len(conditions))
+    rows = _contrasts(base, fitted.beta, fitted.covariance, conditions, df)
+    for index, name in enumerate(agents[1:], start=1):
+        sd = math.sqrt(max(0.0, float(fitted.between[index, index])))
+        rows.append(replace(base, test="slope_sd", agent=name, estimate=sd, unit="people"))
+    return rows
+
+
+def _with_round(base: Result, chosen: pl.DataFrame, conditions: list[str]) -> list[Result]:
+    """The round counts from the middle of the study, so that the difference is that in the middle."""
+    rounds = chosen["number"].to_numpy().astype(np.float64)
+    rounds = rounds - rounds.mean()
+    plain = mixed_model.fixed_effects(chosen, conditions)
+    products = plain[:, 1 : len(conditions)] * rounds[:, None]
+    y, person, size = chosen[REWARD].to_numpy().astype(np.float64), _people(chosen), plain.shape[1]
+    fitted = mixed_model_fit.fit(Data(y, np.column_stack([plain, rounds]), person))
+    rows = []
+    for pair in pairs(conditions):
+        weights = _weights(pair, conditions, size + 1)
+        rows.append(_weighted(replace(base, contrast=" - ".join(pair)), fitted, weights))
+    rows.append(_weighted(replace(base, test="round"), fitted, np.eye(size + 1)[size]))
+    fitted = mixed_model_fit.fit(Data(y, np.column_stack([plain, rounds, products]), person))
+    for pair in pairs(conditions):
+        weights = np.zeros(len(fitted.beta))
+        weights[size + 1 :] = _weights(pair, conditions, len(conditions))[1:]
+        rows.append(_weighted(replace(base, test="round_by_condition", contrast=" - ".join(pair)), fitted, weights))
+    return rows
+
+
+def _weighted(base: Result, fitted: mixed_model_fit.Fit, weights: Values) -> Result:
+    se = math.sqrt(float(weights @ fitted.covariance @ weights))
+    return _tested(base, float(weights @ fitted.beta), se, fitted.degrees(weights))
+
+
+def simple_effects(
+    episodes: pl.DataFrame, contrast: tuple[str, str], layouts: Sequence[str], agents: Sequence[str]
+) -> list[Result]:
+    """Return the main contrast on every layout (over agents) and with every agent (over layouts), over people,
+    Benjamini-Hochberg within each: what an interaction with the layout or the agent looks like."""
+    people = PeopleGroups(episodes, REWARD)
+    rows: list[Result] = []
+    for places in ([(name, ALL) for name in layouts], [(ALL, name) for name in agents]):
+        family = []
+        for layout, agent in places:
+            found = people.at(layout, agent, contrast)
+            base = Result(SIMPLE, "simple_effect", layout, agent, contrast=" - ".join(contrast), unit="people")
+            family.append(compare.t_test(base, found[contrast[0]], found[contrast[1]]))
+        rows += compare.adjust(family) if len(family) > 1 else []
+    return rows
