@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 import yaml
 
+from analysis.alpha_spending import SPENDING
 from analysis.tables import Export, ExportError
 
 TESTS = ("welch", "student", "mann_whitney")
@@ -28,6 +29,8 @@ class DeclaredTest:
     alpha: float = 0.05
     layouts: tuple[str, ...] = ()
     agents: tuple[str, ...] = ()
+    looks: tuple[int, ...] = ()  # people of both conditions at each interim look and the last; empty: no interim looks
+    spending: str = SPENDING[0]
 
     @property
     def contrast(self) -> str:
@@ -117,6 +120,8 @@ def declared_test(study: Mapping[str, Any]) -> DeclaredTest | None:
         alpha,
         _names(block, "primary.layouts"),
         _names(block, "primary.agents"),
+        _looks(block),
+        _one_of(block, "spending", SPENDING),
     )
 
 
@@ -146,6 +151,14 @@ def _names(block: Mapping[str, Any], place: str) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
         raise ValueError(f"{place}: this is not a list of names")
     return tuple(value)
+
+
+def _looks(block: Mapping[str, Any]) -> tuple[int, ...]:
+    looks = _names(block, "primary.looks")
+    numbers = tuple(int(look) for look in looks if look.isdecimal())
+    if len(numbers) != len(looks) or list(numbers) != sorted(set(numbers)) or (numbers and numbers[0] < 4):
+        raise ValueError("primary.looks: these are not growing numbers of people from 4")
+    return numbers
 
 
 def _one_of(block: Mapping[str, Any], key: str, known: tuple[str, ...]) -> str:

@@ -9,6 +9,7 @@ import polars as pl
 from scipy import stats
 
 from analysis import effects
+from analysis.alpha_spending import Look, current_look
 from analysis.declared import REWARD, DeclaredTest
 from analysis.groups import ALL, Groups, Values, computed, person_means
 from analysis.questionnaires import answers_on
@@ -61,8 +62,25 @@ def compared(declared: DeclaredTest, first: Values, second: Values) -> Result:
     )
     if trouble := effects.can_compare([first, second]):
         return replace(base, note=trouble)
+    look = look_at(declared, base.n)
+    if declared.looks and look is None:
+        return replace(base, note=f"before the first declared look, which is at {declared.looks[0]} people")
     row = computed(_ranks if declared.test == "mann_whitney" else _means, base, declared, first, second)
-    return row if row.note else replace(row, note=f"{ALTERNATIVES[declared.direction]}, alpha = {declared.alpha:g}")
+    words = f"{ALTERNATIVES[declared.direction]}, alpha = {declared.alpha:g}"
+    words += f", look {look.number} of {look.of}, nominal alpha = {look.nominal_alpha:.3g}" if look else ""
+    return row if row.note else replace(row, note=words)
+
+
+def look_at(declared: DeclaredTest, people: int) -> Look | None:
+    """Return which of the declared looks this many people are; None without looks, and before the first."""
+    two_sided = declared.direction == "two_sided"
+    return current_look(declared.looks, people, declared.alpha, declared.spending, two_sided)
+
+
+def level_of(declared: DeclaredTest, people: int) -> float:
+    """Return the level below which p is significant with this many people."""
+    look = look_at(declared, people)
+    return look.nominal_alpha if look else declared.alpha
 
 
 def _one_name(names: Sequence[str]) -> str:
@@ -73,7 +91,7 @@ def _means(base: Result, declared: DeclaredTest, first: Values, second: Values) 
     test = stats.ttest_ind(
         first, second, equal_var=declared.test == "student", alternative=ALTERNATIVES[declared.direction]
     )
-    level = interval_level(declared)
+    level = interval_level(declared, base.n)
     both = stats.ttest_ind(first, second, equal_var=declared.test == "student").confidence_interval(level)
     difference = float(first.mean() - second.mean())
     g = effects.hedges_g(first, second, level)
@@ -98,7 +116,7 @@ def _means(base: Result, declared: DeclaredTest, first: Values, second: Values) 
 def _ranks(base: Result, declared: DeclaredTest, first: Values, second: Values) -> Result:
     """The estimate is the median of all differences between two people (Hodges and Lehmann)."""
     u, p = stats.mannwhitneyu(first, second, alternative=ALTERNATIVES[declared.direction])
-    delta = effects.cliffs_delta(first, second, interval_level(declared))
+    delta = effects.cliffs_delta(first, second, interval_level(declared, base.n))
     return replace(
         base,
         estimate=float(np.median(first[:, None] - second[None, :])),
@@ -113,6 +131,7 @@ def _ranks(base: Result, declared: DeclaredTest, first: Values, second: Values) 
     )
 
 
-def interval_level(declared: DeclaredTest) -> float:
-    """Return the level of the interval that leaves out zero exactly where the test is significant."""
-    return 1 - declared.alpha * (1 if declared.direction == "two_sided" else 2)
+def interval_level(declared: DeclaredTest, people: int) -> float:
+    """Return the level of the interval that leaves out zero exactly where the test is significant; at an interim look,
+    this is the repeated confidence interval."""
+    return 1 - level_of(declared, people) * (1 if declared.direction == "two_sided" else 2)

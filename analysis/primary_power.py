@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special, stats
 
+from analysis.alpha_spending import nominal_levels
 from analysis.declared import DeclaredTest
 from analysis.power import MOST, WANTED
 from analysis.primary import ALTERNATIVES
@@ -40,10 +41,38 @@ def p_values(declared: DeclaredTest, first: Values, second: Values) -> Values:
     return np.asarray(stats.ttest_ind(first, second, axis=-1, equal_var=pooled, alternative=alternative).pvalue)
 
 
+def simulated_with_looks(design: PrimaryDesign, effect: float, studies: int, seed: int) -> tuple[float, float]:
+    """Return the share of simulated studies that cross a boundary at a declared look, and how many people they have in
+    both conditions on average. Half of the people of each look are in each condition."""
+    declared = design.declared
+    generator = np.random.default_rng([seed, declared.looks[-1], abs(round(effect * 1000)), int(effect < 0)])
+    shift = directed(declared, effect)
+    looks = [2 * (people // 2) for people in declared.looks]
+    two_sided = declared.direction == "two_sided"
+    bounds = nominal_levels(looks, looks[-1], declared.alpha, declared.spending, two_sided)
+    crossed, people = 0, 0
+    step = max(1, BATCH // looks[-1])
+    for start in range(0, studies, step):
+        means = generator.normal(0, design.mean_sd, (2, min(step, studies - start), looks[-1] // 2))
+        going = np.ones(means.shape[1], dtype=np.bool_)
+        for look in bounds:
+            people += int(going.sum()) * (look.people if look.number == 1 else look.people - looks[look.number - 2])
+            half = look.people // 2
+            p = p_values(declared, means[0, :, :half] + shift, means[1, :, :half])
+            crossed += int((going & (p < look.nominal_alpha)).sum())
+            going &= p >= look.nominal_alpha
+    return crossed / studies, people / studies
+
+
+def directed(declared: DeclaredTest, effect: float) -> float:
+    """Return the effect as it is in a two-sided test, in the declared direction in a one-sided one."""
+    return effect if declared.direction == "two_sided" else math.copysign(effect, _sign(declared))
+
+
 def simulated(design: PrimaryDesign, effect: float, participants: int, studies: int, seed: int) -> float:
     """Return the share of simulated studies that find the effect, which goes the declared way in a one-sided test."""
     generator = np.random.default_rng([seed, participants, abs(round(effect * 1000)), int(effect < 0)])
-    shift = effect if design.declared.direction == "two_sided" else math.copysign(effect, _sign(design.declared))
+    shift = directed(design.declared, effect)
     found = 0
     step = max(1, BATCH // (2 * participants))
     for start in range(0, studies, step):
@@ -80,14 +109,20 @@ def participants_needed(design: PrimaryDesign, effect: float) -> int | None:
 def sentence(design: PrimaryDesign, effect: float, participants: int, studies: int, seed: int) -> str:
     """Return what a methods section says about the declared test."""
     declared = design.declared
-    share = simulated(design, effect, participants, studies, seed)
-    size = effect if declared.direction == "two_sided" else math.copysign(effect, _sign(declared))
+    if declared.looks:
+        share, people = simulated_with_looks(design, effect, studies, seed)
+        looks = ", ".join(str(look) for look in declared.looks)
+        size = f"looks at {looks} people, {declared.spending} spending, {people:.0f} people on average"
+        rest = ""
+    else:
+        share = simulated(design, effect, participants, studies, seed)
+        size, rest = f"{participants} participants in each condition", _needed(design, effect)
     return (
         f"Primary test of the study file ({TITLES[declared.test]} of {declared.measure}, {declared.contrast}, "
         f"{declared.direction.replace('_', '-')}, alpha = {declared.alpha:g}; {design.episodes} episodes a "
         f"participant, standard deviation {design.person_sd:.2g} between and {design.residual_sd:.2g} within "
-        f"participants): with {participants} participants in each condition, a true difference of {size:g} is found "
-        f"with a probability of {100 * share:.0f} % ({studies} simulated studies){_needed(design, effect)}."
+        f"participants): with {size}, a true difference of {directed(declared, effect):g} is found with a probability "
+        f"of {100 * share:.0f} % ({studies} simulated studies){rest}."
     )
 
 

@@ -9,7 +9,7 @@ from analysis import formatting, questionnaires
 from analysis.declared import REWARD, Declaration, DeclaredTest
 from analysis.formatting import listed, number
 from analysis.phrases import condition, note, statistic
-from analysis.primary import SECTION
+from analysis.primary import SECTION, level_of, look_at
 from analysis.results import Result, select
 
 TITLES = {"welch": "Welch’s t-test", "student": "Student’s t-test", "mann_whitney": "Mann-Whitney test"}
@@ -26,8 +26,32 @@ def primary_lines(declaration: Declaration, rows: Sequence[Result]) -> list[str]
     declared = declaration.primary
     if declared is None:
         return [*_warning(declaration), NO_PRIMARY]
-    sentence = primary_sentence(declaration, rows)
-    return [*_warning(declaration), f"Declared: {declaration_words(declared)}.", sentence, SECONDARY]
+    lines = [f"Declared: {declaration_words(declared)}.", *_look(declared, rows), primary_sentence(declaration, rows)]
+    return [*_warning(declaration), *lines, SECONDARY]
+
+
+def _look(declared: DeclaredTest, rows: Sequence[Result]) -> list[str]:
+    """Which of the declared looks this is, and the boundary."""
+    found = select(rows, section=SECTION)
+    if not declared.looks or not found:
+        return []
+    kind = {"obrien_fleming": "O’Brien-Fleming-type", "pocock": "Pocock-type"}[declared.spending]
+    plan = f"looks at {listed([str(look) for look in declared.looks])} people, {kind} spending (Lan and DeMets)"
+    row, look = found[0], look_at(declared, found[0].n)
+    if look is None:
+        return [f"Declared {plan}. With {row.n} people, no look is due: the primary test is not computed."]
+    letter = {"two_sided": "|z|", "greater": "z", "less": "−z"}[declared.direction]
+    crossed = "is crossed" if row.p < look.nominal_alpha else "is not crossed"
+    crossed = "The test could not be computed." if math.isnan(row.p) else f"It {crossed}."
+    end = "This is the last look." if look.number == look.of else "No other test may decide whether the study stops."
+    return [
+        f"Declared {plan}. This is look {look.number} of {look.of}, at {look.people} people: the boundary is "
+        f"{letter} = {number(look.boundary, 3)}, a nominal level of {_level(look.nominal_alpha)}. {crossed} {end}"
+    ]
+
+
+def _level(alpha: float) -> str:
+    return f"{alpha:.2g}" if alpha < 0.001 else f"{alpha:.4f}"
 
 
 def _warning(declaration: Declaration) -> list[str]:
@@ -63,6 +87,8 @@ def primary_sentence(declaration: Declaration, rows: Sequence[Result]) -> str:
     if declared is None or not found:
         return ""
     row = found[0]
+    if declared.looks and look_at(declared, row.n) is None:
+        return f"The primary test is not computed {note(row)}."
     if math.isnan(row.p):
         return f"The primary test could not be computed: {note(row)}."
     first, second = (condition(name) for name in declared.comparison)
@@ -72,7 +98,7 @@ def primary_sentence(declaration: Declaration, rows: Sequence[Result]) -> str:
 def _verdict(declared: DeclaredTest, row: Result, first: str, second: str) -> str:
     way = {"greater": "higher", "less": "lower"}.get(declared.direction, "")
     plural = declared.measure != REWARD
-    if row.p < declared.alpha:
+    if row.p < level_of(declared, row.n):
         way = way or ("higher" if row.effect > 0 else "lower")  # the median of differences may be 0
         return f"{'were' if plural else 'was'} significantly {way} with {first} than with {second}"
     if way:
@@ -86,6 +112,6 @@ def _numbers(row: Result) -> str:
     estimate = f"difference {formatting.signed(row.estimate, decimals)}"
     if not math.isnan(row.estimate_low):
         low, high = (number(bound, decimals) for bound in (row.estimate_low, row.estimate_high))
-        estimate += f", {100 * row.ci_level:g} % CI [{low}, {high}]"
+        estimate += f", {100 * row.ci_level:.4g} % CI [{low}, {high}]"
     effect = "Hedges’ <i>g</i>" if row.effect_name == "Hedges g" else "Cliff’s δ"
     return f"{estimate}, {statistic(row)}, {effect} = {number(row.effect)}, {row.n} people"

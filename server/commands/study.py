@@ -98,7 +98,8 @@ def _primary(study: "Study") -> str:
     if primary is None:
         return "no primary test is declared; `primary:` declares one before the data"
     words = f"{primary.test} of {primary.measure}, {' - '.join(primary.comparison)}, {primary.direction}"
-    return f"{words}, alpha {primary.alpha:g}"
+    looks = f", looks at {', '.join(map(str, primary.looks))} people ({primary.spending})" if primary.looks else ""
+    return f"{words}, alpha {primary.alpha:g}{looks}"
 
 
 def _balance(file: "StudyFile", places: int) -> list[str]:

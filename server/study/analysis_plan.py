@@ -26,6 +26,11 @@ class PrimaryTest(StrictModel):
     """Use only the episodes on these layouts. Empty: all."""
     agents: tuple[Key, ...] = ()
     """Use only the episodes with these agents. Empty: all."""
+    looks: Annotated[tuple[Annotated[int, Field(ge=4)], ...], Field(max_length=10)] = ()
+    """Interim looks: how many people of both conditions together have been analysed at each, the last one included.
+    Empty: the test is computed once, at the end."""
+    spending: Literal["obrien_fleming", "pocock"] = "obrien_fleming"
+    """How alpha is spent over the looks (Lan and DeMets). obrien_fleming: little at first. pocock: more evenly."""
 
 
 class SmallestEffect(StrictModel):

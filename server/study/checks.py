@@ -1,7 +1,7 @@
 """What must fit together in a study file, beyond each value being right by itself. Pure: yields problems."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,14 +11,7 @@ from server.study.assignment import participant_seed
 from server.study.definition import FIXED_PAGES, Study
 from server.study.locale import FALLBACK, languages
 from server.study.order import episode_order
-from server.study.questionnaire import (
-    ChoiceQuestion,
-    MultipleQuestion,
-    Questionnaire,
-    RankingQuestion,
-    ScaleQuestion,
-    asked,
-)
+from server.study.questionnaire import ChoiceQuestion, MultipleQuestion, Questionnaire, RankingQuestion, asked
 from server.study.steps import episodes_of
 from server.study.text import Text
 
@@ -53,8 +46,6 @@ def problems(study: Study) -> Iterator[Problem]:
     yield from _episodes(study)
     yield from _two_people(study)
     yield from _recruitment(study)
-    yield from _primary(study)
-    yield from _smallest_effect(study)
 
 
 def balance(study: Study, participants: int = 60) -> dict[str, Counter[tuple[str, int]]]:
@@ -205,50 +196,6 @@ def _episodes(study: Study) -> Iterator[Problem]:
         yield Problem(
             ("game", "pause"), "one pause may last longer than all together", "Make `episode_s` at least `each_s`."
         )
-
-
-def _primary(study: Study) -> Iterator[Problem]:
-    """The primary test must be about what the study has, or nobody could compute it."""
-    primary = study.primary
-    if primary is None:
-        return
-    yield from _known_once(study.conditions, primary.comparison, ("primary", "comparison"), "condition")
-    yield from _known_once(study.layouts, primary.layouts, ("primary", "layouts"), "layout")
-    yield from _known_once(study.agents, primary.agents, ("primary", "agents"), "agent")
-    conditions = [condition for condition in study.conditions if condition.name in primary.comparison]
-    measures = [set(_measures(study, condition.name)) for condition in conditions]
-    if any(primary.measure not in names for names in measures):
-        known = ", ".join(["reward", *sorted(set.intersection(*measures) - {"reward"})])
-        reason = f"{primary.measure!r} is not measured after every episode in both conditions"
-        yield Problem(("primary", "measure"), reason, f"Known: {known}.")
-
-
-def _smallest_effect(study: Study) -> Iterator[Problem]:
-    smallest = study.smallest_effect
-    if smallest is None:
-        return
-    yield from _known_once(study.layouts, smallest.layouts, ("smallest_effect", "layouts"), "layout")
-    if smallest.reward is None and smallest.answers is None:
-        yield Problem(("smallest_effect",), "no effect is set", "Add `reward: 5` or `answers: 0.5`, in points.")
-
-
-def _measures(study: Study, condition: str) -> Iterator[str]:
-    """What can be compared between conditions: reward, and the scale questions that follow every episode."""
-    yield "reward"
-    if study.after_episode in study.questionnaires:
-        shows = study.condition(condition).shows_predictions
-        for question in asked(study.questions(str(study.after_episode)), condition, shows):
-            if isinstance(question, ScaleQuestion) and question.attention is None:
-                yield question.key
-
-
-def _known_once(parts: Sequence[Any], names: Sequence[str], path: Path, kind: str) -> Iterator[Problem]:
-    known = [part.name for part in parts]
-    for index, name in enumerate(names):
-        if name not in known:
-            yield Problem((*path, index), f"there is no {kind} {name!r}", f"Known: {', '.join(known)}.")
-        if name in names[:index]:
-            yield Problem((*path, index), f"{name!r} is there twice", "Name each once.")
 
 
 def _two_people(study: Study) -> Iterator[Problem]:

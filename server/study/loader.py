@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from server.study.checks import Path, Problem, problems
 from server.study.definition import Study
+from server.study.plan_checks import plan_problems
 from server.study.validation_messages import mistakes
 
 LARGEST_BYTES = 1_000_000
@@ -102,7 +103,8 @@ def parse_study(text: str, source: str = "study.yaml") -> StudyFile:
     except ValidationError as error:
         found = sorted(mistakes(error, places.nearest), key=lambda one: places.line(one.path))
         raise StudyError([places.describe(problem) for problem in found]) from None
-    found = sorted(problems(study), key=lambda one: places.line(places.nearest(one.path)))
+    together = (*problems(study), *plan_problems(study))
+    found = sorted(together, key=lambda one: places.line(places.nearest(one.path)))
     wrong = [places.describe(problem) for problem in found if not problem.warning]
     if wrong:
         raise StudyError(wrong)

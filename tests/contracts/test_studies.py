@@ -242,6 +242,22 @@ def test_check_shows_how_often_each_layout_and_agent_comes_when(path: Path, caps
         assert [sum(column) for column in zip(*table, strict=True)] == [60] * episodes
 
 
+def test_check_shows_the_primary_test(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (STUDIES / "external_predictor.yaml").read_text("utf-8")
+    file = tmp_path / "study.yaml"
+    file.write_text(text, encoding="utf-8")
+    assert "no primary test is declared" in run("check", str(file), capsys=capsys)[1]
+    file.write_text(f"{text}\nprimary: {{comparison: [tom, none], direction: greater, looks: [30, 60]}}\n", "utf-8")
+    code, out, _ = run("check", str(file), capsys=capsys)
+    assert code == 0
+    assert "welch of reward, tom - none, greater, alpha 0.05, looks at 30, 60 people (obrien_fleming)" in out
+    file.write_text(f"{text}\nprimary: {{comparison: [tom, nobody]}}\n", "utf-8")
+    code, _, err = run("check", str(file), capsys=capsys)
+    line = text.count("\n") + 2
+    assert code == 2
+    assert f"{file}:{line}: primary.comparison.1: there is no condition 'nobody'. Known: none, random, tom." in err
+
+
 def test_new_study_passes_its_check_and_is_never_overwritten(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -63,6 +63,10 @@ WRONG = [
     (FLOW, PRIMARY + ", measure: check}\n" + FLOW, "primary:", "'check' is not measured after every episode in both"),
     (FLOW, PRIMARY + ", test: anova}\n" + FLOW, "primary:", "'anova' is not possible here. Use 'welch', 'student'"),
     (FLOW, PRIMARY + ", alpha: 5}\n" + FLOW, "primary:", "primary.alpha: 5 is too large. Write less than 0.5."),
+    (FLOW, PRIMARY + ", looks: [30]}\n" + FLOW, "primary:", "looks: one look alone is the final test. List two or"),
+    (FLOW, PRIMARY + ", looks: [60, 30]}\n" + FLOW, "primary:", "primary.looks: the looks do not grow. List the"),
+    (FLOW, PRIMARY + ", looks: [2, 30]}\n" + FLOW, "primary:", "primary.looks.0: 2 is too small. Write 4 or more."),
+    (FLOW, PRIMARY + ", spending: all}\n" + FLOW, "primary:", "'all' is not possible here. Use 'obrien_fleming'"),
     (FLOW, SMALLEST + "layouts: [moon]}\n" + FLOW, "smallest_", "layouts.0: there is no layout 'moon'. Known: "),
     (FLOW, SMALLEST + "layouts: [matrix]}\n" + FLOW, "smallest_", "no effect is set. Add `reward: 5` or `answers:"),
     (FLOW, SMALLEST + "reward: 0}\n" + FLOW, "smallest_", "smallest_effect.reward: 0 is too small. Write more than"),
@@ -82,6 +86,16 @@ def test_wrong_file_is_refused_with_line_reason_and_remedy(old: str, new: str, w
 def test_all_problems_are_told_at_once() -> None:
     text = SMALL_STUDY.replace("duration_min: 4", "duration_min: soon").replace("{rule: paper}", "{rule: none}")
     assert len(errors(text)) == 2
+
+
+def test_a_last_look_beyond_the_quotas_is_refused() -> None:
+    limited = SMALL_STUDY.replace("predictor: none}", "predictor: none, quota: 9}", 1)
+    limited = limited.replace("{name: with, predictor: tom}", "{name: with, predictor: tom, quota: 9}")
+    wrong = limited.replace(FLOW, PRIMARY + ", looks: [10, 30]}\n" + FLOW)
+    assert any("the last look is at 30 people, and the quotas end at 18" in line for line in errors(wrong))
+    primary = parse_study(limited.replace(FLOW, PRIMARY + ", looks: [10, 18]}\n" + FLOW)).study.primary
+    assert primary is not None
+    assert primary.looks == (10, 18)
 
 
 def test_list_with_a_wrong_item_is_not_called_empty_too() -> None:
