@@ -37,7 +37,7 @@ def _sentence(row: Result, difference: Result) -> str:
     if not found:
         return f"{subject}, equivalence of {first} and {second} could not be tested: {note(row)}."
     decimals = 2 if row.question else 1
-    bound = f"{number(row.effect, decimals)} points (the smallest effect of interest)"
+    bound = f"{number(row.effect, decimals)} points, the smallest effect of interest"
     low, high = (number(value, decimals) for value in (row.estimate_low, row.estimate_high))
     estimate = f"difference {formatting.signed(row.estimate, decimals)}, 90 % CI [{low}, {high}]"
     equal = f"two one-sided Welch tests over people, {statistic(row)}, {row.n} people"
@@ -46,7 +46,7 @@ def _sentence(row: Result, difference: Result) -> str:
         "equivalent": f"{first} and {second} were equivalent within ±{bound}",
         "trivial": f"{first} and {second} differed, but by less than {bound}",
         "different": f"{first} and {second} differed, and were not shown to be equivalent within ±{bound}",
-        "not shown": f"neither a difference between {first} and {second} nor equivalence within ±{bound} was shown",
+        "not shown": f"neither a difference between {first} and {second} nor equivalence within ±{bound}, was shown",
     }
     return f"{subject}, {words[found]} ({estimate}; {equal}; {other})."
 

@@ -129,7 +129,10 @@ def _with_round(base: Result, chosen: pl.DataFrame, conditions: list[str]) -> li
     plain = mixed_model.fixed_effects(chosen, conditions)
     products = plain[:, 1 : len(conditions)] * rounds[:, None]
     y, person, size = chosen[REWARD].to_numpy().astype(np.float64), _people(chosen), plain.shape[1]
-    fitted = mixed_model_fit.fit(Data(y, np.column_stack([plain, rounds]), person))
+    together = np.column_stack([plain, rounds])
+    if np.linalg.matrix_rank(together) == np.linalg.matrix_rank(plain):
+        raise FitError("the round cannot be told apart from layout and agent, which came in the same order for all")
+    fitted = mixed_model_fit.fit(Data(y, together, person))
     rows = []
     for pair in pairs(conditions):
         weights = _weights(pair, conditions, size + 1)

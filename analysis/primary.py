@@ -131,6 +131,13 @@ def _ranks(base: Result, declared: DeclaredTest, first: Values, second: Values) 
     )
 
 
+def at_this_look(declared: DeclaredTest, people: int) -> DeclaredTest:
+    """Return the declared test with the level of the look that this many people are, as a single test."""
+    if look_at(declared, people) is None:
+        return declared
+    return replace(declared, alpha=level_of(declared, people), looks=())
+
+
 def interval_level(declared: DeclaredTest, people: int) -> float:
     """Return the level of the interval that leaves out zero exactly where the test is significant; at an interim look,
     this is the repeated confidence interval."""

@@ -30,7 +30,7 @@ def sensitivity_rows(
     declared: DeclaredTest, every: pl.DataFrame, analysed: pl.DataFrame, quality: pl.DataFrame, export: Export
 ) -> list[Result]:
     """Return the declared test over each of POPULATIONS. `every`: all episodes with their measures; `quality`: their
-    verdicts."""
+    verdicts. At an interim look, all have the level of the people analysed; before the first one there are none."""
     finished = every.filter(pl.col("status") == "done")
     completed = export.participants.filter(pl.col("status") == "completed").select("participant")
     flagged = quality.join(analysed.select("episode"), on="episode", how="semi")
@@ -41,6 +41,10 @@ def sensitivity_rows(
         "no_drop": _without(analysed, flagged.filter(pl.col("proposal") == "drop")),
         "no_flag": _without(analysed, flagged.filter(pl.col("proposal") != "keep")),
     }
+    people = primary.primary_row(declared, analysed, export.answers).n
+    declared = primary.at_this_look(declared, people)  # the same level for all
+    if declared.looks:
+        return []
     rows = []
     for name, table in tables.items():
         row = primary.primary_row(declared, table, export.answers)

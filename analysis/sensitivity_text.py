@@ -7,7 +7,7 @@ from analysis import formatting
 from analysis.declared import Declaration, DeclaredTest
 from analysis.formatting import listed, p_equals
 from analysis.phrases import ALPHA, condition
-from analysis.primary import level_of
+from analysis.primary import at_this_look
 from analysis.primary_text import measure_words
 from analysis.results import Result, select
 from analysis.robustness import main_test
@@ -28,12 +28,13 @@ def conclusion(row: Result, declared: DeclaredTest) -> str:
     """Return what a row says: higher, lower, no significant difference, or nothing."""
     if math.isnan(row.p):
         return ""
-    if row.p >= level_of(declared, row.n):
+    if row.p >= declared.alpha:
         return "no significant difference"
     return "higher" if row.effect > 0 else "lower"
 
 
 def _exclusions(declared: DeclaredTest, tests: Sequence[Result]) -> str:
+    declared = at_this_look(declared, select(tests, test="analysed")[0].n)
     found = {row.test: conclusion(row, declared) for row in tests}
     if not found["analysed"]:
         return ""

@@ -145,3 +145,18 @@ def test_the_sentence_about_attrition_counts_people(troubled: Export) -> None:
     (text,) = sensitivity_sentences(Declaration(), None, rows)
     assert "1 of 16 with no prediction, 0 of 16 with random predictions and 2 of 17 with ToM predictions" in text
     assert "did not differ significantly between the conditions (Fisher" in text
+
+
+def test_at_an_interim_look_all_populations_are_held_against_the_same_level(troubled: Export) -> None:
+    """Fewer people after exclusions are no earlier look."""
+    every = measures.episode_measures(troubled)
+    analysed = measures.analysed(every, troubled.participants)
+    quality = data_quality.verdicts(every, troubled.answers)
+    looks = replace(DECLARED, looks=(29, 60))  # 29 people are analysed, fewer without the flagged
+    rows = sensitivity_rows(looks, every, analysed, quality, troubled)
+    assert rows[0].n == 29
+    assert len({row.ci_level for row in rows if not math.isnan(row.p)}) == 1
+    assert rows[0].ci_level > 0.99
+    early = replace(DECLARED, looks=(30, 60))  # all who were assigned are more than 30
+    assert sensitivity_rows(early, every, analysed, quality, troubled) == []
+    assert sensitivity_sentences(Declaration(early), None, ()) == []
