@@ -99,6 +99,6 @@ def _ordinal(rows: Sequence[Result]) -> str:
     ]
     found = f"these differed significantly: {listed(sure)}" if sure else "none differed significantly"
     return (
-        f"In cumulative-link mixed models of the answers, of {len(tests)} comparisons with Benjamini-Hochberg "
-        f"correction {found}."
+        f"In cumulative-link mixed models of the answers, with Benjamini-Hochberg correction over {len(tests)} "
+        f"{'comparisons' if len(tests) > 1 else 'comparison'}, {found}."
     )

@@ -200,7 +200,7 @@ def test_simple_effects_are_told_after_an_interaction_only(p: float, said: bool,
 def test_the_sentence_about_ordered_categories_names_what_differed() -> None:
     row = Result("ordinal", "odds", question="efficiency", contrast=TOM, effect=2.5, p=0.001, p_adjusted=0.004)
     (text,) = check_sentences(("tom", "none"), [row, replace(row, p=0.5, p_adjusted=0.5)])
-    assert "of 2 comparisons" in text
+    assert "correction over 2 comparisons, these differed" in text
     assert "“Efficiency of cooperation” ToM predictions against no prediction (odds ratio 2.50, corrected" in text
     (text,) = check_sentences(("tom", "none"), [replace(row, p=0.5, p_adjusted=0.5)])
     assert text.endswith("none differed significantly.")

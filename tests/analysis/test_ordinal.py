@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import polars as pl
 import pytest
-from scipy import integrate, optimize, special
+from scipy import integrate, optimize, special, stats
 from statsmodels.miscmodels.ordinal_model import OrderedModel
 
 from analysis import ordinal, ordinal_fit
@@ -164,3 +164,14 @@ def test_a_flat_likelihood_is_no_fit() -> None:
     twice = replace(WINE, x=np.repeat(WINE.x, 2, axis=1))
     with pytest.raises(OrdinalFitError, match="cannot be told apart"):
         ordinal_fit.fit(twice)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_odds_are_claimed_no_more_often_than_alpha() -> None:
+    """In studies without a difference, at the size of the published one."""
+    alarms = 0
+    for seed in range(250):
+        table = episodes_of(World(), seed)[1].filter(pl.col("question") == "efficiency")
+        alarms += select(ordinal.ordinal_rows(table, CONDITIONS), contrast="tom - none")[0].p < 0.05
+    assert alarms <= stats.binom.ppf(0.9995, 250, 0.05)

@@ -7,6 +7,7 @@ from playwright.sync_api import Browser
 
 from analysis.report import write_report
 from analysis.synthetic import Truth, write_export
+from tests.support.declaring import declaring
 
 pytestmark = pytest.mark.browser
 
@@ -15,7 +16,8 @@ pytestmark = pytest.mark.browser
 def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("study")
     write_export(Truth(participants=6, reward_effect={"tom": 20.0}, timesteps=30), folder / "data")
-    return write_report(folder / "data", folder / "report").page
+    declared = "primary: {comparison: [tom, none], looks: [12, 60]}\nsmallest_effect: {reward: 8, answers: 0.5}\n"
+    return write_report(declaring(folder / "data", folder / "declared", declared), folder / "report").page
 
 
 def test_the_report_fits_a_laptop_and_a_phone_and_asks_the_network_for_nothing(
