@@ -14,7 +14,7 @@ from scipy import optimize, special
 
 Array = NDArray[np.float64]
 NODES = 15
-NEWTON_STEPS = 50
+NEWTON_STEPS = 100
 TOLERANCE = 1e-10
 FLAT = 1e-3  # of the gradient at a maximum
 STEP = 1e-4  # for the differences that give the curvature
@@ -60,7 +60,6 @@ def fit(data: OrdinalData, nodes: int = NODES) -> OrdinalFit:
     effects = np.column_stack([np.ones(data.category.size), data.x])
     if np.linalg.matrix_rank(effects) < effects.shape[1]:
         raise OrdinalFitError("some effects cannot be told apart")
-    start = _start(data)
 
     def loss(values: Array) -> float:
         return -log_likelihood(data, values, nodes)[0]
@@ -69,16 +68,17 @@ def fit(data: OrdinalData, nodes: int = NODES) -> OrdinalFit:
         return -gradient(data, values, nodes)
 
     with np.errstate(over="ignore", invalid="ignore"):
-        found = optimize.minimize(loss, start, jac=slope, method="BFGS", options={"gtol": 1e-5, "maxiter": 500})
-    thresholds, beta, sd = unpacked(data, found.x)
+        place = np.asarray(optimize.minimize(loss, _start(data), jac=slope, method="BFGS").x)
+    thresholds, beta, sd = unpacked(data, place)
     if np.abs(beta).max(initial=0) > LARGEST or np.abs(thresholds).max() > 3 * LARGEST:
         raise OrdinalFitError("the answers of some conditions do not overlap with the others")
-    if not np.isfinite(found.fun) or np.abs(slope(found.x)).max() > FLAT:
+    value = loss(place)
+    if not np.isfinite(value) or np.abs(slope(place)).max() > FLAT:
         raise OrdinalFitError("the search for the maximum did not end")
-    covariance = _covariance(data, found.x, slope)
+    covariance = _covariance(data, place, slope)
     if np.diag(covariance).max(initial=0) > LARGEST**2:
         raise OrdinalFitError("the answers say too little about some effects")
-    return OrdinalFit(thresholds, beta, covariance, abs(sd), -float(found.fun))
+    return OrdinalFit(thresholds, beta, covariance, abs(sd), -value)
 
 
 def _start(data: OrdinalData) -> Array:
@@ -130,11 +130,14 @@ def log_likelihood(data: OrdinalData, values: Array, nodes: int) -> tuple[float,
 
 
 def _newton(data: OrdinalData, lower: Array, upper: Array, sd: float, mode: Array) -> tuple[Array, Array]:
-    """Newton's step towards the mode of each person's u, and the negative curvature there."""
+    """Newton's step towards the mode of each person's u, and the negative curvature there. The step is damped as the
+    logistic function allows (Bach 2010): a full step swings to and fro between two places far from the mode."""
     low, high = (special.expit(bound - sd * mode[data.person]) for bound in (lower, upper))
     slope = sd * _by_person(data, low + high - 1) - mode
     curvature = sd**2 * _by_person(data, low * (1 - low) + high * (1 - high)) + 1
-    return slope / curvature, curvature
+    step = slope / curvature
+    length = np.maximum(abs(sd) * np.abs(step), 1e-12)
+    return step * np.log1p(length) / length, curvature
 
 
 def _bounds(data: OrdinalData, thresholds: Array) -> tuple[Array, Array]:

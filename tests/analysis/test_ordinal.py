@@ -160,6 +160,13 @@ def test_answers_that_cannot_be_fitted_say_why(answers: pl.DataFrame) -> None:
     assert ordinal.ordinal_rows(one.filter(pl.col("condition") == "tom"), CONDITIONS) == []
 
 
+def test_the_mode_of_a_person_far_from_the_others_is_found() -> None:
+    """In this study a full Newton step swings to and fro, and the likelihood has a jump."""
+    table = episodes_of(World(), 203)[1].filter(pl.col("question") == "efficiency")
+    rows = ordinal.ordinal_rows(table, CONDITIONS)
+    assert [row.contrast for row in select(rows, test="odds")] == ["tom - none", "tom - random", "random - none"]
+
+
 def test_a_flat_likelihood_is_no_fit() -> None:
     twice = replace(WINE, x=np.repeat(WINE.x, 2, axis=1))
     with pytest.raises(OrdinalFitError, match="cannot be told apart"):
