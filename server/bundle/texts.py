@@ -91,6 +91,10 @@ def planned_analysis(study: Study) -> dict[str, Any]:
             "t-tests of the questionnaire on questionnaire_layouts over people, Benjamini-Hochberg over all of them",
             "mixed model with participants as random effect: restricted maximum likelihood, Satterthwaite's degrees",
             "accuracy of the predictor with people, per layout and agent",
+            "equivalence within smallest_effect: two one-sided Welch tests over people",
+            "primary_test, else main_comparison, with exclusions undone and without flagged people; attrition",
+            "cumulative-link mixed models of the questionnaire; Benjamini-Hochberg over all of them",
+            "mixed model with cluster-robust errors, random slopes of the agent, and the round; simple effects",
         ],
         "quality_rules": [
             {
