@@ -76,7 +76,7 @@ class Watched(Player):
 def account(server: Server) -> str:
     """Make a researcher; the password."""
     words = ["admin", "--database", f"sqlite:///{server.database}", "create", "mara", "--role", "act"]
-    line = [sys.executable, str(ROOT / "kitchenmind.py"), *words]
+    line = [sys.executable, str(ROOT / "kitchenmind"), *words]
     made = subprocess.run(line, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL)
     return re.search(r"password: (\S+)", made.stdout).group(1)  # type: ignore[union-attr]
 

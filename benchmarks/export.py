@@ -57,7 +57,7 @@ def measured(people: int, folder: Path) -> dict[str, Any]:
         fill(database, people)
     line = [
         sys.executable,
-        str(ROOT / "kitchenmind.py"),
+        str(ROOT / "kitchenmind"),
         "export",
         "--database",
         url,

@@ -113,7 +113,7 @@ def command_line() -> dict[str, Any]:
     times = []
     for _ in range(15):
         begin = time.perf_counter()
-        subprocess.run([sys.executable, str(ROOT / "kitchenmind.py"), "--help"], check=True, capture_output=True)
+        subprocess.run([sys.executable, str(ROOT / "kitchenmind"), "--help"], check=True, capture_output=True)
         times.append(1000 * (time.perf_counter() - begin))
     return {"help_ms": round(statistics.median(times))}
 

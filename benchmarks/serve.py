@@ -80,7 +80,7 @@ class Server:
         words += ["--database", f"sqlite:///{self.database}"]
         with self.log.open("w") as log:
             self.process = subprocess.Popen(
-                [sys.executable, str(ROOT / "kitchenmind.py"), *words], stdout=log, stderr=log, cwd=ROOT
+                [sys.executable, str(ROOT / "kitchenmind"), *words], stdout=log, stderr=log, cwd=ROOT
             )
         os.sched_setaffinity(self.process.pid, set(arguments.server_cores))
         while not (found := re.search(r"http://\S+:\d+", self.log.read_text())):

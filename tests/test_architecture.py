@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-PACKAGES = ("overcooked", "models", "training", "analysis", "server")
+PACKAGES = ("kitchenmind", "overcooked", "models", "training", "analysis", "server")
 LONGEST_FILE, LONGEST_FUNCTION, MOST_ARGUMENTS = 300, 40, 6
 
 # What is larger than the guide, and why it is better so.

@@ -45,6 +45,7 @@ def test_verbs_in_documents_exist() -> None:
 
 def test_paths_in_documents_exist() -> None:
     folders = "overcooked|models|training|analysis|server|tests|benchmarks|docs|studies|static|templates|migrations"
+    folders += "|kitchenmind"
     missing = [
         f"{name}: {path}"
         for name, text in documents().items()

@@ -31,7 +31,7 @@ class Lab:
     postgres: PostgresServer
 
     def does(self, command: str) -> None:
-        own = f"{sys.executable} {ROOT / 'kitchenmind.py'}"
+        own = f"{sys.executable} {ROOT / 'kitchenmind'}"
         ours = command.replace(".venv/bin/kitchenmind", own)
         ours = re.sub(r"postgresql://kitchenmind@localhost/(\w+)", lambda name: f"'{self.postgres.url(name[1])}'", ours)
         done = subprocess.run(

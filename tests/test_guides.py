@@ -117,7 +117,7 @@ def assignments(words: list[str]) -> tuple[dict[str, str], list[str]]:
 
 
 def _program(words: list[str]) -> list[str]:
-    own = {"kitchenmind": [sys.executable, str(ROOT / "kitchenmind.py")], "python": [sys.executable]}
+    own = {"kitchenmind": [sys.executable, str(ROOT / "kitchenmind")], "python": [sys.executable]}
     return [*own.get(words[0], words[:1]), *words[1:]]
 
 

@@ -92,3 +92,10 @@ def test_installed_it_serves_from_an_empty_folder_and_keeps_its_data_there(serve
 def test_installed_it_checks_a_study_against_its_schema(installed: Path, tmp_path: Path) -> None:
     done = subprocess.run([installed, "study", "schema"], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert json.loads(done.stdout) == json.loads((ROOT / "studies" / "schema.json").read_text())
+
+
+def test_installed_it_is_a_library_too(installed: Path, tmp_path: Path) -> None:
+    program = "import kitchenmind; print(kitchenmind.simulate('coordination_ring', 'planner', horizon=200)['score'][0])"
+    words = [installed.parent / "python", "-c", program]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert int(done.stdout) > 0

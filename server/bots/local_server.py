@@ -39,7 +39,7 @@ class OwnServer:
 
     def start(self) -> None:
         """Return when pages can be opened; after the first time at the same address. Raises ServerFailed."""
-        words = [sys.executable, str(ROOT / "kitchenmind.py"), "serve", "--port", str(self._port), *self._words]
+        words = [sys.executable, str(ROOT / "kitchenmind"), "serve", "--port", str(self._port), *self._words]
         with self._log.open("wb") as log:
             self._process = subprocess.Popen(words, stdout=log, stderr=log, env=self._environment)  # noqa: S603
         deadline = time.monotonic() + START_WITHIN_S
@@ -87,4 +87,4 @@ class OwnServer:
 
 def kitchenmind(*words: str) -> Sequence[str]:
     """The command line of another verb, in this Python."""
-    return [sys.executable, str(ROOT / "kitchenmind.py"), *words]
+    return [sys.executable, str(ROOT / "kitchenmind"), *words]

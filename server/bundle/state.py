@@ -14,7 +14,7 @@ from server.study_check import missing_problems
 from server.version import code_version
 
 NOT_HASHED: Final = "cannot be hashed"
-_PARTS: Final = ("overcooked", "models", "server", "analysis", "migrations", "static", "templates")
+_PARTS: Final = ("kitchenmind", "overcooked", "models", "server", "analysis", "migrations", "static", "templates")
 _KINDS: Final = frozenset({".py", ".html", ".j2", ".js", ".css", ".svg", ".yaml", ".layout"})
 
 
@@ -88,8 +88,7 @@ def _model(required: RequiredModels, layout: str, model: str) -> str:
 
 def _code() -> Iterator[tuple[str, str]]:
     """Everything that runs or is shown, by its path; weights are named by their models."""
-    paths = [ROOT / "kitchenmind.py", *(path for part in _PARTS for path in (ROOT / part).rglob("*"))]
-    for path in sorted(paths):
+    for path in sorted(path for part in _PARTS for path in (ROOT / part).rglob("*")):
         inside = path.relative_to(ROOT)
         if path.suffix in _KINDS and inside.parts[:2] != ("models", "weights"):
             yield inside.as_posix(), _sha256(path.read_bytes())

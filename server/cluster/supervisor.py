@@ -19,7 +19,7 @@ from typing import Final
 from models.inference.circuit_breaker import Breaker
 
 log = logging.getLogger(__name__)
-_ENTRY: Final = Path(__file__).resolve().parents[2] / "kitchenmind.py"
+_ENTRY: Final = Path(__file__).resolve().parents[2] / "kitchenmind"
 OF_SUPERVISOR: Final = "KITCHENMIND_SUPERVISED"  # "socket,lifeline,first": two descriptors, and who tells the address
 
 

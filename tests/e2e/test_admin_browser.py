@@ -56,7 +56,7 @@ def password(server: RealServer) -> str:
     """The account is made while the server runs."""
     line = [
         sys.executable,
-        str(ROOT / "kitchenmind.py"),
+        str(ROOT / "kitchenmind"),
         "admin",
         "--database",
         server.database,

@@ -85,7 +85,7 @@ def test_reload_leads_back_to_the_same_page(server: RealServer) -> None:
 
 def serve(*words: str) -> "subprocess.CompletedProcess[str]":
     """In a process of its own, as it changes the one that it runs in."""
-    line = [sys.executable, str(ROOT / "kitchenmind.py"), "serve", *words]
+    line = [sys.executable, str(ROOT / "kitchenmind"), "serve", *words]
     return subprocess.run(line, capture_output=True, text=True, check=False, timeout=120)
 
 

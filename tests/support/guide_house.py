@@ -9,7 +9,18 @@ from collections.abc import Mapping
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent.parent
-PACKAGES = ("overcooked", "models", "training", "server", "analysis", "studies", "static", "templates", "migrations")
+PACKAGES = (
+    "kitchenmind",
+    "overcooked",
+    "models",
+    "training",
+    "server",
+    "analysis",
+    "studies",
+    "static",
+    "templates",
+    "migrations",
+)
 
 
 def build(folder: Path, *kitchens: str) -> Path:
@@ -21,8 +32,7 @@ def build(folder: Path, *kitchens: str) -> Path:
     (folder / "models" / "weights").mkdir()
     for kitchen in kitchens:
         shutil.copytree(ROOT / "models" / "weights" / kitchen, folder / "models" / "weights" / kitchen)
-    for name in ("kitchenmind.py", "alembic.ini"):
-        shutil.copy(ROOT / name, folder / name)
+    shutil.copy(ROOT / "alembic.ini", folder / "alembic.ini")
     return folder
 
 

@@ -25,7 +25,7 @@ from tests.test_guides import BLOCK
 
 ROOT = Path(__file__).parents[2]
 GUIDE = (ROOT / "docs" / "guides" / "run_on_a_server.md").read_text(encoding="utf-8")
-OWN = shlex.join([sys.executable, str(ROOT / "kitchenmind.py")])
+OWN = shlex.join([sys.executable, str(ROOT / "kitchenmind")])
 STUDY = SHORT_STUDY.replace("tutorial, ", "").replace("horizon: 60", "horizon: 25")
 STUDY = STUDY.replace(", {name: random, predictor: random}, {name: none, predictor: none}", "")
 STUDY = STUDY.replace(

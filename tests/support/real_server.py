@@ -57,7 +57,7 @@ class RealServer:
         words += self.more_words
         with self.log.open("w") as log:
             self._process = subprocess.Popen(
-                [sys.executable, str(ROOT / "kitchenmind.py"), *words, "--speed", str(self._speed)],
+                [sys.executable, str(ROOT / "kitchenmind"), *words, "--speed", str(self._speed)],
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 env={**os.environ, "KITCHENMIND_SECRET": "a secret of the tests, long enough"},

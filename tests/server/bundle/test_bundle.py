@@ -229,7 +229,7 @@ def served(folder: Path) -> tuple["subprocess.Popen[bytes]", str]:
     assert kitchenmind.main(["bundle", str(QUICK), "--out", str(bundle)]) == 0
     words = ["serve", "--bundle", str(bundle), "--port", "0", "--database", f"sqlite:///{folder}/study.db"]
     with log.open("w") as stream:
-        line = [sys.executable, str(ROOT / "kitchenmind.py"), *words]
+        line = [sys.executable, str(ROOT / "kitchenmind"), *words]
         server = subprocess.Popen(line, stdout=stream, stderr=stream)
     while "http://" not in log.read_text() and server.poll() is None:
         time.sleep(0.1)

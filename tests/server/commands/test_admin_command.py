@@ -27,7 +27,7 @@ class Terminal:
     def __init__(self, *words: str) -> None:
         self.said = ""
         self._line, theirs = pty.openpty()
-        command = [sys.executable, str(ROOT / "kitchenmind.py"), *words]
+        command = [sys.executable, str(ROOT / "kitchenmind"), *words]
         self._running = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True)
         os.close(theirs)
 

@@ -17,7 +17,7 @@ from tests.support.real_server import ROOT, RealServer
 
 def account_for(server: RealServer) -> None:
     """`ada` may sign in; the password is made and kept for `Researcher`."""
-    line = [sys.executable, str(ROOT / "kitchenmind.py"), "admin", "create", "ada", "--role", "own"]
+    line = [sys.executable, str(ROOT / "kitchenmind"), "admin", "create", "ada", "--role", "own"]
     environment = {**os.environ, "KITCHENMIND_DATABASE": server.database}
     made = subprocess.run(line, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stderr

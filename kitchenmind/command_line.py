@@ -5,7 +5,9 @@ import importlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Final
 
+_ROOT: Final = Path(__file__).resolve().parents[1]  # a checkout, or the folder in which packages are installed
 # verb -> (module with `add_arguments(parser)` and `run(arguments) -> int`, what it does)
 VERBS: dict[str, tuple[str, str]] = {
     "replay": ("overcooked.replay", "re-simulate action logs to states"),
@@ -48,15 +50,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         module.add_arguments(verbs.choices[verb])
         return int(module.run(parser.parse_args(words)))
     except ModuleNotFoundError as error:
-        if error.name is None or (Path(__file__).parent / error.name.split(".")[0]).exists():
+        if error.name is None or (_ROOT / error.name.split(".")[0]).exists():
             raise
-        is_checkout = (Path(__file__).parent / "pyproject.toml").is_file()
+        is_checkout = (_ROOT / "pyproject.toml").is_file()
         remedy = "make setup" if is_checkout else "pip install 'kitchenmind[training,analysis]'"
         print(f"kitchenmind {verb} needs the Python package {error.name}: run `{remedy}`.", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 130
-
-
-if __name__ == "__main__":
-    sys.exit(main())
