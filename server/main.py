@@ -44,7 +44,7 @@ from server.store.migrate import migrate_shared, to_newest
 from server.study.loader import StudyError, StudyFile, load_study
 from server.study_check import missing_problems
 from server.version import code_version
-from server.web import health
+from server.web import health, protocol_document
 from server.web.admin import actions, downloads, live_boards, replay_page, researcher_pages
 from server.web.auth import CsrfProtection, token_of
 from server.web.dependencies import Web, games_first, templates
@@ -77,6 +77,7 @@ _ROUTES = (
     actions,
     downloads,
     health,
+    protocol_document,
 )
 _GARBAGE_THRESHOLDS = (50_000, 20, 20)  # a full collection costs milliseconds, and a game makes hardly any cycles
 

@@ -23,6 +23,7 @@ RESEARCHERS = ROLES[3:]  # each may what those before it may
 ROUTES = {
     "GET /health/live": "all",
     "GET /health/ready": "all",
+    "GET /protocol.json": "all",
     "GET /metrics": "all",  # in local mode only; see tests/server/web/test_health.py
     "GET /": "all",
     "GET /s/{name}": "all",

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from server.play import messages, protocol_tables
-from server.play.close_codes import CloseCode
+from server.play.close_codes import CAUSES, CloseCode
 from server.play.pause_reasons import NOT_STARTED
 from server.play.recorder import PAUSE_REASONS
 from server.play.token_bucket import BURST, PER_S
@@ -95,6 +95,14 @@ def test_every_code_and_reason_of_a_close_is_named() -> None:
         assert f"`{reason}" in PAGE, reason
 
 
+def test_causes_and_reactions_of_a_close_are_those_of_the_code() -> None:
+    rows = re.findall(r"^\| ([14]\d{3}) \| (.*?) \| .*? \| (.*?) \|$", PAGE, re.MULTILINE)
+    described = {int(code): (cause, reaction) for code, cause, reaction in rows}
+    assert set(CAUSES) == set(CloseCode)
+    for code in set(CloseCode) - {CloseCode.LOST}:  # a lost connection has no code, and no row
+        assert described[code] == CAUSES[code]
+
+
 def test_tables_of_fields_are_those_of_the_types() -> None:
     names_there = re.findall(r"<!-- fields: (\w+) -->", PAGE)
     assert sorted(names_there) == sorted(protocol_tables.structs())
@@ -118,6 +126,7 @@ def test_limits_are_those_of_the_code() -> None:
 
 def test_every_route_of_a_participant_is_described() -> None:
     described = PAGE.split("## Before and after a game")[1]
+    assert "`/protocol.json`" in PAGE
     for path in ("", "/consent", "/now", "/language", "/withdraw"):
         assert f"/s/{{study}}{path}`" in described, path
     assert "`/watch/socket`" in PAGE
