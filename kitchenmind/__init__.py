@@ -10,6 +10,7 @@ from kitchenmind.command_line import VERBS as VERBS
 from kitchenmind.command_line import main as main
 
 if TYPE_CHECKING:
+    from kitchenmind import client as client
     from kitchenmind.kitchens import kitchen as kitchen
     from kitchenmind.loaded_export import load as load
     from kitchenmind.simulated_episodes import simulate as simulate
@@ -18,6 +19,7 @@ _PLACES: Final = {
     "load": "kitchenmind.loaded_export",
     "simulate": "kitchenmind.simulated_episodes",
     "kitchen": "kitchenmind.kitchens",
+    "client": "kitchenmind.client",  # a package
 }
 
 
@@ -25,7 +27,8 @@ def __getattr__(name: str) -> Any:
     """Import what `kitchenmind.NAME` means. Raises AttributeError."""
     if name not in _PLACES:
         raise AttributeError(f"module 'kitchenmind' has no attribute {name!r}. It has: {', '.join(_PLACES)}.")
-    value = getattr(importlib.import_module(_PLACES[name]), name)
+    module = importlib.import_module(_PLACES[name])
+    value = module if _PLACES[name] == f"{__name__}.{name}" else getattr(module, name)
     globals()[name] = value
     return value
 

@@ -4,23 +4,11 @@ from collections.abc import Mapping
 from random import Random
 from typing import Any, Final
 
+from kitchenmind.client.pages import Field, Fields
 from server.bots.cook import Impression, Traits
 
-Fields = dict[str, list["Field"]]
 _ABOUT_ARROWS: Final = ("predictor", "mark", "arrow")
 _ABOUT_FORESIGHT: Final = ("aware", "predict", "intention")
-
-
-class Field:
-    """One input of a form, as the page has it."""
-
-    def __init__(self, kind: str, value: str, attributes: Mapping[str, str]) -> None:
-        self.kind, self.value = kind, value
-        self.low = float(attributes.get("data-low") or attributes.get("min") or 18)
-        self.high = float(attributes.get("data-high") or attributes.get("max") or 99)
-        self.most = int(attributes.get("data-most") or 0)
-        self.is_number = kind == "number" or attributes.get("inputmode") in ("numeric", "decimal")
-        self.is_required = "required" in attributes
 
 
 class Respondent:

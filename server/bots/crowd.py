@@ -11,10 +11,11 @@ from urllib.parse import urlencode
 
 from sqlalchemy import Connection
 
+from kitchenmind.client.pages import ParsedPage
 from server.bots import invariants
 from server.bots.game_client import BrowserFault
 from server.bots.invariants import Claim
-from server.bots.participant import Bot, Habits, ParsedPage
+from server.bots.participant import Bot, Habits
 from server.store import participants
 from server.store.database import Database
 from server.study.definition import Study

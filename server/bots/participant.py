@@ -1,67 +1,21 @@
 """A simulated participant: walks a whole study over real HTTP and sockets, as a browser would. Knows no database."""
 
-import asyncio
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from html.parser import HTMLParser
 from random import Random
-from typing import Any, Final
+from typing import Final
 
-import httpx
-
-from server.bots.answers import Field, Fields, Respondent
+from kitchenmind.client.pages import ParsedPage
+from kitchenmind.client.study_client import StudyClient
+from server.bots.answers import Respondent
 from server.bots.cook import Traits
-from server.bots.game_client import BotGame, BrowserFault, GameDropped, Journal, origin_of
-from server.web.auth import BOT_MARK, bot_mark
+from server.bots.game_client import BotGame, BrowserFault, GameDropped, Journal
 
 MOST_PAGES: Final = 200
 _RELOADS_A_PAGE: Final = 0.05
 _RELOADS_A_GAME: Final = 0.15
 _LAST_RELOAD: Final = 300
 _LAST_FAULT_AT: Final = 60
-_AGAIN_WITHIN_S: Final = 60.0
-
-
-class ParsedPage(HTMLParser):
-    """The parts of a page that a participant acts on: forms, the game, the completion code."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.forms: list[tuple[str, Fields]] = []  # action, field -> its inputs
-        self.faults: frozenset[str] = frozenset()
-        self.is_game = False
-        self.code: str | None = None
-        self._in_code = False
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        values = {name: value or "" for name, value in attrs}
-        if values.get("id") == "game-config":
-            self.is_game = True
-        self._in_code = tag == "output" and values.get("id") == "code"
-        self._own_code = values.get("data-own", "") if self._in_code else ""
-        if tag == "fieldset" and "missing" in values.get("class", "").split():
-            self.faults |= {values.get("id", "").removeprefix("q-")}
-        if tag == "form" and values.get("method", "").lower() == "post":
-            self.forms.append((values.get("action", ""), {}))
-        elif tag in ("input", "textarea", "select", "button") and values.get("name") and self.forms:
-            kind = values.get("type", "text") if tag == "input" else tag
-            new = Field(kind, values.get("value", ""), values)
-            self.forms[-1][1].setdefault(values["name"], []).append(new)
-
-    def handle_data(self, data: str) -> None:
-        if self._in_code and data.strip():
-            self.code = self._own_code or data.strip()  # a recruiter's code is everybody's
-
-    def form(self, path: str) -> Fields | None:
-        """The fields of the form with this address, which may lie behind a path of the server."""
-        return next((fields for action, fields in self.forms if action.endswith(path)), None)
-
-    def step(self, path: str) -> str:
-        """The key of the step that this page is; empty for one that is none."""
-        fields = self.form(path) or {}
-        return fields["step"][0].value if "step" in fields else ""
 
 
 @dataclass(frozen=True)
@@ -83,26 +37,25 @@ class Bot:
     def __init__(self, base_url: str, study: str, seed: int, habits: Habits | None = None) -> None:
         self.journal = Journal()
         self.dropped = False
-        self._base, self._study = base_url.rstrip("/"), study
         self._habits = habits or Habits()
         self._traits = Traits.drawn(seed)
         self._respondent = Respondent(self._traits, self._habits.known)
         self._chance = Random(f"habits {seed}")  # noqa: S311 - a seed makes a run repeatable
-        self._client = httpx.AsyncClient(
-            base_url=self._base,
-            follow_redirects=True,
-            headers={"Accept": "text/html", "Origin": origin_of(self._base)},
-            timeout=60,
-        )
+        self._client = StudyClient(base_url, study, self._habits.arrival, self._habits.secret)
+        self._client.simulated = self._habits.simulated
+        self._client.retry = self._lost
+
+    def _lost(self) -> None:
+        self.journal.reconnects += 1
 
     @property
     def now(self) -> str:
-        return f"/s/{self._study}/now"
+        return self._client.now
 
     @property
     def token(self) -> str:
         """What the cookie carries; empty before consent."""
-        return next((cookie.value or "" for cookie in self._client.cookies.jar), "")
+        return self._client.token
 
     async def walk(self) -> Journal:
         """The whole way; what was seen, with the completion code. Raises RuntimeError where there is no way on."""
@@ -128,25 +81,17 @@ class Bot:
 
     async def close(self) -> None:
         """Let go of the connections; the cookie stays."""
-        await self._client.aclose()
+        await self._client.close()
 
     def game(self) -> BotGame:
         """A game connection with this participant's cookie."""
-        cookie = "; ".join(f"{name}={value}" for name, value in self._client.cookies.items())
-        url = f"ws{self._base.removeprefix('http')}/s/{self._study}/socket"
-        return BotGame(url, cookie, self.journal, self._traits)
+        return BotGame(self._client.socket_url, self._client.cookie, self.journal, self._traits)
 
     async def consent(self) -> ParsedPage:
         """Agrees; the page after it."""
-        page = await self._get(f"/s/{self._study}{self._habits.arrival}")
-        fields = page.form(f"/s/{self._study}/consent")
-        if fields is None:
-            raise RuntimeError("the consent page has no form")
-        filled = self._respondent.fill(fields, None, frozenset())
-        secret, visit = self._habits.secret, str(filled.get("visit", ""))
-        if self._habits.simulated:
-            filled |= {"simulated": "yes", BOT_MARK: bot_mark(secret.encode(), visit) if secret else ""}
-        return await self._post(f"/s/{self._study}/consent", filled)
+        page = await self._client.open()
+        fields = self._client.fields(page, self._client.consent_path)
+        return await self._client.consent(page, self._respondent.fill(fields, None, frozenset()))
 
     async def _play(self, gives_up: bool) -> ParsedPage:
         self.journal.pages.append("game")
@@ -175,9 +120,7 @@ class Bot:
 
     async def submit(self, page: ParsedPage) -> ParsedPage:
         """Fill the page in and send it; the page after it."""
-        fields = page.form(self.now)
-        if fields is None:
-            raise RuntimeError("a page has neither form nor game nor code")
+        fields = self._client.fields(page, self.now)
         last = self.journal.impressions[-1] if self.journal.impressions else None
         filled = self._respondent.fill(fields, last, page.faults)
         step = str(filled.get("step", "?"))
@@ -185,29 +128,7 @@ class Bot:
             self.journal.violations.append(f"page {step} came twice")
         self.journal.pages.append(step)
         self.journal.answers.append((step, {k: v for k, v in filled.items() if fields[k][0].kind != "hidden"}))
-        return await self._post(self.now, filled)
+        return await self._client.post(self.now, filled)
 
     async def _get(self, path: str) -> ParsedPage:
-        return self._page(await self._ask("GET", path))
-
-    async def _post(self, path: str, fields: dict[str, Any]) -> ParsedPage:
-        return self._page(await self._ask("POST", path, fields))
-
-    async def _ask(self, method: str, path: str, fields: dict[str, Any] | None = None) -> httpx.Response:
-        """Ask again while the server is away, as somebody does who sees that a page does not come."""
-        deadline = time.monotonic() + _AGAIN_WITHIN_S
-        while True:
-            try:
-                return await self._client.request(method, path, data=fields)
-            except httpx.TransportError:
-                if time.monotonic() > deadline:
-                    raise
-                self.journal.reconnects += 1
-                await asyncio.sleep(0.2)
-
-    @staticmethod
-    def _page(response: httpx.Response) -> ParsedPage:
-        page = ParsedPage(response.text)
-        if response.status_code >= 400 and not page.faults:
-            raise RuntimeError(f"{response.request.method} {response.url.path} answered {response.status_code}")
-        return page
+        return await self._client.get(path)

@@ -6,9 +6,9 @@ import time
 import msgspec
 from playwright.sync_api import Page, WebSocket
 
+from kitchenmind.client.seen_kitchen import SeenKitchen
 from models.agents.planner import PlannerPolicy
 from overcooked.constants import STAY
-from server.bots.game_client import SeenKitchen
 from server.play import messages
 
 KEYS = ("ArrowUp", "ArrowDown", "ArrowRight", "ArrowLeft", "", "Space")

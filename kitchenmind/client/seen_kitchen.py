@@ -1,0 +1,40 @@
+"""The kitchen as the messages of a game tell it, turned back into arrays."""
+
+import numpy as np
+
+from models.protocols import Policy
+from overcooked.constants import ITEM_NAMES
+from overcooked.layout import Layout, parse_layout
+from overcooked.state import Kitchens
+from server.play import messages
+
+
+class SeenKitchen:
+    """The game as the protocol tells it, turned back into arrays: what a chef sees, and the state's hash."""
+
+    def __init__(self, welcome: messages.Welcome) -> None:
+        self.layout: Layout = parse_layout("\n".join(welcome.grid), welcome.layout)
+        self.seat, self.horizon = welcome.seat, welcome.horizon
+        self._state = Kitchens.start(self.layout)
+
+    def show(self, state: messages.KitchenState) -> str:
+        """Take a state in; its hash."""
+        self._state.restore(
+            {
+                "t": state.t,
+                "p": [(x, y, facing, ITEM_NAMES[held]) for x, y, facing, held in state.players],
+                "c": [(x, y, ITEM_NAMES[item]) for x, y, item in state.counters],
+                "pots": state.pots,
+            }
+        )
+        return self._state.hash()
+
+    @property
+    def now(self) -> Kitchens:
+        """The state shown last, to keep."""
+        return self._state.copy()
+
+    def decide(self, policy: Policy) -> int:
+        """What a cook with this policy would do now."""
+        seen = self._state.encode(horizon=self.horizon)[:, max(0, self.seat)]
+        return int(np.argmax(policy.probabilities(seen)[0]))

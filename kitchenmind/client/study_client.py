@@ -1,0 +1,184 @@
+"""A participant over HTTP: consent, the pages and forms of every step, and the game of the step that is one."""
+
+import asyncio
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Any, Final, Self, TypeVar
+
+import httpx
+
+from kitchenmind.client.game_client import GameClient, origin_of
+from kitchenmind.client.pages import Fields, ParsedPage, filled_in
+from server.play import messages
+
+Game = TypeVar("Game", bound=GameClient)
+MOST_PAGES: Final = 200
+_AGAIN_WITHIN_S: Final = 60.0
+
+
+class ClientFailed(RuntimeError):
+    """The participant cannot go on; the text says at which page and why."""
+
+
+class StudyClient:
+    """One participant of one study. Keeps the cookie; use it as `async with StudyClient(url, study) as client`."""
+
+    def __init__(self, base_url: str, study: str, arrival: str = "", secret: str = "") -> None:
+        """`base_url`: as the browser shows it; `arrival`: the parameters of a recruiter's link, `?PROLIFIC_PID=...`;
+        `secret`: of a public server, which believes nobody else that a program takes part. The participant is stored
+        as simulated, so that no analysis takes it for a person."""
+        self.base_url, self.study = base_url.rstrip("/"), study
+        self.arrival, self.secret = arrival, secret
+        self.simulated = True
+        self.retry: Callable[[], None] = lambda: None  # called when the server did not answer and is asked again
+        self._http = httpx.AsyncClient(
+            base_url=self.base_url,
+            follow_redirects=True,
+            headers={"Accept": "text/html", "Origin": origin_of(self.base_url)},
+            timeout=60,
+        )
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
+
+    async def close(self) -> None:
+        """Let go of the connections; the cookie stays."""
+        await self._http.aclose()
+
+    @property
+    def now(self) -> str:
+        """The path of the current step."""
+        return f"/s/{self.study}/now"
+
+    @property
+    def consent_path(self) -> str:
+        return f"/s/{self.study}/consent"
+
+    @property
+    def cookies(self) -> httpx.Cookies:
+        return self._http.cookies
+
+    @property
+    def token(self) -> str:
+        """What the cookie carries; empty before consent."""
+        return next((cookie.value or "" for cookie in self._http.cookies.jar), "")
+
+    async def open(self) -> ParsedPage:
+        """Return the consent page. Raises ClientFailed."""
+        return await self.get(f"/s/{self.study}{self.arrival}")
+
+    async def consent(self, page: ParsedPage | None = None, answers: Mapping[str, Any] | None = None) -> ParsedPage:
+        """Agree to take part; return the page after it. `page`: the consent page, if it is open. Raises ClientFailed,
+        also if the study is full."""
+        path = self.consent_path
+        page = page or await self.open()
+        sent = filled_in(self.fields(page, path), answers or {})
+        if self.simulated:
+            sent |= {"simulated": "yes", **self._mark(str(sent.get("visit", "")))}
+        return await self.post(path, sent)
+
+    def _mark(self, visit: str) -> dict[str, str]:
+        if not self.secret:
+            return {}
+        from server.web.auth import BOT_MARK, bot_mark
+
+        return {BOT_MARK: bot_mark(self.secret.encode(), visit)}
+
+    async def load(self) -> ParsedPage:
+        """Return the page of the current step."""
+        return await self.get(self.now)
+
+    async def submit(self, page: ParsedPage, answers: Mapping[str, Any] | None = None) -> ParsedPage:
+        """Fill the page in and send it; return the page after it, or the same one with `faults`. `answers`: question ->
+        answer; the first or lowest one is given to every other question. Raises ClientFailed."""
+        return await self.post(self.now, filled_in(self.fields(page, self.now), answers or {}))
+
+    def fields(self, page: ParsedPage, path: str) -> Fields:
+        """Return the fields of the page's form. Raises ClientFailed."""
+        fields = page.form(path)
+        if fields is None:
+            is_consent = path == self.consent_path
+            raise ClientFailed(
+                "the consent page has no form" if is_consent else "a page has neither form nor game nor code"
+            )
+        return fields
+
+    def game(self, kind: type[Game] = GameClient) -> Game:  # type: ignore[assignment]
+        """Return a player of the current step's game, with this participant's cookie."""
+        return kind(self.socket_url, self.cookie)
+
+    @property
+    def socket_url(self) -> str:
+        return f"ws{self.base_url.removeprefix('http')}/s/{self.study}/socket"
+
+    @property
+    def cookie(self) -> str:
+        """The header `Cookie` of this participant."""
+        return "; ".join(f"{name}={value}" for name, value in self._http.cookies.items())
+
+    async def get(self, path: str) -> ParsedPage:
+        """Return the page at `path`. Raises ClientFailed."""
+        return _page(await self._ask("GET", path))
+
+    async def post(self, path: str, fields: dict[str, Any]) -> ParsedPage:
+        """Send a form; return the page after it. Raises ClientFailed."""
+        return _page(await self._ask("POST", path, fields))
+
+    async def _ask(self, method: str, path: str, fields: dict[str, Any] | None = None) -> httpx.Response:
+        """Ask again while the server is away, as somebody does who sees that a page does not come."""
+        deadline = time.monotonic() + _AGAIN_WITHIN_S
+        while True:
+            try:
+                return await self._http.request(method, path, data=fields)
+            except httpx.TransportError:
+                if time.monotonic() > deadline:
+                    raise
+                self.retry()
+                await asyncio.sleep(0.2)
+
+
+def _page(response: httpx.Response) -> ParsedPage:
+    page = ParsedPage(response.text)
+    if response.status_code >= 400 and not page.faults:
+        raise ClientFailed(f"{response.request.method} {response.url.path} answered {response.status_code}")
+    return page
+
+
+@dataclass
+class StudyWalk:
+    """How one participant went through a study. `code` is None if there was no code at the end."""
+
+    code: str | None = None
+    games: list[messages.Ended] = field(default_factory=list)
+    pages: int = 0
+
+
+async def walk(
+    url: str, study: str, player: type[GameClient] = GameClient, answers: Mapping[str, Any] | None = None, **more: str
+) -> StudyWalk:
+    """Take part in a study from consent to the completion code. `player` plays every game, `answers` are given on every
+    page that asks for them, `more` goes to `StudyClient`. Raises ClientFailed."""
+    done = StudyWalk()
+    async with StudyClient(url, study, **more) as client:
+        page = await client.consent(answers=answers)
+        while page.code is None:
+            done.pages += 1
+            if done.pages > MOST_PAGES:
+                raise ClientFailed(f"no completion code after {MOST_PAGES} pages")
+            if page.faults:
+                raise ClientFailed(f"the page came back: it wants other answers to {', '.join(sorted(page.faults))}")
+            if page.is_game:
+                ended = await client.game(player).play()
+                done.games += [] if ended is None else [ended]
+                page = await client.load()
+            else:
+                page = await client.submit(page, answers)
+    done.code = page.code
+    return done
