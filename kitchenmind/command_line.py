@@ -29,6 +29,7 @@ VERBS: dict[str, tuple[str, str]] = {
     "backup": ("server.commands.backup", "copy a SQLite database, also while the server runs"),
     "import": ("server.commands.importer", "read an export back into an empty database"),
     "bots": ("server.commands.bots", "run simulated participants through a study and check every guarantee"),
+    "conformance": ("server.commands.conformance", "check a running server against the protocol"),
     "report": ("analysis.commands.report", "analyse an exported study: report page, figures, table of results"),
     "power": ("analysis.commands.power", "compute how many participants a study needs"),
 }

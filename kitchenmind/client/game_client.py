@@ -131,7 +131,7 @@ class GameClient:
         self._seq = 0
         await self.send(socket, messages.Hello(messages.PROTOCOL, self.tab))
         while True:
-            message = _decoded(await socket.recv())
+            message = decoded(await socket.recv())
             self._take_in(message)
             self.on_message(message)
             if isinstance(message, messages.Ended):
@@ -190,7 +190,8 @@ class GameClient:
         await socket.send(_encoder.encode(message).decode())
 
 
-def _decoded(frame: str | bytes) -> messages.Outgoing:
+def decoded(frame: str | bytes) -> messages.Outgoing:
+    """Return the message of the server in a frame. Raises ProtocolError."""
     try:
         message: messages.Outgoing = _decoder.decode(frame)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:

@@ -149,7 +149,7 @@ def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
 
     if arguments.url and not arguments.study:
         return Crowd(
-            arguments.number, _offered(arguments.url), None, arguments.dropout, arguments.seed, secret=_secret()
+            arguments.number, offered_study(arguments.url), None, arguments.dropout, arguments.seed, secret=_secret()
         )
     file = load_study(study_file)
     if not arguments.url:
@@ -161,8 +161,8 @@ def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
     return Crowd(arguments.number, study.name, study, arguments.dropout, arguments.seed, secret=secret)
 
 
-def _offered(url: str) -> str:
-    """The first study that a server offers."""
+def offered_study(url: str) -> str:
+    """The first study that a server offers. Raises ValueError where there is no server, or no study."""
     import re
 
     import httpx
