@@ -1,4 +1,5 @@
-"""kitchenmind in Python: `load` an export, `simulate` episodes, train in a `kitchen`, play a study with `client`.
+"""kitchenmind in Python: `load` an export, `simulate` episodes, train in a `kitchen`, play a study with
+`client`, let an agent of this process play with `serve_agent`.
 
 Every name imports its package when it is first used, so that `import kitchenmind` and `kitchenmind --help` are quick.
 """
@@ -14,11 +15,13 @@ if TYPE_CHECKING:
     from kitchenmind.kitchens import kitchen as kitchen
     from kitchenmind.loaded_export import load as load
     from kitchenmind.simulated_episodes import simulate as simulate
+    from models.agents.agent_server import serve_agent as serve_agent
 
 _PLACES: Final = {
     "load": "kitchenmind.loaded_export",
     "simulate": "kitchenmind.simulated_episodes",
     "kitchen": "kitchenmind.kitchens",
+    "serve_agent": "models.agents.agent_server",
     "client": "kitchenmind.client",  # a package
 }
 

@@ -13,7 +13,10 @@ VERBS: dict[str, tuple[str, str]] = {
     "replay": ("overcooked.replay", "re-simulate action logs to states"),
     "train": ("training.commands.train", "train agents, predictors, or all models of a study"),
     "collect": ("training.commands.collect", "collect the trajectories that a predictor learns from"),
-    "agent": ("models.agents.check", "check an agent or a predictor before a study uses it"),
+    "agent": (
+        "models.agents.check",
+        "check an agent or a predictor before a study uses it, or serve an agent over HTTP",
+    ),
     "evaluate": ("training.commands.evaluate", "measure agents and predictors"),
     "serve": ("server.commands.serve", "serve a study"),
     "doctor": (

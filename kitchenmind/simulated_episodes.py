@@ -1,6 +1,6 @@
 """`kitchenmind.simulate(...)`: agents play whole episodes with each other, as they do in a study."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -9,8 +9,8 @@ import polars as pl
 from numpy.typing import NDArray
 
 from models.acting import Stuck, distribution, draw
-from models.agents.blackbox import AS_IT_SAYS
-from models.agents.catalogue import LoadedAgent, load_agent
+from models.agents.catalogue import LoadedAgent
+from models.agents.given_agents import GivenAgent, loader_of, name_of
 from models.inference.checked_output import WrongOutput, checked_probabilities
 from models.protocols import BlackBoxError, Policy
 from overcooked.constants import HORIZON, PLAYERS, SOUP_DELIVERY
@@ -18,14 +18,13 @@ from overcooked.layout import Layout, load_layout
 from overcooked.score import progress_credit, sparse_reward
 from overcooked.state import Kitchens
 
-AgentGiven = str | Policy | Callable[[Layout], Policy]
 AT_ONCE: Final = 256  # episodes in one batch
 _LARGEST_SEED: Final = 2**63 - 1
 
 
 def simulate(
     layout: str | Path | Layout,
-    agents: AgentGiven | Sequence[AgentGiven],
+    agents: GivenAgent | Sequence[GivenAgent],
     episodes: int = 1,
     *,
     seed: int = 0,
@@ -44,8 +43,8 @@ def simulate(
     _check_number("seed", seed, 0)
     kitchen = layout if isinstance(layout, Layout) else load_layout(layout)
     pair = _pair(agents)
-    names = [_name(agent) for agent in pair]
-    loaded = [_loaded(agent, kitchen) for agent in pair]
+    names = [name_of(agent) for agent in pair]
+    loaded = [loader_of(agent)(kitchen) for agent in pair]
     rows: list[dict[str, Any]] = []
     for first in range(0, episodes, AT_ONCE):
         numbers = range(first, min(first + AT_ONCE, episodes))
@@ -92,31 +91,11 @@ def _asked(policy: Policy, name: str, seen: NDArray[np.int8]) -> NDArray[np.floa
         raise BlackBoxError(f"{name} {error}. See docs/guides/bring_your_own_agent.md.") from None
 
 
-def _pair(agents: AgentGiven | Sequence[AgentGiven]) -> tuple[AgentGiven, AgentGiven]:
+def _pair(agents: GivenAgent | Sequence[GivenAgent]) -> tuple[GivenAgent, GivenAgent]:
     given: list[Any] = list(agents) if isinstance(agents, list | tuple) else [agents, agents]
     if len(given) != PLAYERS:
         raise ValueError(f"agents has {len(given)} entries: give one agent for both chefs, or one for each of the two.")
     return given[0], given[1]
-
-
-def _name(agent: AgentGiven) -> str:
-    if isinstance(agent, str):
-        return agent
-    made_of = agent if isinstance(agent, type) or not hasattr(agent, "probabilities") else type(agent)
-    return getattr(made_of, "__name__", type(made_of).__name__)
-
-
-def _loaded(agent: AgentGiven, kitchen: Layout) -> LoadedAgent:
-    """Return the agent ready to play."""
-    if isinstance(agent, str):
-        return load_agent(agent, kitchen)
-    is_ready = not isinstance(agent, type) and hasattr(agent, "probabilities")
-    if not is_ready and not callable(agent):
-        raise TypeError(f"{agent!r} is no agent: give a name, a class, or an object with probabilities(observations).")
-    policy: Any = agent if is_ready else agent(kitchen)  # type: ignore[operator]
-    if not callable(getattr(policy, "probabilities", None)):
-        raise TypeError(f"{_name(agent)} has no method probabilities(observations).")
-    return LoadedAgent(policy, getattr(policy, "mode", AS_IT_SAYS))
 
 
 def _check_number(name: str, value: int, smallest: int) -> None:

@@ -52,7 +52,7 @@ class CheckedSockets:
 
     async def received(self, socket: ClientConnection) -> str | bytes:
         async with asyncio.timeout(self.within_s):
-            return await socket.recv()
+            return await socket.recv(decode=None)
 
     async def until(self, socket: ClientConnection, kind: type[Message]) -> Message:
         """Return the next message of this kind, answering pings before it. Raises Unmet."""

@@ -1,5 +1,5 @@
 """`kitchenmind agent check NAME --layout L`: would this agent (or predictor) do in a study? Asked before one starts,
-not in it."""
+not in it. `kitchenmind agent serve` is in `agent_server.py`."""
 
 import argparse
 import sys
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.acting import Stuck, distribution, draw
+from models.agents import agent_server
 from models.agents.catalogue import load_agent
 from models.agents.predictors import load_predictor
 from models.protocols import STEPS, Mode, Observations, Policy, Predictor
@@ -39,8 +40,8 @@ class AgentFinding:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The one thing that can be done with an agent."""
-    kinds = parser.add_subparsers(dest="what", metavar="check", required=True)
+    """What can be done with an agent."""
+    kinds = parser.add_subparsers(dest="what", metavar="COMMAND", required=True)
     check = kinds.add_parser(
         "check", help="check that an agent loads and fits, how long it takes, and whether it is deterministic"
     )
@@ -50,10 +51,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     check.add_argument(
         "--deadline-ms", type=float, default=DEADLINE_MS, help="longest time for an answer (default: 120)"
     )
+    agent_server.add_arguments(kinds)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """0 it can be used, 1 it cannot (said on standard error), 2 it does not load or the layout is none."""
+    if arguments.what == "serve":
+        return agent_server.run(arguments)
     try:
         layout = load_layout(arguments.layout)
         print(f"{arguments.name} on {layout.name} ({layout.width} x {layout.height})")
