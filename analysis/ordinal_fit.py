@@ -131,7 +131,7 @@ def log_likelihood(data: OrdinalData, values: Array, nodes: int) -> tuple[float,
 
 def _newton(data: OrdinalData, lower: Array, upper: Array, sd: float, mode: Array) -> tuple[Array, Array]:
     """Newton's step towards the mode of each person's u, and the negative curvature there. The step is damped as the
-    logistic function allows (Bach 2010): a full step swings to and fro between two places far from the mode."""
+    logistic function allows (Bach 2010): a full step swings between two places far from the mode."""
     low, high = (special.expit(bound - sd * mode[data.person]) for bound in (lower, upper))
     slope = sd * _by_person(data, low + high - 1) - mode
     curvature = sd**2 * _by_person(data, low * (1 - low) + high * (1 - high)) + 1

@@ -161,7 +161,7 @@ def test_answers_that_cannot_be_fitted_say_why(answers: pl.DataFrame) -> None:
 
 
 def test_the_mode_of_a_person_far_from_the_others_is_found() -> None:
-    """In this study a full Newton step swings to and fro, and the likelihood has a jump."""
+    """In this study a full Newton step swings back and forth, and the likelihood has a jump."""
     table = episodes_of(World(), 203)[1].filter(pl.col("question") == "efficiency")
     rows = ordinal.ordinal_rows(table, CONDITIONS)
     assert [row.contrast for row in select(rows, test="odds")] == ["tom - none", "tom - random", "random - none"]

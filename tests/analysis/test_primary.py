@@ -141,7 +141,7 @@ def test_a_study_without_a_primary_test_is_called_exploratory(planted_folder: Pa
 
 @pytest.mark.parametrize(
     ("before", "words"),
-    [("", "which declares no primary test"), ("primary: {comparison: [tom, random]}\n", "declares another primary te")],
+    [("", "which declares no primary test"), ("primary: {comparison: [tom, random]}\n", "declares another primary")],
 )
 def test_a_declaration_that_came_after_some_data_is_named(
     before: str, words: str, planted_folder: Path, tmp_path: Path

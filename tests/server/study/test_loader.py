@@ -54,7 +54,7 @@ WRONG = [
     ("seed: 11\n", "recruitment: {completed: {url: 'javascript:alert(1)'}}\nseed: 1\n", "recr", "look like ^https"),
     ("- {name: stay, predictor: random}", "- {nam: stay, predictor: random}", "  - {nam:", "unknown key 'nam'"),
     ("{en: Goodbye, zh", "{en: Goodbye?, zh", "  goodbye:", "Put words that hold one of : ? , { } [ ] in quotes."),
-    (FLOW, "primary: {comparison: [with, wth]}\n" + FLOW, "primary:", "comparison.1: there is no condition 'wth'"),
+    (FLOW, "primary: {comparison: [with, witt]}\n" + FLOW, "primary:", "comparison.1: there is no condition 'witt'"),
     (FLOW, "primary: {comparison: [with]}\n" + FLOW, "primary:", "comparison: there are too few. Write at least 2."),
     (FLOW, "primary: {comparison: [with, with]}\n" + FLOW, "primary:", "'with' is there twice. Name each once."),
     (FLOW, PRIMARY + ", layouts: [moon]}\n" + FLOW, "primary:", "layouts.0: there is no layout 'moon'. Known: "),
