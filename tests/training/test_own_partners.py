@@ -92,7 +92,11 @@ def test_ctrl_c_or_kill_leaves_a_predictor_that_can_be_used(
         return step(trainer)
 
     monkeypatch.setattr(training.PredictorTrainer, "step", interrupted)
-    assert train(lab, tmp_path) == 1
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores Ctrl+C
+    try:
+        assert train(lab, tmp_path) == 1
+    finally:
+        signal.signal(signal.SIGINT, before)
     load_predictor(str(tmp_path / "p"), RING)
     assert "interrupted after 7 of 20 updates" in capsys.readouterr().out.replace("\n", " ")
 
