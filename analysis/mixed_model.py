@@ -98,23 +98,25 @@ def _contrasts(base: Result, fitted: Fit, conditions: Sequence[str]) -> list[Res
         difference = float(weights @ fitted.beta)
         se = math.sqrt(float(weights @ fitted.covariance @ weights))
         df = fitted.degrees(weights)
-        half = float(stats.t.ppf(0.975, df)) * se
-        rows.append(
-            replace(
-                base,
-                contrast=f"{first} - {second}",
-                estimate=difference,
-                estimate_low=difference - half,
-                estimate_high=difference + half,
-                se=se,
-                statistic_name="t",
-                statistic=difference / se,
-                df=df,
-                p=float(2 * stats.t.sf(abs(difference / se), df)),
-                ci_level=0.95,
-            )
-        )
+        rows.append(with_t_test(replace(base, contrast=f"{first} - {second}"), difference, se, df))
     return rows
+
+
+def with_t_test(base: Result, estimate: float, se: float, df: float) -> Result:
+    """The row with an estimate, its t-test against 0 and 95 % interval."""
+    half = float(stats.t.ppf(0.975, df)) * se
+    return replace(
+        base,
+        estimate=estimate,
+        estimate_low=estimate - half,
+        estimate_high=estimate + half,
+        se=se,
+        statistic_name="t",
+        statistic=estimate / se,
+        df=df,
+        p=float(2 * stats.t.sf(abs(estimate / se), df)),
+        ci_level=0.95,
+    )
 
 
 def _variance_rows(base: Result, variance: Variance) -> list[Result]:

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import polars as pl
-from scipy import stats
 
 from analysis import compare, mixed_model, mixed_model_fit, random_slopes
 from analysis.groups import ALL, PeopleGroups, Values, pairs
@@ -56,19 +55,7 @@ def _tested(base: Result, estimate: float, se: float, df: float) -> Result:
     """An estimate with its t-test and 95 % interval."""
     if not se > 0:
         return replace(base, note="nothing varies beside the effects")
-    half = float(stats.t.ppf(0.975, df)) * se
-    return replace(
-        base,
-        estimate=estimate,
-        estimate_low=estimate - half,
-        estimate_high=estimate + half,
-        se=se,
-        statistic_name="t",
-        statistic=estimate / se,
-        df=df,
-        p=float(2 * stats.t.sf(abs(estimate / se), df)),
-        ci_level=0.95,
-    )
+    return mixed_model.with_t_test(base, estimate, se, df)
 
 
 def _contrasts(base: Result, beta: Values, covariance: Array, conditions: Sequence[str], df: float) -> list[Result]:

@@ -1,4 +1,4 @@
-"""The cumulative-link mixed model of the answers: for whoever does not want means of a 1-7 scale."""
+"""The cumulative-link mixed model of the answers: for readers who do not want means of a 1-7 scale."""
 
 import math
 from collections.abc import Sequence

@@ -6,7 +6,7 @@ Benjamini-Hochberg? Reward levels of layouts and agents fall out of both and are
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -125,12 +125,17 @@ def exact(design: PowerDesign, effect: float, participants: int) -> float:
 def participants_needed(design: PowerDesign, effect: float, wanted: float = WANTED) -> int | None:
     """The smallest number of participants in each condition at which the t-test over people has the wanted power; none
     where that takes more than MOST."""
-    if exact(design, effect, MOST) < wanted:
+    return smallest_size(lambda participants: exact(design, effect, participants), wanted)
+
+
+def smallest_size(power: Callable[[int], float], wanted: float) -> int | None:
+    """The smallest number of participants in each condition with the wanted power; None beyond MOST. `power` grows."""
+    if power(MOST) < wanted:
         return None
     low, high = 1, MOST  # too few, enough
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (low, middle) if exact(design, effect, middle) >= wanted else (middle, high)
+        low, high = (low, middle) if power(middle) >= wanted else (middle, high)
     return high
 
 

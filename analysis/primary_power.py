@@ -9,7 +9,7 @@ from scipy import special, stats
 
 from analysis.alpha_spending import nominal_levels
 from analysis.declared import DeclaredTest
-from analysis.power import MOST, WANTED
+from analysis.power import MOST, WANTED, smallest_size
 from analysis.primary import ALTERNATIVES
 from analysis.primary_text import TITLES
 
@@ -97,13 +97,7 @@ def exact(design: PrimaryDesign, effect: float, participants: int) -> float:
 
 def participants_needed(design: PrimaryDesign, effect: float) -> int | None:
     """Return the smallest number of participants in each condition with the wanted power; None beyond MOST."""
-    if exact(design, effect, MOST) < WANTED:
-        return None
-    low, high = 1, MOST  # too few, enough
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if exact(design, effect, middle) >= WANTED else (middle, high)
-    return high
+    return smallest_size(lambda participants: exact(design, effect, participants), WANTED)
 
 
 def sentence(design: PrimaryDesign, effect: float, participants: int, studies: int, seed: int) -> str:

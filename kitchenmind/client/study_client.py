@@ -19,7 +19,7 @@ _AGAIN_WITHIN_S: Final = 60.0
 
 
 class ClientFailed(RuntimeError):
-    """The participant cannot go on; the text says at which page and why."""
+    """The participant cannot continue; the text says at which page and why."""
 
 
 class StudyClient:
