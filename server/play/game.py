@@ -144,6 +144,11 @@ class Game:
         if record is not None:
             self.retrying_writer.pause(record)
 
+    def store_inputs(self) -> None:
+        """Store what arrived while the game stands still: its next record may never come."""
+        if records := self.session.settled_inputs():
+            self.retrying_writer.inputs(self.episode, records)
+
     # What people are told
 
     def broadcast(self, message: Outgoing) -> None:

@@ -168,6 +168,7 @@ class Games:
             for game in list(self._games.values()):
                 if game.busy or game.session.moving or game.session.phase == "ended":
                     continue
+                game.store_inputs()
                 left_s = game.session.pause_reasons.left_s(now)
                 if left_s is not None and left_s <= 0:
                     self.abort(game, "away")

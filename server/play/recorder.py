@@ -146,6 +146,10 @@ class Recorder(Protocol):
 
     async def pause(self, record: PauseRecord) -> None: ...
 
+    async def inputs(self, episode: str, records: Sequence[InputRecord]) -> None:
+        """Inputs that arrived while the game stood still, so that no tick tells of them soon."""
+        ...
+
     async def end(self, result: EpisodeResult) -> None: ...
 
 

@@ -1,12 +1,12 @@
-"""Writes that must arrive however long the database is away: pauses and the end of one episode, in order."""
+"""Writes that must arrive however long the database is away: pauses, inputs and the end of one episode, in order."""
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Final
 
 from server.play.clock import Clock
-from server.play.recorder import EpisodeResult, PauseRecord, Recorder, RecorderDown
+from server.play.recorder import EpisodeResult, InputRecord, PauseRecord, Recorder, RecorderDown
 
 log = logging.getLogger(__name__)
 RETRY_S: Final = 0.5
@@ -22,9 +22,11 @@ class RetryingWriter:
 
     def pause(self, record: PauseRecord) -> None:
         """Return at once; the record arrives when the database takes it."""
-        task = asyncio.create_task(self._repeat(lambda: self._recorder.pause(record)))
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        self._begin(lambda: self._recorder.pause(record))
+
+    def inputs(self, episode: str, records: Sequence[InputRecord]) -> None:
+        """As `pause`, for inputs."""
+        self._begin(lambda: self._recorder.inputs(episode, records))
 
     async def end(self, result: EpisodeResult) -> None:
         """Return when the result and everything before it are stored."""
@@ -36,6 +38,11 @@ class RetryingWriter:
         # would never come to take them out.
         while waiting := [task for task in self._tasks if not task.done()]:
             await asyncio.gather(*waiting)
+
+    def _begin(self, write: Callable[[], Awaitable[None]]) -> None:
+        task = asyncio.create_task(self._repeat(write))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
 
     async def _repeat(self, write: Callable[[], Awaitable[None]]) -> None:
         async with self._turn:

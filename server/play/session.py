@@ -104,16 +104,16 @@ class Session:
         game_ms = round((now - self._zero) * 1000, 3) if self.moving else None
         return self.keys[seat].press(keys, now, self.moving and now >= go, InputArrival(tab, unix_ms, game_ms))
 
-    def _inputs(self) -> tuple[InputRecord, ...]:
+    def settled_inputs(self) -> tuple[InputRecord, ...]:
+        """The inputs whose outcome has become known since the last call, to be stored."""
         return tuple(chain.from_iterable(keys.take_settled(self.episode, seat) for seat, keys in self.keys.items()))
 
     def pause(self, holder: Holder, reason: str, now: float, at: datetime) -> PauseRecord | None:
         """Stop the game at once; the PauseRecord to store if it was moving. Before the start nothing pauses."""
         for keys in self.keys.values():
             keys.clear()
-        if self.phase == "ended" or (
-            self.phase == "waiting" and isinstance(holder, int) and holder in self.pause_reasons
-        ):
+        waits_already = self.phase == "waiting" and isinstance(holder, int) and holder in self.pause_reasons
+        if self.phase == "ended" or waits_already:
             return None
         started = self.stored or self.simulation.timestep > 0
         self.pause_reasons.hold(holder, reason if started or isinstance(holder, str) else NOT_STARTED, now)
@@ -124,7 +124,7 @@ class Session:
             return None
         self.paused_since = now
         self.pause_record = PauseRecord(self.episode, self.simulation.timestep, reason, at, None)
-        return replace(self.pause_record, inputs=self._inputs())
+        return replace(self.pause_record, inputs=self.settled_inputs())
 
     def release(self, holder: Holder, now: float) -> bool:
         """Somebody is back. True: nothing holds the game any more, `count_down` may be called."""
@@ -148,7 +148,7 @@ class Session:
         record, self.pause_record = self.pause_record, None
         if record is None:
             return None
-        return replace(record, duration_ms=round((now - self.paused_since) * 1000, 3), inputs=self._inputs())
+        return replace(record, duration_ms=round((now - self.paused_since) * 1000, 3), inputs=self.settled_inputs())
 
     def start_at(self, go: float) -> None:
         """Move the deadlines: the current state stands until `go`, the next one comes a tick later."""
@@ -222,7 +222,7 @@ class Session:
             models_ms=round(models_ms, 3),
             late=answers.late,
             made_unix_ms=unix_ms,
-            inputs=self._inputs(),
+            inputs=self.settled_inputs(),
         )
         return self.record
 
@@ -293,7 +293,7 @@ class Session:
             progress=credit,
             passed=passed,
             final_hash=self.simulation.hash(),
-            inputs=self._inputs(),
+            inputs=self.settled_inputs(),
         )
 
     def _delivered(self) -> bool:

@@ -14,7 +14,15 @@ from sqlalchemy import Connection, bindparam, func, or_, select, update
 from sqlalchemy.exc import IntegrityError
 
 from server.play.episode_spec import EpisodeSpec
-from server.play.recorder import AWAY_REASONS, EpisodeRecord, EpisodeResult, PauseRecord, RecorderDown, TickRecord
+from server.play.recorder import (
+    AWAY_REASONS,
+    EpisodeRecord,
+    EpisodeResult,
+    InputRecord,
+    PauseRecord,
+    RecorderDown,
+    TickRecord,
+)
 from server.store import inputs as input_rows
 from server.store import ticks as tick_rows
 from server.store.database import Database, DatabaseDown
@@ -220,19 +228,16 @@ def pause(connection: Connection, record: PauseRecord) -> None:
 _HERE: Final = pauses.c.episode_id == bindparam("episode")
 _END_PAUSE: Final = update(pauses).where(_HERE, pauses.c.started_at == bindparam("start"))
 _EPISODE_IS_STORED: Final = select(episodes.c.id).where(episodes.c.id == bindparam("episode"))
-_OPEN_BEFORE: Final = select(pauses).where(
-    _HERE, pauses.c.duration_ms.is_(None), pauses.c.started_at < bindparam("start")
-)
+_STARTED_BEFORE: Final = pauses.c.started_at < bindparam("start")
+_OPEN_BEFORE: Final = select(pauses).where(_HERE, pauses.c.duration_ms.is_(None), _STARTED_BEFORE)
 _BEGIN_PAUSE: Final = pauses.insert()
 
 
 def pauses_of(connection: Connection, episode_id: str) -> list[PauseRecord]:
     """The episode's pauses, in order."""
     query = select(pauses).where(pauses.c.episode_id == episode_id).order_by(pauses.c.started_at)
-    return [
-        PauseRecord(row.episode_id, row.timestep, row.reason, row.started_at, row.duration_ms)
-        for row in connection.execute(query)
-    ]
+    rows = connection.execute(query)
+    return [PauseRecord(row.episode_id, row.timestep, row.reason, row.started_at, row.duration_ms) for row in rows]
 
 
 def end(connection: Connection, result: EpisodeResult) -> bool:
@@ -248,8 +253,7 @@ def end(connection: Connection, result: EpisodeResult) -> bool:
         "final_hash": result.final_hash,
         "ended_at": datetime.now(UTC),
     }
-    is_first = connection.execute(query.values(values)).rowcount == 1
-    if is_first:
+    if is_first := connection.execute(query.values(values)).rowcount == 1:
         input_rows.insert(connection, result.inputs)
     return is_first
 
@@ -279,6 +283,9 @@ class StoreRecorder:
 
     async def pause(self, record: PauseRecord) -> None:
         await self._write(pause, record)
+
+    async def inputs(self, episode: str, records: Sequence[InputRecord]) -> None:
+        await self._write(input_rows.insert_of_known, episode, records)
 
     async def end(self, result: EpisodeResult) -> None:
         await self._write(end, result)

@@ -11,8 +11,17 @@ from typing import Any
 
 from sqlalchemy import Connection, select, update
 
-from server.play.recorder import EpisodeRecord, EpisodeResult, GamesLost, PauseRecord, RecorderDown, TickRecord
+from server.play.recorder import (
+    EpisodeRecord,
+    EpisodeResult,
+    GamesLost,
+    InputRecord,
+    PauseRecord,
+    RecorderDown,
+    TickRecord,
+)
 from server.store import episodes as stored
+from server.store import inputs as input_rows
 from server.store import ticks as tick_rows
 from server.store.database import Database, DatabaseDown
 from server.store.episodes import PATIENCE_S, StoreRecorder, TickConflict
@@ -92,10 +101,14 @@ class FencedRecorder(StoreRecorder):
 
     async def pause(self, record: PauseRecord) -> None:
         """A pause of a game that is another's now is not stored: its owner knows better."""
-        await self._write(_if_held, self.fence(record.episode), stored.pause, record)
+        await self._write(_if_held, record.episode, self.fence(record.episode), stored.pause, record)
+
+    async def inputs(self, episode: str, records: Sequence[InputRecord]) -> None:
+        """As for pauses."""
+        await self._write(_if_held, episode, self.fence(episode), input_rows.insert_of_known, episode, records)
 
     async def end(self, result: EpisodeResult) -> None:
-        if not await self._write(_if_held, self.fence(result.episode), stored.end, result):
+        if not await self._write(_if_held, result.episode, self.fence(result.episode), stored.end, result):
             raise GamesLost({result.episode})
 
     async def _guarded(self, work: Any) -> Any:
@@ -108,9 +121,9 @@ class FencedRecorder(StoreRecorder):
             raise RecorderDown(str(down)) from down
 
 
-def _if_held(connection: Connection, fence: int, store: Any, record: PauseRecord | EpisodeResult) -> bool:
+def _if_held(connection: Connection, episode: str, fence: int, store: Any, *arguments: Any) -> bool:
     """False: another process has taken the game up, nothing was stored."""
-    mine, lost = held(connection, {record.episode: fence})
+    mine, lost = held(connection, {episode: fence})
     if mine:
-        store(connection, record)
+        store(connection, *arguments)
     return not lost

@@ -1,4 +1,5 @@
-"""Every input that arrived in a game: stored in the transaction of the tick, pause or end that knows its outcome."""
+"""Every input that arrived in a game: stored with the tick, pause or end that knows its outcome; while the game stands
+still, on their own."""
 
 from collections.abc import Iterable, Mapping
 from functools import cache
@@ -7,7 +8,7 @@ from typing import Final
 from sqlalchemy import Connection, func, select
 
 from server.play.recorder import REPEATED, InputRecord, StoredInputs
-from server.store.tables import inputs
+from server.store.tables import episodes, inputs
 
 _NAMES: Final = [column.name for column in inputs.c]
 _FIELDS: Final = ["episode" if name == "episode_id" else name for name in _NAMES]
@@ -18,6 +19,12 @@ def insert(connection: Connection, records: Iterable[InputRecord]) -> None:
     rows = [tuple(getattr(record, name) for name in _FIELDS) for record in records]
     if rows:
         connection.exec_driver_sql(_insert_text(connection.dialect.name), rows)
+
+
+def insert_of_known(connection: Connection, episode_id: str, records: Iterable[InputRecord]) -> None:
+    """As `insert`, for one episode, of which nothing is stored if it was deleted (its participant withdrew)."""
+    if connection.execute(select(episodes.c.id).where(episodes.c.id == episode_id)).first() is not None:
+        insert(connection, records)
 
 
 def of_episode(connection: Connection, episode_id: str) -> list[InputRecord]:

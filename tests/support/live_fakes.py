@@ -10,7 +10,7 @@ from overcooked.constants import ACTIONS, EAST, INTERACT, NORTH, SOUTH, STAY, WE
 from overcooked.layout import load_layout
 from server.play.episode_spec import EpisodeSpec
 from server.play.messages import Outgoing
-from server.play.recorder import EpisodeRecord, EpisodeResult, PauseRecord, RecorderDown, TickRecord
+from server.play.recorder import EpisodeRecord, EpisodeResult, InputRecord, PauseRecord, RecorderDown, TickRecord
 
 
 def make_spec(**changes: object) -> EpisodeSpec:
@@ -43,6 +43,7 @@ class MemoryRecorder:
     def __init__(self) -> None:
         self.ticks_of: dict[str, dict[int, TickRecord]] = {}
         self.pauses: dict[object, PauseRecord] = {}
+        self.inputs_of: dict[str, list[InputRecord]] = {}  # that came without a tick, pause or end
         self.results: dict[str, EpisodeResult] = {}
         self.down = False
         self.commits = 0
@@ -59,6 +60,10 @@ class MemoryRecorder:
     async def pause(self, record: PauseRecord) -> None:
         self._check()
         self.pauses[record.episode, record.started_at] = record
+
+    async def inputs(self, episode: str, records: Sequence[InputRecord]) -> None:
+        self._check()
+        self.inputs_of.setdefault(episode, []).extend(records)
 
     async def end(self, result: EpisodeResult) -> None:
         self._check()

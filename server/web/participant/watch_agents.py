@@ -14,7 +14,7 @@ from server.participation.seating import ConnectedPlayer
 from server.participation.served_studies import Studies
 from server.play.episode_spec import EpisodeSpec
 from server.play.games import Games, Load
-from server.play.recorder import EpisodeRecord, EpisodeResult, PauseRecord, Recorder, TickRecord
+from server.play.recorder import EpisodeRecord, EpisodeResult, InputRecord, PauseRecord, Recorder, TickRecord
 from server.play.session import VIEWER
 from server.study.definition import Condition, KitchenChoice, PartnerSettings, Study
 from server.study.locale import best_language, languages
@@ -74,6 +74,8 @@ class Unstored:
     async def ticks(self, records: Sequence[TickRecord]) -> None: ...
 
     async def pause(self, record: PauseRecord) -> None: ...
+
+    async def inputs(self, episode: str, records: Sequence[InputRecord]) -> None: ...
 
     async def end(self, result: EpisodeResult) -> None: ...
 

@@ -47,6 +47,18 @@ async def test_inputs_come_with_ticks_pauses_and_the_end_and_repeating_a_call_ch
     assert sorted(found, key=lambda record: record.number) == sorted(wanted, key=lambda record: record.number)
 
 
+async def test_inputs_of_a_game_that_stands_still_are_stored_alone_and_nothing_of_a_deleted_episode(
+    database: Database, episode: str
+) -> None:
+    recorder = StoreRecorder(database, patience_s=30)
+    came = (one(episode, 1, outcome="stood_still", timestep=None), one(episode, 2, outcome="unchanged", timestep=None))
+    for _ in range(2):
+        await recorder.inputs(episode, came)
+        await recorder.inputs("gone", (one("gone", 1),))
+    assert database.read_now(inputs.of_episode, episode) == list(came)
+    assert database.read_now(inputs.of_episode, "gone") == []
+
+
 async def test_an_episode_that_is_taken_up_knows_which_messages_it_has_seen(database: Database, episode: str) -> None:
     seen = (
         one(episode, 1, seq=40),
