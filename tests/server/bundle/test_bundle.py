@@ -161,6 +161,22 @@ def test_a_model_that_is_not_here_makes_no_bundle(tmp_path: Path, capsys: pytest
     assert not (tmp_path / "x.zip").exists()
 
 
+def test_a_study_that_could_not_be_served_makes_no_bundle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    onnx_files.linear_agent(tmp_path / "mine.onnx", ("games", 3, 3, 26))
+    text = QUICK.read_text(encoding="utf-8")
+    agents = re.compile(r"(?m)^agents:\n(?:  - .*\n)+")
+    assert agents.search(text)
+    study = tmp_path / "study.yaml"
+    study.write_text(
+        agents.sub("agents:\n  - {name: mine, model: mine.onnx, predictor: random}\n", text), encoding="utf-8"
+    )
+    assert kitchenmind.main(["bundle", str(study), "--out", str(tmp_path / "b.zip")]) == 2
+    said = capsys.readouterr().err
+    assert "agents.0.model: 'mine.onnx' cannot be used on coordination_ring" in said
+    assert "(3, 3, 26)" in said or "3, 3, 26]" in said
+    assert not (tmp_path / "b.zip").exists()
+
+
 def test_an_agent_without_a_predictor_is_told_which_ones_it_may_name(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
