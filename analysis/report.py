@@ -33,7 +33,8 @@ from analysis.results import Result, select, write_results
 from analysis.sensitivity import POPULATIONS
 from analysis.spreadsheet import safe_table
 from analysis.study import Analysis, Options, analyse, smallest_condition
-from analysis.tables import COLUMNS, LAYOUTS, Export, read_export, table_file
+from analysis.table_files import COLUMNS, table_file
+from analysis.tables import LAYOUTS, Export, read_export
 
 HERE = Path(__file__).parent
 

@@ -1,4 +1,5 @@
-"""The folder that `kitchenmind export` writes, as checked tables. Only this file knows how columns are spelled there.
+"""The folder that `kitchenmind export` writes, as the tables of one study. Besides `table_files`, only this file knows
+how columns are spelled there.
 
 Seats become roles here: everything after this file speaks of the person and the partner, never of chef 0 and chef 1.
 """
@@ -13,6 +14,9 @@ from typing import Any
 import polars as pl
 import yaml
 
+from analysis.table_files import COLUMNS, read_table
+from analysis.table_files import ExportError as ExportError
+
 STEPS = 3  # predicted actions a timestep
 ACTIONS = 6
 STAY = 4
@@ -21,40 +25,6 @@ INTERACT = 5
 CONDITIONS = ("none", "random", "tom")  # order of the published design
 LAYOUTS = ("coordination_ring", "double_rings", "double_counters", "matrix", "clear_division")
 AGENTS = ("sp", "fcp")
-
-# What is read of each table. An export has more columns and tables; codebook.json explains them all.
-COLUMNS = {
-    "participants": ("participant", "study", "condition", "status"),
-    "episodes": (
-        "episode",
-        "participant_0",
-        "participant_1",
-        "agent_0",
-        "agent_1",
-        "condition",
-        "kind",
-        "layout",
-        "number",
-        "status",
-        "score",
-        "progress",
-        "watched_seat",
-        "tick_ms",
-    ),
-    "answers": ("participant", "episode", "question", "value", "value_type"),
-    "ticks": ("episode", "timestep", "action_0", "action_1", "late", "predicted_1", "predicted_2", "predicted_3"),
-    "pauses": ("episode", "reason", "duration_ms"),
-    "withdrawals": ("study", "condition"),
-}
-TICK_COLUMNS = {*COLUMNS["ticks"], *(f"key_{time}_ms_{seat}" for time in ("client", "received") for seat in (0, 1))}
-OPTIONAL = ("pauses", "withdrawals")
-IDENTIFIERS = ("participant", "participant_0", "participant_1", "episode", "study", "condition", "layout", "status")
-# Stay text when they come from CSV, also where every one of them looks like a number ("007").
-TEXTS = (*IDENTIFIERS, "agent_0", "agent_1", "question", "value", "value_type", "kind", "reason", "excluded")
-
-
-class ExportError(ValueError):
-    """The folder is no export that this analysis can read; the text says what to do."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +83,7 @@ def read_export(folder: Path, study: str | None = None, version: int | None = No
     there are several, `version` one version of its file; without it all versions are read. Raises ExportError."""
     if not folder.is_dir():
         raise ExportError(f"{folder} is no folder. Give the folder that `kitchenmind export --out` wrote.")
-    raw = {name: _read_table(folder, name) for name in COLUMNS}
+    raw = {name: read_table(folder, name) for name in COLUMNS}
     study = _chosen_study(raw["participants"], study)
     for name in ("participants", "withdrawals"):
         raw[name] = raw[name].filter(pl.col("study") == study)
@@ -178,42 +148,6 @@ def _chosen_study(participants: pl.DataFrame, study: str | None) -> str:
         if study is None
         else f"The export holds no study {study}. It has: {names}."
     )
-
-
-def table_file(folder: Path, name: str) -> Path | None:
-    """The file of a table: its name is one of the words of the file's name (Psych-DS: study-x_ticks_data.csv)."""
-    found = [
-        path
-        for path in sorted(folder.rglob("*"))
-        if path.suffix in (".parquet", ".csv") and name in re.split(r"[-_.]", path.stem)
-    ]
-    return min(found, key=lambda path: (path.suffix != ".parquet", len(path.parts), path.name), default=None)
-
-
-def _read_table(folder: Path, name: str) -> pl.DataFrame:
-    path = table_file(folder, name)
-    if path is None and name in OPTIONAL:
-        return pl.DataFrame(schema=dict.fromkeys(COLUMNS[name], pl.String))
-    if path is None:
-        raise ExportError(f"{folder} has no table of {name} ({name}.csv or {name}.parquet). Export the study again.")
-    try:
-        table = _scan(path, name).collect()
-    except (pl.exceptions.PolarsError, OSError) as error:
-        why = str(error).splitlines()[0]
-        raise ExportError(f"{path} cannot be read as a table: {why}. Export the study again.") from None
-    if missing := [column for column in COLUMNS[name] if column not in table.columns]:
-        raise ExportError(f"{path} has no column {missing[0]}. Export the study again with this version.")
-    return table.with_columns(pl.col(column).cast(pl.String) for column in IDENTIFIERS if column in table.columns)
-
-
-def _scan(path: Path, name: str) -> pl.LazyFrame:
-    """The file as a lazy table: texts stay texts, and of the ticks only what is needed (a large study has millions)."""
-    lazy = pl.scan_parquet(path) if path.suffix == ".parquet" else pl.scan_csv(path, infer_schema=False)
-    present = lazy.collect_schema().names()
-    if path.suffix != ".parquet":
-        texts = {column: pl.String for column in TEXTS if column in present}
-        lazy = pl.scan_csv(path, infer_schema_length=None, schema_overrides=texts)
-    return lazy.select(column for column in present if column in TICK_COLUMNS) if name == "ticks" else lazy
 
 
 def _with_default(table: pl.DataFrame, column: str, value: object) -> pl.DataFrame:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,7 +15,8 @@ from analysis import cards, data_quality, measures
 from analysis.episode_quality import judge
 from analysis.report import write_report
 from analysis.study import Options
-from analysis.tables import COLUMNS, OPTIONAL, read_export
+from analysis.table_files import COLUMNS, OPTIONAL, table_file
+from analysis.tables import read_export
 from server.export import codebook, quality_inputs
 from server.store import decisions, participants
 from server.store.database import Database
@@ -54,6 +56,24 @@ def test_the_analysis_reads_only_columns_of_the_codebook() -> None:
     assert set(OPTIONAL) <= set(COLUMNS) <= set(tables)
     for table, columns in COLUMNS.items():
         assert set(columns) <= tables[table]
+
+
+def test_a_csv_file_says_the_same_when_a_column_has_no_values_or_there_are_no_rows(
+    folder: Path, tmp_path: Path
+) -> None:
+    """As `watched_seat` of pairs of people: read from its values alone, an empty column is text."""
+    if (folder / "parquet").exists():
+        pytest.skip("Parquet files have their types")
+    path = table_file(folder, "episodes")
+    assert path is not None
+    for name, change in (("column", {"watched_seat": pl.lit("")}), ("rows", {})):
+        copy = tmp_path / name
+        shutil.copytree(folder, copy)
+        table = pl.read_csv(path, infer_schema=False).with_columns(**change)
+        table.head(len(table) if change else 0).write_csv(copy / path.relative_to(folder))
+        export = read_export(copy)
+        assert export.episodes.schema["watched_seat"] == pl.Int64
+        assert len(export.episodes) == (2 * PEOPLE if change else 0)
 
 
 def test_accuracy_from_the_export_is_accuracy_counted_in_the_database(folder: Path, database: Database) -> None:
