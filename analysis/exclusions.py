@@ -73,7 +73,9 @@ def versions_notice(export: Export) -> str:
     """That several versions of the study are analysed together, and how to choose one; empty if it is one."""
     if len(export.versions) < 2:
         return ""
-    parts = [f"version {version} ({count} participants)" for version, count in export.versions.items()]
+    parts = [
+        f"version {version} ({count} participant{'s' * (count != 1)})" for version, count in export.versions.items()
+    ]
     return (
         f"This data set holds several versions of the study, analysed together: {listed(parts)}. "
         "To analyse one of them, add --study-version and its number."

@@ -28,7 +28,10 @@ VERBS: dict[str, tuple[str, str]] = {
     "study": ("server.commands.study", "create or check a study file"),
     "bundle": ("server.commands.bundle", "pack a study into one archive for preregistration"),
     "export": ("server.commands.export", "write a study's data as CSV and Parquet"),
-    "verify": ("server.commands.verify", "re-simulate every stored episode and compare the hashes"),
+    "verify": (
+        "server.commands.verify",
+        "re-simulate every stored episode, compare the hashes, check the audit log",
+    ),
     "backup": ("server.commands.backup", "copy a SQLite database, also while the server runs"),
     "import": ("server.commands.importer", "read an export back into an empty database"),
     "bots": ("server.commands.bots", "run simulated participants through a study and check every guarantee"),

@@ -1,4 +1,5 @@
-"""`kitchenmind verify`: re-simulates every stored episode from its own grid and actions and compares all hashes."""
+"""`kitchenmind verify`: re-simulates every stored episode from its own grid and actions and compares all hashes; and
+checks that the audit log is whole."""
 
 import argparse
 import sys
@@ -29,7 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0: every episode came out the same; 1: some did not, or the database failed; 2: wrong input."""
+    """0: every episode came out the same and the audit log is whole; 1: not so, or the database failed; 2: wrong
+    input."""
     from server.commands.databases import open_stored
     from server.store.engines import DatabaseDown
 
@@ -47,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _verify(connection: "Connection", study: str | None) -> tuple[list[str], int]:
-    from server.store import studies
+    from server.store import audit, studies
     from server.verification import verify_all
 
     chosen = None
@@ -56,7 +58,11 @@ def _verify(connection: "Connection", study: str | None) -> tuple[list[str], int
         if not chosen:
             known = ", ".join(sorted({version.key for version in studies.every(connection)})) or "none"
             raise ValueError(f"there is no study {study!r} in this database. It has: {known}.")
-    return report(verify_all(connection, chosen))
+    lines, status = report(verify_all(connection, chosen))
+    forged = audit.first_forged(connection)
+    if forged is None:
+        return [*lines, "The audit log is whole.\n"], status
+    return [*lines, f"The audit log was changed: entry {forged} is missing or is not what was written.\n"], 1
 
 
 def report(results: "Iterable[VerificationResult]") -> tuple[list[str], int]:

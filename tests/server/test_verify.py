@@ -5,7 +5,9 @@ import pytest
 from sqlalchemy import Connection, create_engine, delete, select, update
 
 import kitchenmind
+from server.store import audit
 from server.store.database import Database
+from server.store.tables import audit as audit_table
 from server.store.tables import episodes, ticks
 
 
@@ -28,6 +30,27 @@ def test_every_stored_episode_is_simulated_to_the_same_states(filled: str, capsy
     assert verify(filled) == 0
     assert capsys.readouterr().out.splitlines()[1].split() == ["coordination_ring", "6", "240", "0"]
     assert verify(filled, "--study", "ring") == 0
+
+
+def test_an_audit_log_without_its_last_entry_is_told(filled: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with Database(filled) as database:
+        for _ in range(2):
+            database.write_now(audit.add, "ada", "pause", {"study": "ring"})
+    assert verify(filled) == 0
+    assert "The audit log is whole." in capsys.readouterr().out
+    with Database(filled) as database:
+        database.write_now(remove_last_entry)
+    assert verify(filled) == 1
+    assert "The audit log was changed: entry 2 is missing or is not what was written." in capsys.readouterr().out
+
+
+def remove_last_entry(connection: Connection) -> None:
+    """As somebody who can write to the database and takes its protection off."""
+    if connection.dialect.name == "sqlite":
+        connection.exec_driver_sql("DROP TRIGGER audit_keeps_entries")
+    else:
+        connection.exec_driver_sql("ALTER TABLE audit DISABLE TRIGGER USER")
+    connection.execute(delete(audit_table).where(audit_table.c.id == 2))
 
 
 def test_running_episode_is_checked_as_far_as_it_was_played(filled: str) -> None:
