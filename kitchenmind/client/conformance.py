@@ -14,7 +14,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidSta
 
 from kitchenmind.client.checked_sockets import CheckedSockets, Unmet, hello, name_of, require, send
 from kitchenmind.client.game_client import ProtocolError
-from kitchenmind.client.seen_kitchen import SeenKitchen
+from kitchenmind.client.seen_kitchen import SeenKitchen, compile_rules
 from kitchenmind.client.study_client import ClientFailed
 from overcooked.constants import PLAYERS, STAY
 from overcooked.layout import LayoutError
@@ -41,6 +41,7 @@ class Conformance(CheckedSockets):
 
     async def run(self, told: Callable[[Finding], None] | None = None) -> list[Finding]:
         """Run every check; `told` hears of each finding at once. Later checks also run if one fails."""
+        compile_rules()
         findings = []
         async with self.client:
             for check in self._checks():

@@ -15,7 +15,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Origin
 
-from kitchenmind.client.seen_kitchen import SeenKitchen
+from kitchenmind.client.seen_kitchen import SeenKitchen, compile_rules
 from overcooked.constants import ACTIONS, INTERACT, STAY
 from server.play import messages
 from server.play.close_codes import CloseCode
@@ -90,6 +90,7 @@ class GameClient:
         """Play until the episode is over, across lost connections; return how it ended, None if there is no game to be
         played here. Raises ProtocolError, RuntimeError if the server takes this player for an abuser, and
         ConnectionError if there is no server."""
+        compile_rules()
         for attempt in range(MOST_RECONNECTS):
             try:
                 return await self._play_once()

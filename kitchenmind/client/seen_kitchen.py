@@ -1,10 +1,12 @@
 """The kitchen as the messages of a game tell it, turned back into arrays."""
 
+from functools import cache
+
 import numpy as np
 
 from models.protocols import Policy
-from overcooked.constants import ITEM_NAMES
-from overcooked.layout import Layout, parse_layout
+from overcooked.constants import ITEM_NAMES, PLAYERS
+from overcooked.layout import Layout, bundled_layout, parse_layout
 from overcooked.state import Kitchens
 from server.play import messages
 
@@ -38,3 +40,13 @@ class SeenKitchen:
         """What a cook with this policy would do now."""
         seen = self._state.encode(horizon=self.horizon)[:, max(0, self.seat)]
         return int(np.argmax(policy.probabilities(seen)[0]))
+
+
+@cache
+def compile_rules() -> None:
+    """Compile the rules, which takes seconds on a machine where nobody has done it yet. During a game, the server would
+    take the client for gone, as no ping is answered meanwhile."""
+    kitchens = Kitchens.start(bundled_layout("practice"))
+    kitchens.step(np.zeros((1, PLAYERS), np.int8), np.zeros((1, PLAYERS), np.int32))
+    kitchens.encode(horizon=1)
+    kitchens.hash()

@@ -2,6 +2,8 @@
 
 import asyncio
 import io
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import redirect_stdout
 
@@ -26,6 +28,26 @@ class Planner(GameClient):
     def act(self, tick: messages.Tick) -> int | None:
         assert self.kitchen is not None
         return self.kitchen.decide(self.policy)
+
+
+COLD = """
+import asyncio
+from kitchenmind.client import GameClient, game_client
+from overcooked.rules import step
+
+async def connect(*_, **__):
+    print("compiled" if step.signatures else "not compiled")
+    raise SystemExit
+
+game_client.connect = connect
+asyncio.run(GameClient("ws://127.0.0.1:1/s/x/socket").play())
+"""
+
+
+def test_the_rules_are_compiled_before_the_game_is_joined() -> None:
+    """A compilation takes seconds, in which no ping is answered."""
+    done = subprocess.run([sys.executable, "-c", COLD], capture_output=True, text=True, cwd=ROOT, check=False)
+    assert (done.stdout.strip(), done.stderr) == ("compiled", "")
 
 
 @pytest.fixture(scope="module")
