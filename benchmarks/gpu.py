@@ -11,7 +11,6 @@ import argparse
 import json
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +61,8 @@ def main() -> None:
 def _agent_rate(layout: Layout, games: int, seconds: float) -> dict[str, Any]:
     """Timesteps per second of PPO with the paper's CNN, the minibatch grown with the number of games."""
     config = agent_config("cnn")
-    config = replace(config, games=games, minibatch=config.minibatch * max(1, games // config.games))
+    size = config.minibatch_size * max(1, games // config.num_envs)
+    config = config.model_copy(update={"num_envs": games, "minibatch_size": size})
     compute, measured = choose_compute(network_config(config), layout)
     trainer = PpoTrainer(config, layout, 0, compute=compute)
     trainer.iteration()

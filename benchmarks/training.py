@@ -14,7 +14,6 @@ import json
 import statistics
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -86,11 +85,13 @@ def _rate(name: str, config: AgentConfig, layout: str, seconds: float) -> dict[s
 
 def _time_to_wanted(config: AgentConfig, seed: int) -> dict[str, Any]:
     """CPU seconds and timesteps until the mean training reward (sampled actions) is 200 points per episode."""
-    config = replace(config, timesteps=2_500_000, shaping_timesteps=1_500_000, entropy_timesteps=1_500_000)
+    config = config.changed(
+        {"total_timesteps": 2_500_000, "shaping_timesteps": 1_500_000, "ent_coef_timesteps": 1_500_000}, "benchmark"
+    )
     trainer = PpoTrainer(config, load_layout(LAYOUT), seed)
     trainer.iteration()
     began, mean = time.process_time(), 0.0
-    while mean < WANTED and time.process_time() - began < _MOST_S and trainer.timesteps < config.timesteps:
+    while mean < WANTED and time.process_time() - began < _MOST_S and trainer.timesteps < config.total_timesteps:
         metrics = trainer.iteration()
         mean = 0.8 * mean + 0.2 * metrics.get("reward", mean)
     seconds = time.process_time() - began

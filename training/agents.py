@@ -14,7 +14,7 @@ from models.networks.policy import MlpPolicy, Network, build_network, network_of
 from models.protocols import Mode
 from overcooked.layout import Layout, parse_layout
 from training.compute import Compute
-from training.config import AgentConfig, changed, differences, network_config
+from training.config import AgentConfig, network_config
 from training.fast_path import choose_compute
 from training.partners import PartnerPool, load_partners
 from training.ppo import PpoTrainer, Progress, run_settings, train
@@ -83,7 +83,7 @@ def ship(
     """Write a run's network at a skill level as a checkpoint with its card; return its sha256."""
     settings = folder.settings
     layout = parse_layout(settings["grid"], settings["layout"])
-    config = changed(AgentConfig(), settings["config"], str(folder.path))
+    config = AgentConfig().changed(settings["config"], str(folder.path))
     timesteps, reward, path = skill_snapshot(folder, skill)
     network, network_config = snapshot_network(path, config, layout)
     facts = {
@@ -119,7 +119,7 @@ def card(folder: RunFolder, name: str, skill: int, mode: Mode, facts: dict[str, 
     settings = folder.settings
     partners = settings["partners"]
     how = f"best response to {len(partners)} partners (fictitious co-play)" if partners else "self-play"
-    config = changed(AgentConfig(), settings["config"], str(folder.path))
+    config = AgentConfig().changed(settings["config"], str(folder.path))
     lines = [
         f"# {name}: an agent for {settings['layout']}",
         "",
@@ -132,11 +132,11 @@ def card(folder: RunFolder, name: str, skill: int, mode: Mode, facts: dict[str, 
         "| fact | value |",
         "|---|---|",
         *(f"| {key.replace('_', ' ')} | {_written(value)} |" for key, value in facts.items()),
-        f"| environment timesteps of the run | {config.timesteps:,} |",
+        f"| environment timesteps of the run | {config.total_timesteps:,} |",
         f"| training time, one core | {folder.seconds():.0f} s |",
         f"| computed with | {folder.compute()} |",
         f"| code revision | {folder.revision} |",
-        f"| settings other than the defaults | {differences(config) or 'none'} |",
+        f"| settings other than the defaults | {config.differences() or 'none'} |",
         "",
         "Points are per episode of 400 timesteps; self-play and held-out figures are in the mode above, weights as",
         "stored (16 bits).",

@@ -1,120 +1,124 @@
-"""The settings of a training run: frozen, a sentence each. An unknown key is an error that names the known ones."""
+"""The settings of an agent's training (PPO), with CleanRL's names."""
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from models.networks.config import NetworkConfig
+from training.settings import ConfigError, TrainingSettings, parsed_changes
 
 CONFIG_FOLDER = Path(__file__).parent / "configs"
 
 
-class ConfigError(ValueError):
-    """A setting that does not exist or cannot be; says where and what to write instead."""
-
-
-@dataclass(frozen=True)
-class AgentConfig:
+class AgentConfig(TrainingSettings):
     """How one agent learns by PPO. A run is defined by its config, its layout, its seed and its partners."""
 
-    network: str = "mlp"  # "mlp" or the paper's "cnn"
-    hidden: tuple[int, ...] = (128, 64, 64)  # widths of the fully connected layers
-    filters: int = 25  # of each convolution (cnn only)
-    timesteps: int = 4_000_000  # of the environment, summed over its games
-    games: int = 64  # that run side by side in self-play
-    rollout: int = 100  # timesteps of each game between two updates
-    epochs: int = 2  # passes over each rollout
-    minibatch: int = 1280  # samples in one gradient step
-    learning_rate: float = 1e-3  # of Adam at the start; falls in a straight line
-    final_learning_rate: float = 0.1  # share of the learning rate that is left at the end
-    clip: float = 0.2  # how far the policy may move from the one that played (PPO's ratio)
-    discount: float = 0.99  # gamma
-    trace: float = 0.95  # lambda of generalised advantage estimation
-    value_weight: float = 0.5  # of the value loss beside the policy loss
-    gradient_norm: float = 0.5  # larger gradients are scaled down to this
-    reward_scale: float = 0.1  # points to reward
-    entropy: float = 0.05  # bonus for an undecided policy at the start
-    final_entropy: float = 0.005  # the same from `entropy_timesteps` on
-    entropy_timesteps: int = 2_000_000  # over which the bonus falls in a straight line
-    shaping_timesteps: int = 2_000_000  # over which the own shaped reward fades to nothing
-    dish_shaping: float = 3.0  # of it for a useful dish; where less, chefs carry onions until the soup is nearly done
-    random_starts: float = 0.0  # share of episodes that begin in a random state
-    self_play_games: int = 24  # with partners: games that both chefs play with the learner itself
-    games_per_partner: int = 4  # with partners: games with each of them, seats in turn
-    imitation_updates: int = 0  # gradient steps towards the scripted planner before the first timestep (wide kitchens)
-    imitation_noise: float = 0.3  # share of random actions while the planner shows how
-    snapshots: int = 60  # copies of the network kept over the run, from which the skill levels are taken
+    network: Literal["mlp", "cnn"] = Field("mlp", description="Network: an MLP, or the paper's CNN.")
+    hidden: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(strict=False)] = Field(
+        (128, 64, 64), description="Widths of the fully connected layers."
+    )
+    filters: int = Field(25, ge=1, description="Filters of each convolution (CNN only).")
+    total_timesteps: int = Field(
+        4_000_000,
+        ge=1,
+        serialization_alias="timesteps",
+        description="Timesteps of the environment, summed over all games.",
+    )
+    num_envs: int = Field(
+        64, ge=1, serialization_alias="games", description="Games that run side by side in self-play."
+    )
+    num_steps: int = Field(
+        100, ge=1, serialization_alias="rollout", description="Timesteps of each game between two updates (a rollout)."
+    )
+    update_epochs: int = Field(2, ge=1, serialization_alias="epochs", description="Passes over each rollout.")
+    minibatch_size: int = Field(
+        1280, ge=2, serialization_alias="minibatch", description="Samples in one gradient step."
+    )
+    learning_rate: float = Field(1e-3, ge=0, description="Learning rate of Adam at the start; it falls linearly.")
+    final_learning_rate: float = Field(
+        0.1, ge=0, description="Share of the learning rate that is left at the end of the run."
+    )
+    clip_coef: float = Field(
+        0.2, ge=0, serialization_alias="clip", description="PPO's clipping range for the ratio of new to old policy."
+    )
+    gamma: float = Field(0.99, ge=0, le=1, serialization_alias="discount", description="Discount factor of rewards.")
+    gae_lambda: float = Field(
+        0.95, ge=0, le=1, serialization_alias="trace", description="Lambda of generalised advantage estimation."
+    )
+    vf_coef: float = Field(
+        0.5, ge=0, serialization_alias="value_weight", description="Weight of the value loss; the policy loss has 1."
+    )
+    max_grad_norm: float = Field(
+        0.5,
+        ge=0,
+        serialization_alias="gradient_norm",
+        description="Gradients with a larger norm are scaled down to it.",
+    )
+    reward_scale: float = Field(0.1, ge=0, description="Factor from points to rewards.")
+    ent_coef: float = Field(
+        0.05, ge=0, serialization_alias="entropy", description="Weight of the entropy bonus at the start."
+    )
+    final_ent_coef: float = Field(
+        0.005,
+        ge=0,
+        serialization_alias="final_entropy",
+        description="Weight of the entropy bonus from `ent_coef_timesteps` on.",
+    )
+    ent_coef_timesteps: int = Field(
+        2_000_000,
+        ge=0,
+        serialization_alias="entropy_timesteps",
+        description="Timesteps over which the weight of the entropy bonus falls linearly.",
+    )
+    shaping_timesteps: int = Field(
+        2_000_000, ge=0, description="Timesteps over which each chef's own shaped reward fades to zero."
+    )
+    # With less than the game's own 3.0, chefs carry onions until the soup is nearly done.
+    dish_shaping: float = Field(3.0, ge=0, description="Shaped reward for taking a useful dish.")
+    random_starts: float = Field(0.0, ge=0, le=1, description="Share of episodes that begin in a random state.")
+    self_play_games: int = Field(
+        24, ge=0, description="When training with partners: games in which the agent plays both chefs."
+    )
+    games_per_partner: int = Field(
+        4, ge=4, multiple_of=4, description="When training with partners: games with each partner, seats alternating."
+    )
+    imitation_updates: int = Field(
+        0, ge=0, description="Gradient steps towards the scripted planner before the first timestep (wide kitchens)."
+    )
+    imitation_noise: float = Field(
+        0.3, ge=0, le=1, description="Share of random actions in the planner's games that are imitated."
+    )
+    snapshots: int = Field(
+        60, ge=1, description="Copies of the network kept over the run, from which the skill levels are taken."
+    )
 
 
 def network_config(config: AgentConfig) -> NetworkConfig:
-    """The shape of the network that such a run trains."""
+    """Return the shape of the network that such a run trains."""
     return NetworkConfig(config.network, config.filters, config.hidden)
 
 
-def differences(config: AgentConfig) -> dict[str, Any]:
-    """The settings that are not the defaults. They name a run, so a new setting makes no stranger of an old run."""
-    pairs = ((field.name, getattr(config, field.name)) for field in fields(config))
-    changes = {name: value for name, value in pairs if value != getattr(AgentConfig(), name)}
-    return {name: list(value) if isinstance(value, tuple) else value for name, value in changes.items()}
-
-
 def agent_config(name_or_path: str | Path | None, changes: Sequence[str] = ()) -> AgentConfig:
-    """The config of a TOML file (or a name in training/configs), then `key=value` changes. Raises ConfigError."""
+    """Return the config of a TOML file (or a name in training/configs) with `key=value` changes.
+
+    Raises ConfigError.
+    """
     config = AgentConfig()
     if name_or_path is not None:
         path = Path(name_or_path)
         if path.suffix != ".toml":
             path = CONFIG_FOLDER / f"{name_or_path}.toml"
         if not path.is_file():
-            known = ", ".join(sorted(p.stem for p in CONFIG_FOLDER.glob("*.toml")))
+            known = ", ".join(sorted(p.stem for p in CONFIG_FOLDER.glob("*.toml") if not p.stem.startswith("study_")))
             raise ConfigError(
                 f"there is no config {str(name_or_path)!r}. Known: {known}; or give the path of a .toml file."
             )
         try:
             settings = tomllib.loads(path.read_text(encoding="utf-8"))
         except tomllib.TOMLDecodeError as error:
-            raise ConfigError(f"{path}: {error}. Write lines like: timesteps = 4_000_000") from error
-        config = changed(config, settings, str(path))
-    for change in changes:
-        key, equals, text = change.partition("=")
-        if not equals:
-            raise ConfigError(f"--set {change}: write it as key=value, e.g. --set timesteps=1000000")
-        config = changed(config, {key.strip(): _parsed(text.strip())}, "--set")
-    return config
-
-
-def changed(config: AgentConfig, settings: dict[str, Any], source: str) -> AgentConfig:
-    """`config` with `settings`, each checked against the type of its default. Raises ConfigError naming `source`."""
-    known = {field.name: getattr(config, field.name) for field in fields(config)}
-    checked = {}
-    for key, value in settings.items():
-        if key not in known:
-            raise ConfigError(f"{source}: unknown key {key!r}. Known: {', '.join(known)}.")
-        checked[key] = _as(type(known[key]), value, f"{source}: {key}")
-    config = replace(config, **checked)
-    if config.network not in ("mlp", "cnn"):
-        raise ConfigError(f"{source}: network is {config.network!r}. Write mlp or cnn.")
-    if config.games_per_partner % 4:
-        raise ConfigError(f"{source}: games_per_partner is {config.games_per_partner}. Write a multiple of 4.")
-    return config
-
-
-def _parsed(text: str) -> Any:
-    try:
-        return tomllib.loads(f"x = {text}")["x"]
-    except tomllib.TOMLDecodeError:
-        return text
-
-
-def _as(wanted: type, value: Any, place: str) -> Any:
-    if wanted is tuple and isinstance(value, list) and all(isinstance(item, int) for item in value):
-        return tuple(value)
-    if wanted is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    if type(value) is not wanted:
-        raise ConfigError(f"{place} is {value!r}. Write a value of type {wanted.__name__}.")
-    if isinstance(value, int | float) and value < 0:
-        raise ConfigError(f"{place} is {value!r}. It cannot be negative.")
-    return value
+            raise ConfigError(f"{path}: {error}. Write lines like: total_timesteps = 4_000_000") from error
+        config = config.changed(settings, str(path))
+    return config.changed(parsed_changes(changes), "--set")

@@ -25,7 +25,7 @@ class FusedLoss(torch.autograd.Function):
         by_logit, by_value, parts = torch.empty_like(logits), torch.empty_like(values), torch.empty(4)
         loss = _loss_and_gradient(
             logits.detach().numpy(), values.detach().numpy(), actions.numpy(), old_log_probabilities.numpy(),
-            advantages.numpy(), targets.numpy(), config.clip, config.value_weight, entropy_weight,
+            advantages.numpy(), targets.numpy(), config.clip_coef, config.vf_coef, entropy_weight,
             by_logit.numpy(), by_value.numpy(), parts.numpy(),
         )  # fmt: skip
         ctx.save_for_backward(by_logit, by_value)

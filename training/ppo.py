@@ -21,7 +21,7 @@ from overcooked.layout import Layout
 from overcooked.score import DISH_REWARD
 from overcooked.vector_env import Starts
 from training.compute import Compute
-from training.config import AgentConfig, differences, network_config
+from training.config import AgentConfig, network_config
 from training.fast_path import choose_compute, fast_path
 from training.fused_ppo_loss import FusedLoss
 from training.imitation import imitate
@@ -37,7 +37,7 @@ class SeatRows:
     """Who sits where. Rows count the seats of all games: row = 2 * game + seat."""
 
     def __init__(self, config: AgentConfig, partners: PartnerPool | None) -> None:
-        self_play = config.self_play_games if partners else config.games
+        self_play = config.self_play_games if partners else config.num_envs
         taken = partners.count * partners.games if partners else 0
         self.games = self_play + taken
         both = np.arange(PLAYERS * self_play)
@@ -69,7 +69,7 @@ class PpoTrainer:
         self.timesteps = 0
         if config.imitation_updates:
             imitate(self.fast, self.optimizer, layout, config, seed)
-        games, rows, T = self.seats.games, len(self.seats.learner), config.rollout
+        games, rows, T = self.seats.games, len(self.seats.learner), config.num_steps
         self.observations = np.zeros((games, *self.env.observation_shape), np.int8)
         self.env.encode(self.observations)
         # What the learner saw, did and got: (timesteps, rows) and one value more.
@@ -84,18 +84,18 @@ class PpoTrainer:
         """One rollout and the learning from it; returns the metrics."""
         config = self.config
         random = np.random.default_rng((self.seed, self.timesteps))
-        share = self.timesteps / config.timesteps
+        share = self.timesteps / config.total_timesteps
         began = time.perf_counter()
         rate = config.learning_rate * (1 - (1 - config.final_learning_rate) * share)
         for group in self.optimizer.param_groups:
             group["lr"] = rate
-        entropy_weight = _falling(config.entropy, config.final_entropy, self.timesteps, config.entropy_timesteps)
+        entropy_weight = _falling(config.ent_coef, config.final_ent_coef, self.timesteps, config.ent_coef_timesteps)
         shaping = _falling(1.0, 0.0, self.timesteps, config.shaping_timesteps)
         self._play(random, shaping)
         dones = self.dones[:, self.seats.learner // PLAYERS]  # (timesteps, rows)
-        advantages = advantage_estimates(self.rewards, self.values, dones, config.discount, config.trace)
+        advantages = advantage_estimates(self.rewards, self.values, dones, config.gamma, config.gae_lambda)
         metrics = self._learn(random, advantages, entropy_weight)
-        self.timesteps += config.rollout * self.seats.games
+        self.timesteps += config.num_steps * self.seats.games
         finished = self.env.take_finished()
         whole = finished.timesteps == self.env.horizon
         if config.random_starts and (whole & finished.standard).any():
@@ -109,18 +109,18 @@ class PpoTrainer:
 
     @torch.inference_mode()
     def _play(self, random: np.random.Generator, shaping: float) -> None:
-        """Fill the buffers with `rollout` timesteps of every game."""
+        """Fill the buffers with `num_steps` timesteps of every game."""
         config, seats, games = self.config, self.seats, self.seats.games
         frozen = self.fast.frozen()
         flat = self.observations.reshape(PLAYERS * games, -1)  # (rows, width * height * 26), a view
         joint = np.zeros(PLAYERS * games, np.int8)
-        uniform = random.random((config.rollout, PLAYERS * games))
+        uniform = random.random((config.num_steps, PLAYERS * games))
         sparse, shaped = np.zeros((games, PLAYERS), np.float32), np.zeros((games, PLAYERS), np.float32)
         partner_columns = self.partners.columns if self.partners else None
         partner_entries = np.zeros(
             (len(seats.partner), 0 if partner_columns is None else len(partner_columns)), np.int8
         )
-        for t in range(config.rollout):
+        for t in range(config.num_steps):
             _gather(flat, seats.learner, self.fast.columns, self.entries.host[t])
             logits, values = frozen(self.entries.on_device(t))
             _draw(logits.cpu().numpy(), uniform[t], seats.learner, joint, self.actions[t], self.log_probabilities[t])
@@ -139,7 +139,7 @@ class PpoTrainer:
     def _learn(
         self, random: np.random.Generator, advantages: NDArray[np.float32], entropy_weight: float
     ) -> dict[str, float]:
-        """`epochs` passes over the rollout in shuffled minibatches."""
+        """`update_epochs` passes over the rollout in shuffled minibatches."""
         config = self.config
         device = self.compute.device
         entries = self.entries.samples()  # (samples, columns)
@@ -150,9 +150,9 @@ class PpoTrainer:
         loss_of = FusedLoss.apply if device == "cpu" else ppo_loss  # the same to the last rounding
         sums = torch.zeros(4, device=device)
         steps = 0
-        for _ in range(config.epochs):
+        for _ in range(config.update_epochs):
             order = torch.from_numpy(random.permutation(len(actions))).to(device)
-            for chosen in torch.split(order, config.minibatch):
+            for chosen in torch.split(order, config.minibatch_size):
                 logits, values = self.fast(entries.index_select(0, chosen))
                 loss, parts = loss_of(
                     logits,
@@ -166,7 +166,7 @@ class PpoTrainer:
                 )
                 self.optimizer.zero_grad()
                 torch.autograd.backward(loss)
-                nn.utils.clip_grad_norm_(self.network.parameters(), config.gradient_norm, foreach=True)
+                nn.utils.clip_grad_norm_(self.network.parameters(), config.max_grad_norm, foreach=True)
                 self.optimizer.step()
                 sums += parts
                 steps += 1
@@ -208,14 +208,14 @@ def train(trainer: PpoTrainer, folder: RunFolder, progress: Progress | None = No
     saved_at = time.monotonic()
     reward = _last_reward(folder)
     metrics: dict[str, float] = {}
-    while trainer.timesteps < config.timesteps:
-        kept_before = trainer.timesteps * config.snapshots // config.timesteps
+    while trainer.timesteps < config.total_timesteps:
+        kept_before = trainer.timesteps * config.snapshots // config.total_timesteps
         metrics = trainer.iteration()
         if "reward" in metrics:  # episodes end rarely: a running mean over about ten iterations
             reward = metrics["reward"] if reward is None else 0.8 * reward + 0.2 * metrics["reward"]
         metrics["mean_reward"] = reward or 0.0
         folder.log(metrics)
-        if trainer.timesteps * config.snapshots // config.timesteps > kept_before:
+        if trainer.timesteps * config.snapshots // config.total_timesteps > kept_before:
             folder.snapshot(trainer.network.state_dict(), trainer.timesteps, metrics["mean_reward"])
         if time.monotonic() - saved_at > save_every_s:
             folder.save(*trainer.state())
@@ -232,7 +232,7 @@ def run_settings(config: AgentConfig, layout: Layout, seed: int, partners: list[
         "grid": layout.text,
         "seed": seed,
         "partners": partners,
-        "config": differences(config),
+        "config": config.differences(),
     }
     return dict(json.loads(json.dumps(settings)))
 
@@ -252,16 +252,16 @@ def ppo_loss(
     entropy = -(logs.exp() * logs).sum(-1).mean()
     ratio = (logs.gather(1, actions[:, None]).squeeze(1) - old_log_probabilities).exp()
     normal = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
-    clipped = ratio.clamp(1 - config.clip, 1 + config.clip)
+    clipped = ratio.clamp(1 - config.clip_coef, 1 + config.clip_coef)
     policy_loss = -torch.min(normal * ratio, normal * clipped).mean()
     value_loss = nn.functional.mse_loss(values, targets)
-    loss = policy_loss + config.value_weight * value_loss - entropy_weight * entropy
-    outside = ((ratio - 1).abs() > config.clip).float().mean()
+    loss = policy_loss + config.vf_coef * value_loss - entropy_weight * entropy
+    outside = ((ratio - 1).abs() > config.clip_coef).float().mean()
     return loss, torch.stack([policy_loss, value_loss, entropy, outside]).detach()
 
 
 @njit(cache=True)
-def advantage_estimates(rewards, values, dones, discount, trace):  # type: ignore[no-untyped-def]
+def advantage_estimates(rewards, values, dones, gamma, gae_lambda):  # type: ignore[no-untyped-def]
     """Generalised advantage estimation [Schulman et al. 2016]: (timesteps, rows) float32.
 
     `rewards`, `dones` (timesteps, rows); `values` (timesteps + 1, rows). `dones[t]`: the episode ended with timestep
@@ -273,8 +273,8 @@ def advantage_estimates(rewards, values, dones, discount, trace):  # type: ignor
     for t in range(steps - 1, -1, -1):
         for row in range(rows):
             alive = np.float32(0.0) if dones[t, row] else np.float32(1.0)
-            surprise = rewards[t, row] + discount * values[t + 1, row] * alive - values[t, row]
-            running[row] = surprise + discount * trace * alive * running[row]
+            td_error = rewards[t, row] + gamma * values[t + 1, row] * alive - values[t, row]
+            running[row] = td_error + gamma * gae_lambda * alive * running[row]
             advantages[t, row] = running[row]
     return advantages
 

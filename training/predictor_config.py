@@ -1,31 +1,84 @@
-"""Settings of a predictor's training. The network's own are in `models.networks.predictor`; unknown keys are errors."""
+"""The settings of a predictor: of its network and of its training. `--set`, presets and stored runs change them."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any, Literal, Self
+
+from pydantic import Field, model_validator
 
 from models.networks.config import PredictorConfig
-from training.config import ConfigError
+from training.settings import TrainingSettings
 
 
-@dataclass(frozen=True)
-class TrainingConfig:
+class NetworkSettings(TrainingSettings):
+    """The transformer (`models.networks.config.PredictorConfig`, which is frozen with the weights)."""
+
+    form: Literal["stream", "window"] = Field(
+        "stream", description="stream: causal attention over the whole game; window: the paper's last 10 timesteps."
+    )
+    encoder: Literal["columns", "cnn"] = Field(
+        "columns",
+        serialization_alias="eyes",
+        description="columns: the entries of the encoding that can change; cnn: an agent's frozen convolutions.",
+    )
+    filters: int = Field(PredictorConfig.filters, ge=1, description="Filters of each convolution (`cnn` only).")
+    hidden: int = Field(PredictorConfig.hidden, ge=2, description="Width of a token.")
+    layers: int = Field(PredictorConfig.layers, ge=1, description="Number of transformer layers.")
+    heads: int = Field(PredictorConfig.heads, ge=1, description="Attention heads of each layer.")
+    feed_forward: int = Field(PredictorConfig.feed_forward, ge=1, description="Width of a layer's feed-forward part.")
+    state_width: int = Field(PredictorConfig.state_width, ge=1, description="Width of an encoded state in a token.")
+    action_width: int = Field(PredictorConfig.action_width, ge=1, description="Width of an embedded joint action.")
+    attention_window: int = Field(
+        PredictorConfig.look_back,
+        ge=1,
+        serialization_alias="look_back",
+        description="stream: timesteps that a layer attends to, including the current one.",
+    )
+    dropout: float = Field(PredictorConfig.dropout, ge=0, lt=1, description="Dropout during training.")
+
+    @model_validator(mode="after")
+    def _heads_share_the_width(self) -> Self:
+        if self.hidden % (2 * self.heads):
+            raise ValueError(f"hidden is {self.hidden}. Write a multiple of {2 * self.heads} (twice the heads).")
+        return self
+
+
+class TrainingConfig(TrainingSettings):
     """How a predictor learns."""
 
-    updates: int = 6000  # at most
-    learning_rate: float = 1e-3  # the paper's; warms up, then falls along a cosine to a hundredth
-    warm_up: int = 100  # updates
-    stretches: int = 24  # stream: stretches of games in an update
-    stretch: int = 100  # timesteps of one
-    windows: int = 512  # window: windows in an update
-    partner_weight: float = 0.0  # of predicting the partner too, by a decoder that is not kept
-    weight_decay: float = 0.02
-    gradient_norm: float = 1.0
-    averaging: float = 0.998  # of the weights that are kept and shipped (exponential moving average)
-    check_every: int = 250  # updates between two looks at validation
-    patience: int = 8  # looks without a better one before it stops
-    minutes: float = 15.0  # of this process, at most; the same command continues later
-    seed: int = 0
+    updates: int = Field(6000, ge=1, description="Maximum number of updates.")
+    learning_rate: float = Field(
+        1e-3, ge=0, description="Learning rate of AdamW; it warms up, then falls along a cosine to a hundredth."
+    )
+    warm_up: int = Field(100, ge=1, description="Updates over which the learning rate rises from zero.")
+    stretches: int = Field(24, ge=1, description="stream: sequences of timesteps in an update.")
+    stretch: int = Field(100, ge=1, description="stream: timesteps of a sequence.")
+    windows: int = Field(512, ge=1, description="window: windows in an update.")
+    partner_weight: float = Field(
+        0.0, ge=0, description="Weight of also predicting the partner, by a decoder that is not stored."
+    )
+    weight_decay: float = Field(0.02, ge=0, description="Weight decay of AdamW.")
+    max_grad_norm: float = Field(
+        1.0,
+        ge=0,
+        serialization_alias="gradient_norm",
+        description="Gradients with a larger norm are scaled down to it.",
+    )
+    ema_decay: float = Field(
+        0.998,
+        ge=0,
+        lt=1,
+        serialization_alias="averaging",
+        description="Decay of the exponential moving average of the weights, which is what is stored.",
+    )
+    check_every: int = Field(250, ge=1, description="Updates between two validations.")
+    patience: int = Field(8, ge=1, description="Validations without improvement before training stops.")
+    minutes: float = Field(15.0, ge=0, description="Maximum minutes of one call; the same command continues later.")
+    seed: int = Field(0, ge=0, description="Random seed.")
+
+
+class PredictorTrainingSettings(TrainingConfig, NetworkSettings):
+    """Everything that `kitchenmind train predictor --set` can change."""
 
 
 # What `train predictor --preset` may name: settings other than the defaults.
@@ -34,43 +87,16 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
     "tiny": {
         "hidden": 32, "layers": 2, "heads": 2, "feed_forward": 64, "state_width": 64, "action_width": 8,
         "updates": 600, "warm_up": 50, "stretches": 16, "stretch": 50, "windows": 256, "check_every": 100,
-        "averaging": 0.98, "minutes": 5.0,
+        "ema_decay": 0.98, "minutes": 5.0,
     },
 }  # fmt: skip
 Configs = tuple[PredictorConfig, TrainingConfig]
 
 
 def changed(configs: Configs, changes: Mapping[str, Any], source: str) -> Configs:
-    """Both configs with some settings changed. Raises ConfigError naming `source`, for an unknown key or a wrong
-    value."""
-    settings = [asdict(config) for config in configs]
-    for key, value in changes.items():
-        owner = next((own for own in settings if key in own), None)
-        if owner is None:
-            known = ", ".join(field.name for config in configs for field in fields(config))
-            raise ConfigError(f"{source}: unknown key {key!r}. Known: {known}.")
-        owner[key] = _of_kind(type(owner[key]), value, f"{source}: {key}")
-    return PredictorConfig(**settings[0]), TrainingConfig(**settings[1])
-
-
-def parsed_changes(words: Sequence[str]) -> dict[str, str]:
-    """`key=value` words of a command line. Raises ConfigError."""
-    pairs = [word.partition("=") for word in words]
-    for key, equals, _ in pairs:
-        if not equals:
-            raise ConfigError(f"--set {key}: write it as key=value, e.g. --set updates=2000")
-    return {key.strip(): value.strip() for key, _, value in pairs}
-
-
-def _of_kind(kind: Any, value: Any, place: str) -> Any:
-    """`value` as `kind`; texts are read."""
-    try:
-        if isinstance(value, str) and kind is not str:
-            value = {"true": True, "false": False}[value.lower()] if kind is bool else kind(value.replace("_", ""))
-        if kind is float and type(value) is int:
-            value = float(value)
-    except (ValueError, KeyError):
-        pass
-    if type(value) is not kind or (kind in (int, float) and value < 0):
-        raise ConfigError(f"{place} is {value!r}. Write a value of type {kind.__name__}, not negative.")
-    return value
+    """Return both configs with some settings changed. Raises ConfigError naming `source`."""
+    network, training = configs
+    stored = {**asdict(network), **training.stored()}
+    settings = PredictorTrainingSettings().changed(stored, source).changed(changes, source).stored()
+    own = {name: settings[name] for name in asdict(network)}
+    return PredictorConfig(**own), TrainingConfig().changed({key: settings[key] for key in training.stored()}, source)

@@ -97,10 +97,10 @@ class PredictorTrainer:
         compute = self.compute
         self.network.train()
         loss = self._learn_once(compute)
-        torch.nn.utils.clip_grad_norm_(self.network.parameters(), config.gradient_norm)
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), config.max_grad_norm)
         self._optimiser.step()
         self.update += 1
-        keep = min(config.averaging, self.update / (self.update + 10))
+        keep = min(config.ema_decay, self.update / (self.update + 10))
         with torch.no_grad():
             for name, value in self._learned().items():
                 self.average[name].lerp_(value, 1 - keep)
@@ -202,10 +202,10 @@ def prepared(
     network: PredictorConfig,
     config: TrainingConfig,
     games: Path,
-    lender: Path | None = None,
+    encoder_from: Path | None = None,
     begin_with: Path | None = None,
 ) -> PredictorTrainer:
-    """A trainer with its games loaded. `lender`: the agent that lends its convolutions, if the eyes are a CNN.
+    """A trainer with its games loaded. `encoder_from`: the agent whose convolutions a CNN encoder has.
     `begin_with`: a predictor of the same kitchen and shape whose weights are the first. Raises ValueError or OSError
     where one of them cannot be used."""
     torch.manual_seed(config.seed)
@@ -213,12 +213,12 @@ def prepared(
     if begin_with is not None:
         _take_weights(learner, begin_with)
     if learner.eyes.convolutions is not None:
-        if lender is None:
-            raise ValueError("eyes = cnn: name the agent that lends its convolutions, --lender FOLDER.")
-        lent = load_network(lender)
-        if not isinstance(lent, CnnPolicy):
-            raise ValueError(f"{lender}: has no convolutions to lend. Give an agent trained with network = cnn.")
-        learner.eyes.convolutions.load_state_dict(lent.features.state_dict())
+        if encoder_from is None:
+            raise ValueError("encoder = cnn: name the agent whose convolutions it has, --encoder-from FOLDER.")
+        agent = load_network(encoder_from)
+        if not isinstance(agent, CnnPolicy):
+            raise ValueError(f"{encoder_from}: has no convolutions. Give an agent trained with network = cnn.")
+        learner.eyes.convolutions.load_state_dict(agent.features.state_dict())
     episodes = [load_episodes(games, split, layout, learner.eyes) for split in (TRAIN, VALIDATION)]
     return PredictorTrainer(learner, config, episodes[0], episodes[1])
 

@@ -11,6 +11,7 @@ from typing import Final
 from docs.generate.command_line import command_line
 from docs.generate.settings import settings
 from docs.generate.study_keys import study_keys
+from docs.generate.training_settings import training_settings
 from server.export import data_dictionary
 from server.play import protocol_tables
 
@@ -26,6 +27,7 @@ PAGES: Final[dict[str, Callable[[], str]]] = {
     "settings.md": settings,
     "study_keys.md": study_keys,
     "command_line.md": command_line,
+    "training_settings.md": training_settings,
     "protocol.md": protocol,
     "data_dictionary.md": data_dictionary.text,
 }

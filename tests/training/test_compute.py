@@ -21,7 +21,7 @@ from training.threaded_env import ThreadedEnv, threaded_env
 
 RING = load_layout("coordination_ring")
 MATRIX = load_layout("matrix")
-SHORT = agent_config(None, ["timesteps=1600", "games=8", "rollout=100", "minibatch=400", "snapshots=2"])
+SHORT = agent_config(None, ["total_timesteps=1600", "num_envs=8", "num_steps=100", "minibatch_size=400", "snapshots=2"])
 
 
 @pytest.fixture(autouse=True)

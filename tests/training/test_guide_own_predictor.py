@@ -12,7 +12,7 @@ from tests.support import guide_house
 
 GUIDE = guide_house.ROOT / "docs" / "tutorials" / "predict_your_own_agent.md"
 SHORTER = {  # added to a command that begins so
-    "kitchenmind train agent": "--set timesteps=12_800 games=16 snapshots=4 imitation_updates=60",
+    "kitchenmind train agent": "--set total_timesteps=12_800 num_envs=16 snapshots=4 imitation_updates=60",
     "kitchenmind collect": "--trajectories 1 --timesteps 60",
     "kitchenmind train predictor": "--set updates=20 warm_up=5 check_every=10",
     "kitchenmind evaluate predictor": "--trajectories 1 --timesteps 60",

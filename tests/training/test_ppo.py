@@ -21,7 +21,7 @@ from training.ppo import PpoTrainer, SeatRows, advantage_estimates, ppo_loss, ru
 from training.runlog import RunError, RunFolder
 
 RING = load_layout("coordination_ring")
-SHORT = agent_config(None, ["timesteps=6400", "games=8", "rollout=100", "minibatch=400", "snapshots=4"])
+SHORT = agent_config(None, ["total_timesteps=6400", "num_envs=8", "num_steps=100", "minibatch_size=400", "snapshots=4"])
 
 
 def _advantages_by_definition(
@@ -154,7 +154,7 @@ def test_a_run_folder_refuses_another_run(tmp_path: Path) -> None:
 
 
 def test_self_play_learns_to_fill_pots_within_a_few_seconds(tmp_path: Path) -> None:
-    config = agent_config(None, ["timesteps=200_000"])
+    config = agent_config(None, ["total_timesteps=200_000"])
     folder = train_agent(config, RING, 1, tmp_path / "run")
     shaped = [line["shaped"] for line in folder.metrics() if "shaped" in line]
     assert np.mean(shaped[-5:]) > 2 * np.mean(shaped[:5])

@@ -1,7 +1,6 @@
 """A predictor learns, is measured, continues where it stopped, and is shipped with its card."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,12 +16,12 @@ from models.networks.predictor import PredictorNetwork, predictor_network
 from models.protocols import Mode
 from overcooked.layout import load_layout
 from training.collect import TEST, CollectionPlan, Partner, Target, collect, read_manifest
-from training.config import ConfigError
 from training.dataset import load_episodes
 from training.evaluate_predictor import calibration_error, evaluate, fitted_temperature, logits
-from training.predictor_config import TrainingConfig, changed, parsed_changes
+from training.predictor_config import NetworkSettings, TrainingConfig, changed
 from training.publish_predictor import partners_met, write_predictor
 from training.runlog import RunFolder
+from training.settings import ConfigError, parsed_changes
 from training.train_predictor import prepared, train_predictor
 
 RING = load_layout("coordination_ring")
@@ -80,10 +79,10 @@ def test_the_window_form_learns_to_predict_better_than_the_baselines(games, tmp_
 def test_an_interrupted_run_goes_on_to_the_same_weights(stream, games, tmp_path):
     whole = stream[0]
     with pytest.raises(TimeoutError, match="the same command continues"):
-        trained("stream", games, tmp_path / "parts", replace(QUICK, minutes=0.0))
+        trained("stream", games, tmp_path / "parts", QUICK.model_copy(update={"minutes": 0.0}))
     for _ in range(5):
         try:
-            parts, trainer = trained("stream", games, tmp_path / "parts", replace(QUICK, minutes=0.0))
+            parts, trainer = trained("stream", games, tmp_path / "parts", QUICK.model_copy(update={"minutes": 0.0}))
             break
         except TimeoutError:
             continue
@@ -93,7 +92,7 @@ def test_an_interrupted_run_goes_on_to_the_same_weights(stream, games, tmp_path)
 
 
 def test_training_stops_when_validation_gets_no_better(games, tmp_path):
-    settings = replace(QUICK, learning_rate=0.0, patience=2, check_every=5)
+    settings = QUICK.model_copy(update={"learning_rate": 0.0, "patience": 2, "check_every": 5})
     _, trainer = trained("stream", games, tmp_path, settings)
     assert trainer.update == 15
 
@@ -171,14 +170,25 @@ def test_a_card_says_with_whom_a_predictor_learned_and_who_was_kept_from_it(game
 def test_an_unknown_setting_names_the_known_ones():
     configs = (PredictorConfig(), TrainingConfig())
     assert (
-        changed(configs, parsed_changes(["updates=1_000", "look_back=8", "learning_rate=1"]), "--set")[0].look_back == 8
+        changed(configs, parsed_changes(["updates=1_000", "attention_window=8", "learning_rate=1"]), "--set")[
+            0
+        ].look_back
+        == 8
     )
     with pytest.raises(ConfigError, match=r"unknown key 'colour'. Known: form, .*updates"):
         changed(configs, {"colour": "red"}, "--set")
-    with pytest.raises(ConfigError, match="type int"):
+    with pytest.raises(ConfigError, match=r"updates is 'many'. Write a whole number"):
         changed(configs, {"updates": "many"}, "--set")
     with pytest.raises(ConfigError, match="key=value"):
         parsed_changes(["updates"])
+    with pytest.raises(ConfigError, match=r"--set: hidden is 100\. Write a multiple of 16 \(twice the heads\)\."):
+        changed(configs, {"hidden": 100}, "--set")
+    with pytest.raises(ConfigError, match=r"encoder is 'ears'. Write 'columns' or 'cnn'"):
+        changed(configs, {"eyes": "ears"}, "--set")
+
+
+def test_the_settings_of_the_network_are_those_that_its_weights_store():
+    assert PredictorConfig(**NetworkSettings().stored()) == PredictorConfig()
 
 
 def test_collecting_training_and_predicting_by_the_command_line(tmp_path, capsys, monkeypatch):

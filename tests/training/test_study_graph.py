@@ -1,14 +1,17 @@
 """The graph of a study's tasks: keys, order, resuming."""
 
+import json
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from training.config import ConfigError
-from training.pipeline.agent_tasks import STUDY_LAYOUTS, agent_tasks, load_preset, prediction_tasks, study_tasks
+from training.pipeline.agent_tasks import STUDY_LAYOUTS, agent_tasks, prediction_tasks, study_tasks
+from training.pipeline.presets import load_preset
 from training.pipeline.study_tasks import Graph, Task, Work
 from training.runlog import open_run
+from training.settings import ConfigError
 
 
 def _chain(runs: Path, done: list[str], **changed: Any) -> Graph:
@@ -71,7 +74,7 @@ def test_every_preset_makes_a_whole_cast_for_every_kitchen(name: str, tmp_path: 
     for layout in STUDY_LAYOUTS:
         graph = Graph(study_tasks(layout, preset), tmp_path)
         names = [task.name for task in graph.tasks.values()]
-        assert names[-1] == ("weights" if preset.ship else "choose_fcp")
+        assert names[-1] == ("weights" if preset.publish else "choose_fcp")
         assert sum(task.startswith("population") for task in names) == 2 * preset.population
         last = f"population_sp_{preset.population}"
         for task in graph.tasks.values():
@@ -80,12 +83,12 @@ def test_every_preset_makes_a_whole_cast_for_every_kitchen(name: str, tmp_path: 
                 assert last not in task.inputs  # they are measured with it later
 
 
-def test_a_crowd_is_only_trained_on_and_never_meets_the_population(tmp_path: Path) -> None:
+def test_auxiliary_partners_are_only_trained_on_and_never_meet_the_population(tmp_path: Path) -> None:
     preset = load_preset("cpu")
     agents, predicting = (make("coordination_ring", preset) for make in (study_tasks, prediction_tasks))
     graph = Graph([*agents, *predicting], tmp_path)
     crowd = [task for task in predicting if task.name.startswith("crowd")]
-    assert len(crowd) == preset.crowd("coordination_ring") * 3 // 2 > 0
+    assert len(crowd) == preset.auxiliary_partners("coordination_ring") * 3 // 2 > 0
     assert all(needed.startswith("crowd_sp") for task in crowd for needed in task.inputs)
     games = graph.tasks["coordination_ring/games_sp"].inputs
     assert {task.name for task in crowd} < set(games)
@@ -120,20 +123,68 @@ def _preset(folder: Path, text: str) -> str:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("population = 1\ntargets = 1\nleast_rewards = 1.0", "least_rewards = 1.0. Known: population, targets"),
-        ("population = 1\ntargets = 1\nextras = 0", "extras = 0. Write a bool"),
-        ("population = 1", "targets missing"),
+        (
+            "population = 1\ntargets = 1\nleast_rewards = 1.0",
+            "unknown key 'least_rewards'. Did you mean 'least_reward'?",
+        ),
+        ("population = 1\ntargets = 1\nextras = 0", "extras is 0. Write true or false."),
+        ("population = 1", "targets is missing. Add a line: targets = ..."),
+        ("population = = 1", "mine.toml: Invalid value"),
+        (
+            "population = 1\ntargets = 1\n[populaton_sp]\ngamma = 0.9",
+            "unknown table [populaton_sp]. Did you mean [population_sp]? Known: population_sp, ",
+        ),
+        (
+            "population = 1\ntargets = 1\n[layout.matrix.targetsp]\ngamma = 0.9",
+            "unknown table [layout.matrix.targetsp]. Did you mean [layout.matrix.target_sp]?",
+        ),
+        (
+            "population = 1\ntargets = 1\n[layout.matrix]\nauxiliary_partners = -4",
+            "[layout.matrix] auxiliary_partners is -4. Write a whole number of at least 0.",
+        ),
     ],
 )
 def test_a_preset_with_a_wrong_setting_says_which(tmp_path: Path, text: str, words: str) -> None:
-    with pytest.raises(ConfigError, match=words):
+    with pytest.raises(ConfigError, match=re.escape(words)):
         load_preset(_preset(tmp_path, text))
 
 
-def test_a_run_that_learned_nothing_is_trained_again_with_another_seed(tmp_path: Path) -> None:
-    text = (
-        "population = 1\ntargets = 1\nleast_reward = 1e6\n[population_sp]\ntimesteps = 1600\ngames = 8\nsnapshots = 2"
+@pytest.mark.parametrize("name", ["published", "cpu"])
+def test_a_task_of_a_preset_keeps_its_folder(name: str, tmp_path: Path) -> None:
+    """Trainings of days continue in folders named by the hash of their settings: renaming a setting in the code must
+    not change it. Replace the data only if a preset's training is meant to start again."""
+    preset = load_preset(name)
+    tasks = [
+        task for make in (study_tasks, prediction_tasks) for layout in STUDY_LAYOUTS for task in make(layout, preset)
+    ]
+    keys = {label: key[:8] for label, key in Graph(tasks, tmp_path).keys.items()}
+    assert keys == json.loads(Path("tests/data/study_task_keys.json").read_text(encoding="utf-8"))[name]
+
+
+def test_the_former_names_of_settings_give_the_same_tasks(tmp_path: Path) -> None:
+    former = (
+        "population = 1\ntargets = 1\nship = false\n"
+        "[target_sp]\ntimesteps = 9\nclip = 0.1\ntrace = 0.9\n[predictor.window]\neyes = 'cnn'\naveraging = 0.9\n"
+        "[layout.matrix]\ncrowd = 2\n"
     )
+    current = (
+        "population = 1\ntargets = 1\npublish = false\n"
+        "[target_sp]\ntotal_timesteps = 9\nclip_coef = 0.1\ngae_lambda = 0.9\n"
+        "[predictor.window]\nencoder = 'cnn'\nema_decay = 0.9\n[layout.matrix]\nauxiliary_partners = 2\n"
+    )
+    keys = []
+    for text in (former, current):
+        preset = load_preset(_preset(tmp_path, text))
+        tasks = [*study_tasks("matrix", preset), *prediction_tasks("matrix", preset)]
+        keys.append(Graph(tasks, tmp_path).keys)
+    assert keys[0] == keys[1]
+    assert "matrix/crowd_sp_102" in keys[0]
+    assert "matrix/weights" not in keys[0]
+
+
+def test_a_run_that_learned_nothing_is_trained_again_with_another_seed(tmp_path: Path) -> None:
+    run = "total_timesteps = 1600\nnum_envs = 8\nsnapshots = 2"
+    text = f"population = 1\ntargets = 1\nleast_reward = 1e6\n[population_sp]\n{run}"
     (task, *_) = agent_tasks("coordination_ring", load_preset(_preset(tmp_path, text)))
     graph = Graph([task], tmp_path)
     graph.run(task.label)

@@ -30,7 +30,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--games", type=Path, help="folder that `kitchenmind collect` wrote (default: runs/games/LAYOUT_AGENT)"
     )
-    parser.add_argument("--lender", type=Path, help="agent whose convolutional encoder is used, with --set eyes=cnn")
+    parser.add_argument(
+        "--lender",  # the former name
+        "--encoder-from",
+        type=Path,
+        metavar="FOLDER",
+        dest="encoder_from",
+        help="agent whose convolutional encoder is used, with --set encoder=cnn",
+    )
     parser.add_argument(
         "--begin-with", type=Path, metavar="FOLDER", help="predictor whose weights training starts from"
     )
@@ -57,9 +64,10 @@ def run(arguments: argparse.Namespace) -> int:
     from training.collect import TEST, read_manifest
     from training.dataset import load_episodes
     from training.population import load_target
-    from training.predictor_config import PRESETS, TrainingConfig, changed, parsed_changes
+    from training.predictor_config import PRESETS, TrainingConfig, changed
     from training.publish_predictor import partners_met, predictor_folder, write_predictor
     from training.runlog import RunFolder
+    from training.settings import parsed_changes
     from training.train_predictor import prepared
 
     defaults = (PredictorConfig(form=arguments.form), TrainingConfig())
@@ -71,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
     collected = read_manifest(games)
     if collected["target"]["sha256"] != target.sha256:
         raise ValueError(f"{games}: was collected with another agent than {arguments.agent}. Collect its games first.")
-    settings = {**asdict(network), **asdict(training)}
+    settings = {**asdict(network), **training.stored()}
     for name, value in settings.items():
         print(f"{name} = {value}")
     name = f"{target.name}_predictor_{arguments.form}"
@@ -83,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
         "settings": {key: v for key, v in settings.items() if key != "minutes"},
     }
     folder = RunFolder(arguments.runs / layout.name / name, known)
-    trainer = prepared(layout, network, training, games, arguments.lender, arguments.begin_with)
+    trainer = prepared(layout, network, training, games, arguments.encoder_from, arguments.begin_with)
     trained, stopped = _trained(name, trainer, folder)
     out = (
         predictor_folder(layout, target.name, arguments.form)

@@ -5,12 +5,12 @@ import importlib
 import importlib.util
 import sys
 from collections.abc import Callable
-from dataclasses import fields
 from pathlib import Path
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from training.config import AgentConfig, ConfigError, agent_config
+from training.config import AgentConfig, agent_config
+from training.settings import ConfigError
 
 _PREDICTOR = "training.commands.predictor"
 
@@ -104,10 +104,10 @@ def _train_agent(arguments: argparse.Namespace) -> int:
         TextColumn("reward {task.fields[reward]:.0f}"),
     )
     with Progress(*columns) as bar:
-        task = bar.add_task(f"{layout.name} {path.name}", total=config.timesteps, reward=0.0)
+        task = bar.add_task(f"{layout.name} {path.name}", total=config.total_timesteps, reward=0.0)
 
         def progress(timesteps: int, metrics: dict[str, float]) -> None:
-            bar.update(task, completed=min(timesteps, config.timesteps), reward=metrics["mean_reward"])
+            bar.update(task, completed=min(timesteps, config.total_timesteps), reward=metrics["mean_reward"])
 
         folder = train_agent(config, layout, arguments.seed, path, arguments.partners, progress)
     best = max(reward for _, reward, _ in folder.snapshots())
@@ -118,13 +118,14 @@ def _train_agent(arguments: argparse.Namespace) -> int:
 
 
 def _show(config: AgentConfig) -> None:
-    for setting in fields(config):
-        print(f"{setting.name} = {getattr(config, setting.name)}")
+    for name, value in config:
+        print(f"{name} = {value}")
 
 
 def _train_study(arguments: argparse.Namespace) -> int:
     from overcooked.layout import load_layout
-    from training.pipeline.agent_tasks import STUDY_LAYOUTS, load_preset, prediction_tasks, study_tasks
+    from training.pipeline.agent_tasks import STUDY_LAYOUTS, prediction_tasks, study_tasks
+    from training.pipeline.presets import load_preset
     from training.pipeline.schedule import run_here, run_on_ray, run_task, show_plan
     from training.pipeline.study_tasks import Graph
 

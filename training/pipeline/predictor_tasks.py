@@ -1,7 +1,6 @@
-"""The tasks that make a kitchen's predictors: games of each target, a predictor in each form, the shipped folders.
+"""The tasks that make a kitchen's predictors: games of each target, a predictor in each form, the published folders.
 
-On the kitchen of which people's games are recorded they learn with cloned people too. It must not know how tasks are
-scheduled.
+In the kitchen of which people's games are recorded, predictors also train with behaviour-cloned (BC) humans.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,21 +23,21 @@ from training.runlog import RunFolder
 from training.train_predictor import prepared, train_predictor
 
 AGENTS, FORMS = ("sp", "fcp"), ("stream", "window")
-LENDER, CLONES = "features", "clones"
+ENCODER, CLONES = "features", "clones"  # names of tasks
 
 
 def predictor_tasks(
     layout: Layout,
     partners: Sequence[str],
-    lender: str,
+    encoder: str,
     settings: Mapping[str, Any],
     extras: bool = True,
-    ship: bool = True,
+    publish: bool = True,
 ) -> list[Task]:
-    """Games, predictors and their shipping for both targets of a kitchen, inputs first. `partners` (the population, and
-    a crowd that is only trained on) and `lender` are names of tasks that leave checkpoints; `settings` change the
-    configs for all forms, or in a table for one. Without `extras` the games are those with the paper's 31 partners;
-    with `ship` the predictors also replace those in models/weights."""
+    """Return the games and predictors for both targets of a kitchen, inputs first. `partners` (the population, and
+    auxiliary partners that are only trained with) and `encoder` are names of tasks that leave checkpoints; `settings`
+    change the configs for all forms, or in a table for one. Without `extras` the games are those with the paper's 31
+    partners; with `publish` the predictors also replace those in models/weights."""
     tasks = []
     if extras and layout.name == RECORDED:
         clones = {name: [asdict(config), asdict(mode)] for name, (config, mode) in companions().items()}
@@ -51,9 +50,9 @@ def predictor_tasks(
         tasks.append(Task(layout.name, games, partial(_collect, layout, agent, extras), plan, inputs))
         for form in FORMS:
             configs = _configs(form, settings)
-            facts = {"network": asdict(configs[0]), "training": asdict(configs[1])}
-            inputs = (games, chosen, lender) if configs[0].eyes == "cnn" else (games, chosen)
-            action = partial(_train, layout, agent, configs, ship)
+            facts = {"network": asdict(configs[0]), "training": configs[1].stored()}
+            inputs = (games, chosen, encoder) if configs[0].eyes == "cnn" else (games, chosen)
+            action = partial(_train, layout, agent, configs, publish)
             tasks.append(Task(layout.name, f"predictor_{agent}_{form}", action, facts, inputs, 10.0))
     return tasks
 
@@ -77,9 +76,9 @@ def _collect(layout: Layout, agent: str, extras: bool, work: Work) -> None:
     target = _target(work, layout, agent)
     folders = [folder for _, folder in _inputs(work, "population")]
     partners = with_itself_and_extras(target, load_population(folders, layout), layout, extras)
-    crowd = {f"{name}_{k}": folder / str(k) for name, folder in _inputs(work, "crowd") for k in SKILLS}
+    auxiliary = {f"{name}_{k}": folder / str(k) for name, folder in _inputs(work, "crowd") for k in SKILLS}
     clones = {name: at / name for _, at in _inputs(work, CLONES) for name in companions()}
-    partners += load_extras({**crowd, **clones}, layout)
+    partners += load_extras({**auxiliary, **clones}, layout)
     collect(work.folder / "games", layout, target, partners, CollectionPlan(), work.report)
 
 
@@ -87,17 +86,17 @@ def _inputs(work: Work, prefix: str) -> list[tuple[str, Path]]:
     return [(name, folder) for name, folder in work.inputs.items() if name.startswith(prefix)]
 
 
-def _train(layout: Layout, agent: str, configs: Configs, ship: bool, work: Work) -> None:
+def _train(layout: Layout, agent: str, configs: Configs, publish: bool, work: Work) -> None:
     """Train a predictor and leave it in <folder>/predictor and, if wanted, among the bundled weights."""
     games = work.inputs[f"games_{agent}"] / "games"
-    lender: Path | None = next((folder / "100" for _, folder in _inputs(work, LENDER)), None)
+    encoder: Path | None = next((folder / "100" for _, folder in _inputs(work, ENCODER)), None)
     network, training = configs
-    trainer = prepared(layout, network, training, games, lender)
+    trainer = prepared(layout, network, training, games, encoder)
     run = RunFolder(work.folder / "run", work.task.settings)
     trained = train_predictor(trainer, run, lambda share, _: work.report(share))
     counts = {"updates": trainer.update, "training games": len(trainer.train)}
     how = {**counts, **partners_met(read_manifest(games)), **work.task.settings}
     test = load_episodes(games, TEST, layout, trained.eyes)
-    shipped = [predictor_folder(layout, agent, network.form)] if ship else []
-    for folder in (work.folder / "predictor", *shipped):
+    published = [predictor_folder(layout, agent, network.form)] if publish else []
+    for folder in (work.folder / "predictor", *published):
         write_predictor(folder, trained, layout, _target(work, layout, agent), test, how)
