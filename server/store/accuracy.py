@@ -73,7 +73,7 @@ def hits_of(connection: Connection, episode_id: str, watched_seat: int) -> list[
     return found
 
 
-# Written here because a server is installed without scipy, which `analysis` needs; a test checks the formula.
+# Written here because the server is installed without SciPy (docs/decisions/0020); a test compares the results.
 def wilson(right: int, asked: int) -> tuple[float, float, float]:
     """A share with its Wilson 95 % interval (Wilson 1927): (share, low, high). Of nothing: (0, 0, 1)."""
     if not asked:
