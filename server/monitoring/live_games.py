@@ -130,7 +130,7 @@ def card_of(live: LiveGames, card: Card, arms: dict[str, str]) -> dict[str, Any]
         "id": played.id,
         "who": who(played),
         "person": played.participant_id,
-        "episode": f"E{played.episode}" if played.kind == "episode" else "Tutorial",
+        "episode": played.short_name,
         "agent": played.agent,
         "title": session.spec.title,
         "arm": arms.get(played.condition, ""),

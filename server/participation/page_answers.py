@@ -12,10 +12,10 @@ def check_page(
     study: Study, participant: Participant, step: StudyStep, form: Mapping[str, list[str]]
 ) -> tuple[Checked, dict[str, bool]]:
     """Return the answers of a page with questions, and whether each attention check among them was passed."""
-    if step.kind not in ("questionnaire", "quiz"):
+    if not step.asks:
         return Checked({}, {}), {}
     condition = study.condition(participant.condition)
-    questions = asked(study.questions(step.page or step.kind), condition.name, condition.shows_predictions)
+    questions = asked(study.questions(step.asks), condition.name, condition.shows_predictions)
     checked = check_answers(questions, form)
     checks = {question.key: is_attentive(question, checked.answers.get(question.key)) for question in questions}
     attention = {key: passed for key, passed in checks.items() if passed is not None and key in checked.answers}

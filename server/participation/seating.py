@@ -15,7 +15,7 @@ from server.store import episodes, participants
 from server.store.database import Database
 from server.store.episodes import NewEpisode, StoredEpisode
 from server.store.participants import Participant
-from server.study.steps import StudyStep
+from server.study.steps import StudyStep, step_address
 
 Fingerprint = Callable[[str, str], str | None]  # (layout, model) -> sha256 of its checkpoint
 
@@ -91,7 +91,7 @@ class Seating:
         return replace(nothing, episode=episode.id, seat=_seat_of(participant, episode))
 
     def _next_url(self, participant: Participant) -> str:
-        return f"/s/{self.studies.of(participant).name}/now"
+        return step_address(self.studies.of(participant).name)
 
     async def seat_two(self, first: str, second: str) -> bool:
         """The round of these two people exists from now on; False if one of them can no longer play it."""

@@ -1,4 +1,4 @@
-"""What the dashboard shows of a study, read from the database: people, flow, arms, troubles. Knows no browser."""
+"""What the dashboard shows of a study, read from the database: people, flow, arms, troubles."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -63,6 +63,11 @@ class Played:
     score: int | None
     started_at: datetime | None
     ended_at: datetime | None
+
+    @property
+    def short_name(self) -> str:
+        """What researchers call the game: E3 for the third episode, or Tutorial."""
+        return f"E{self.episode}" if self.kind == "episode" else "Tutorial"
 
 
 Counts = dict[tuple[str, str, int], int]  # (condition, status, position) -> participants

@@ -1,4 +1,4 @@
-"""The whole way of one participant after consent: which page follows which. Pure functions of the study and a seed."""
+"""The steps of one participant after consent: which page follows which. Pure functions of the study and a seed."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -14,7 +14,7 @@ GAMES: tuple[Kind, ...] = ("tutorial", "episode")
 
 @dataclass(frozen=True)
 class StudyStep:
-    """One station of the way. `key` is unique in it and stays the same whatever happens to the participant."""
+    """One step of a participant. `key` is unique among the steps and never changes."""
 
     key: str
     kind: Kind
@@ -28,6 +28,16 @@ class StudyStep:
     @property
     def is_game(self) -> bool:
         return self.kind in GAMES
+
+    @property
+    def asks(self) -> str:
+        """The questionnaire (or `quiz`) whose questions this step asks; empty if it asks none."""
+        return "quiz" if self.kind == "quiz" else self.page if self.kind == "questionnaire" else ""
+
+
+def step_address(study: str) -> str:
+    """Return the address at which every step of a study is shown and submitted."""
+    return f"/s/{study}/now"
 
 
 def steps(study: Study, condition: str, seed: int, number: int = 0) -> tuple[StudyStep, ...]:

@@ -236,7 +236,7 @@ def _game(study: Study, played: Played) -> dict[str, Any]:
         "who": who(played),
         "person": played.participant_id,
         "kind": played.kind,
-        "episode": f"E{played.episode}" if played.kind == "episode" else "Tutorial",
+        "episode": played.short_name,
         "agent": played.agent,
         "layout": titles.get(played.layout, played.layout),
         "status": played.status,

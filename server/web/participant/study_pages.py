@@ -19,6 +19,7 @@ from server.store.new_places import NoPlaceLeft
 from server.store.participants import Participant
 from server.study.assignment import StudyFullError
 from server.study.definition import Study
+from server.study.steps import step_address
 from server.study.text import Text
 from server.web.auth import BOT_MARK, forget_cookie, is_bot_mark, set_cookie, token_for
 from server.web.client_address import address_of
@@ -74,7 +75,7 @@ async def consent_page(request: Request, opened: OpenStudyDep, web: WebDep, part
         if may_start_new(study) and participant.status != "active":
             return made.render("participant/next_person.html", finished=True)
         if person is None or not await web.database.read(progress.has_news, participant.id, extra):
-            return _to(f"/s/{study.name}/now")
+            return _to(step_address(study.name))
     if shown := _in_mturk(made, study):
         return shown
     if person is None and study.recruitment.required:
@@ -130,7 +131,7 @@ async def consent(
         return made.render("participant/consent.html", 422, **(context | {"ticked": ticked, "open_boxes": open_boxes}))
     if refused := await _enrol(made, arrival):
         return refused
-    response = _to(f"/s/{study.name}/now")
+    response = _to(step_address(study.name))
     set_cookie(response, study.name, token, secure=web.csrf.secure)
     return response
 
@@ -224,7 +225,7 @@ async def submit(
     """Take the current step's page. One that is not current changes nothing and leads to the one that is."""
     if participant is None:
         return _to(f"/s/{name}")
-    back = _to(f"/s/{name}/now")
+    back = _to(step_address(name))
     step = web.studies.step(participant)
     if participant.status != "active" or first(form, "step") != step.key:
         return back
@@ -260,4 +261,4 @@ async def language(name: str, web: WebDep, participant: ParticipantDep, form: Fo
     choice = first(form, "language")
     if participant is not None and choice in web.studies.of(participant).languages:
         await web.database.write(participants.set_language, participant.id, choice)
-    return _to(f"/s/{name}/now")
+    return _to(step_address(name))

@@ -1,8 +1,8 @@
 """What the template of each step needs. Reads; never writes, never decides where somebody goes."""
 
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from fastapi import Response
 
@@ -15,7 +15,7 @@ from server.store.tables import RECRUITMENT_ID
 from server.study.definition import Study
 from server.study.questionnaire import AnswerError, asked
 from server.study.recruitment import Exit
-from server.study.steps import PHASES, StudyStep, episodes_of
+from server.study.steps import PHASES, Kind, StudyStep, episodes_of
 from server.web.dependencies import PageResponse
 
 INTRODUCTION = ("team", "fetch", "fill", "wait", "deliver", "marks")
@@ -43,16 +43,8 @@ async def render_step(page: PageResponse, participant: Participant, filled: Fill
         "phase": step.phase,
         "episodes": episodes_of(page.web.studies.of(participant)),
     }
-    views = {"ready": _ready, "thanks": _thanks, "tutorial": _game, "episode": _game}
-    if step.kind in views:
-        base |= await views[step.kind](page, participant, step)
-    elif step.kind in ("questionnaire", "quiz"):
-        base |= _questions(page, participant, step, filled or Filled())
-        if step.kind == "quiz":
-            base["attempt"] = await page.web.database.read(progress.quiz_attempt, participant.id)
-    elif step.kind == "introduction":
-        base |= _introduction(page, participant)
-    template = "game" if step.is_game else {"quiz": "questionnaire"}.get(step.kind, step.kind)
+    template, context_of = STEP_PAGES[step.kind]
+    base |= await context_of(page, participant, step, filled or Filled())
     response = page.render(f"participant/{template}.html", status, **base)
     back = base.get("back")
     if back is not None and back.fields is not None:
@@ -106,19 +98,25 @@ async def _back(page: PageResponse, outcome: Exit, code: str = "") -> WayBack | 
     return way_back(page.web.studies.of(participant).recruitment, outcome, kept | values)
 
 
-def _questions(page: PageResponse, participant: Participant, step: StudyStep, filled: Filled) -> dict[str, Any]:
+async def _questions(page: PageResponse, participant: Participant, step: StudyStep, filled: Filled) -> dict[str, Any]:
     study = page.web.studies.of(participant)
     condition = study.condition(participant.condition)
-    key = step.page or step.kind
-    questionnaire = study.quiz if step.kind == "quiz" and study.quiz else study.questionnaires[key]
+    questionnaire = study.quiz if step.kind == "quiz" and study.quiz else study.questionnaires[step.asks]
     messages = {name: _message(page, study, name, fault) for name, fault in filled.faults.items()}
     return {
         "questionnaire": questionnaire,
         "questions": asked(questionnaire.questions, condition.name, condition.shows_predictions),
         "form": filled.form,
         "faults": messages,
-        "attempts": study.quiz.attempts if step.kind == "quiz" and study.quiz else None,
+        "attempts": None,
     }
+
+
+async def _quiz(page: PageResponse, participant: Participant, step: StudyStep, filled: Filled) -> dict[str, Any]:
+    quiz = page.web.studies.of(participant).quiz
+    attempt = await page.web.database.read(progress.quiz_attempt, participant.id)
+    shown = await _questions(page, participant, step, filled)
+    return shown | {"attempt": attempt, "attempts": quiz.attempts if quiz else None}
 
 
 def _message(page: PageResponse, study: Study, name: str, fault: AnswerError) -> str:
@@ -129,15 +127,17 @@ def _message(page: PageResponse, study: Study, name: str, fault: AnswerError) ->
     return explanation.of(page.language) if explanation else page.words("quiz.wrong_answer")
 
 
-def _introduction(page: PageResponse, participant: Participant) -> dict[str, Any]:
-    """Marks are explained to those who will see some."""
+async def _introduction(
+    page: PageResponse, participant: Participant, _step: StudyStep, _filled: Filled
+) -> dict[str, Any]:
+    """The slides; predictions are only explained in conditions that show them."""
     study = page.web.studies.of(participant)
     condition = study.condition(participant.condition)
     slides = [key for key in INTRODUCTION if key != "marks" or condition.shows_predictions]
     return {"slides": slides, "with_human": all(agent.human for agent in study.agents)}
 
 
-async def _ready(page: PageResponse, participant: Participant, step: StudyStep) -> dict[str, Any]:
+async def _ready(page: PageResponse, participant: Participant, step: StudyStep, _filled: Filled) -> dict[str, Any]:
     study = page.web.studies.of(participant)
     kitchen = study.layout(step.layout)
     last = await page.web.database.read(progress.last_episode, participant.id, step.number)
@@ -157,7 +157,7 @@ def _title(study: Study, episode: "episodes.StoredEpisode | None", language: str
     return titles.get(episode.layout, episode.layout) if episode else ""
 
 
-async def _thanks(page: PageResponse, participant: Participant, _step: StudyStep) -> dict[str, Any]:
+async def _thanks(page: PageResponse, participant: Participant, _step: StudyStep, _filled: Filled) -> dict[str, Any]:
     """The code is shown once it is in the database, and only then."""
     study = page.web.studies.of(participant)
     completed = study.recruitment.completed
@@ -170,7 +170,7 @@ async def _thanks(page: PageResponse, participant: Participant, _step: StudyStep
     }
 
 
-async def _game(page: PageResponse, participant: Participant, step: StudyStep) -> dict[str, Any]:
+async def _game(page: PageResponse, participant: Participant, step: StudyStep, _filled: Filled) -> dict[str, Any]:
     study = page.web.studies.of(participant)
     taught = lessons(study, study.condition(participant.condition)) if step.kind == "tutorial" else ()
     game = {
@@ -181,3 +181,23 @@ async def _game(page: PageResponse, participant: Participant, step: StudyStep) -
     }
     skip = step.key if step.kind == "tutorial" and study.tutorial.skippable else None
     return {"game": game | {"ready_page": step.kind == "episode", "skip": skip}}
+
+
+async def _text(_page: PageResponse, _participant: Participant, _step: StudyStep, _filled: Filled) -> dict[str, Any]:
+    """A page that shows only what is in the study file."""
+    return {}
+
+
+Context = Callable[[PageResponse, Participant, StudyStep, Filled], Awaitable[dict[str, Any]]]
+# The page of each kind of step: its template in templates/participant, and what the template needs.
+STEP_PAGES: Final[Mapping[Kind, tuple[str, Context]]] = {
+    "introduction": ("introduction", _introduction),
+    "quiz": ("questionnaire", _quiz),
+    "questionnaire": ("questionnaire", _questions),
+    "page": ("page", _text),
+    "tutorial": ("game", _game),
+    "ready": ("ready", _ready),
+    "episode": ("game", _game),
+    "break": ("break", _text),
+    "thanks": ("thanks", _thanks),
+}

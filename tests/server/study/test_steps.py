@@ -47,6 +47,14 @@ def test_way_follows_the_flow_with_a_questionnaire_after_every_episode(small: St
     assert [step.kind for step in steps(small, "with", 5)][-3:] == ["questionnaire", "page", "thanks"]
 
 
+def test_a_step_asks_the_questions_that_the_study_has_under_this_name(published: Study) -> None:
+    way = steps(published, published.conditions[0].name, 7)
+    asking = [step for step in way if step.asks]
+    assert {step.kind for step in asking} == {"quiz", "questionnaire"}
+    assert all(published.questions(step.asks) for step in asking)
+    assert all(step.kind not in ("quiz", "questionnaire") for step in way if not step.asks)
+
+
 def test_keys_of_a_way_are_unique(published: Study) -> None:
     keys = [step.key for step in steps(published, "tom", 3)]
     assert len(set(keys)) == len(keys)
