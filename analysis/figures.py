@@ -1,102 +1,20 @@
-"""The report's figures, readable in grey and by colour-blind eyes: none is hollow, random hatched, ToM solid.
-
-Result rows in, matplotlib figures out. Computes nothing but positions.
-"""
+"""The report's figures: result rows in, matplotlib figures out. Computes nothing but positions."""
 
 import math
-import re
-from collections.abc import Callable, Mapping, Sequence
-from functools import wraps
-from io import StringIO
-from pathlib import Path
-from typing import ParamSpec
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from scipy import stats
 
+from analysis.figure_style import ACCENT, CARD, FILLS, INK, SOFT, fill, new_figure, styled
 from analysis.formatting import agent_title, condition_title, layout_title, stars
 from analysis.power import Power
 from analysis.results import Result, select
-
-INK, SOFT, LINE, CARD = "#22303c", "#5b6873", "#e3d9c8", "#ffffff"
-ACCENT = "#b8501f"
-# condition -> edge, fill, hatch; conditions that are not in the published design take the others in turn
-FILLS = {"none": (SOFT, CARD, ""), "random": ("#7a5195", CARD, "////"), "tom": ("#12737a", "#12737a", "")}
-OTHERS = (("#9a6400", CARD, "...."), ("#9a6400", CARD, "xxxx"), ("#004a99", CARD, "----"), ("#004a99", "#004a99", ""))
-WIDTH_IN = 8.6
-DPI = 300
-Drawn = ParamSpec("Drawn")
-STYLE = {
-    "font.family": "DejaVu Sans",
-    "font.size": 8.5,
-    "text.color": INK,
-    "axes.labelcolor": SOFT,
-    "axes.edgecolor": SOFT,
-    "axes.linewidth": 0.8,
-    "axes.titlesize": 9.5,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.axisbelow": True,
-    "xtick.color": INK,
-    "ytick.color": SOFT,
-    "ytick.labelcolor": SOFT,
-    "ytick.labelsize": 8,
-    "grid.color": LINE,
-    "grid.linewidth": 0.8,
-    "hatch.linewidth": 0.9,
-    "svg.fonttype": "none",
-    "text.parse_math": False,  # a dollar sign in a name is a dollar sign
-    "legend.frameon": False,
-}
-
-
-def save(figure: Figure, folder: Path, name: str) -> str:
-    """Write name.svg and name.png (300 dpi) and return the SVG to put into a page, its ids made unique by name."""
-    with rc_context({**STYLE, "svg.hashsalt": name}):  # type: ignore[arg-type, dict-item, unused-ignore]
-        figure.savefig(folder / f"{name}.png", dpi=DPI, facecolor=CARD)
-        stream = StringIO()
-        figure.savefig(stream, format="svg", transparent=True, metadata={"Date": None, "Title": name})
-    svg = stream.getvalue()
-    (folder / f"{name}.svg").write_text(svg, encoding="utf-8")
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r'(id="|url\(#|href="#)', rf"\g<1>{name}-", svg)
-    return re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-
-
-def _styled(draw: Callable[Drawn, Figure]) -> Callable[Drawn, Figure]:
-    """The style holds while the figure is drawn, and nowhere else in the process."""
-
-    @wraps(draw)
-    def styled(*args: Drawn.args, **keywords: Drawn.kwargs) -> Figure:
-        with rc_context(STYLE):  # type: ignore[arg-type, unused-ignore]
-            return draw(*args, **keywords)
-
-    return styled
-
-
-def _figure(height_in: float, rows: int = 1, width_in: float = WIDTH_IN) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(width_in, height_in), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots(rows, 1, squeeze=False)[:, 0]
-    for panel in axes:
-        panel.spines[["top", "right", "left"]].set_visible(False)
-        panel.tick_params(length=0)
-    return figure, list(axes)
-
-
-def fill(condition: str, conditions: Sequence[str]) -> tuple[str, str, str]:
-    """Edge, face and hatch of a condition."""
-    if condition in FILLS:
-        return FILLS[condition]
-    others = [name for name in conditions if name not in FILLS]
-    return OTHERS[others.index(condition) % len(OTHERS)]
 
 
 def _legend(panel: Axes, conditions: Sequence[str]) -> None:
@@ -133,14 +51,14 @@ def _group_places(conditions: Sequence[str]) -> dict[str, float]:
     return dict(zip(conditions, spread.tolist(), strict=True))
 
 
-@_styled
+@styled
 def rewards(rows: Sequence[Result], conditions: Sequence[str], contrast: tuple[str, str] | None) -> Figure:
     """Mean reward with standard error by agent (panels), layout and condition; brackets where `contrast` is significant
     after correction."""
     means = select(rows, section="reward", test="mean")
     agents = list(dict.fromkeys(row.agent for row in means))
     layouts = list(dict.fromkeys(row.layout for row in means))
-    figure, panels = _figure(0.35 + 2.35 * len(agents), len(agents))
+    figure, panels = new_figure(0.35 + 2.35 * len(agents), len(agents))
     top = max((row.estimate + (0 if math.isnan(row.se) else row.se) for row in means), default=1.0) or 1.0
     places = _group_places(conditions)
     for panel, agent in zip(panels, agents, strict=True):
@@ -176,12 +94,12 @@ def _bracket(panel: Axes, mark: str, ends: Sequence[float], height: float, top: 
     panel.annotate(mark, middle, (0, -3), textcoords="offset points", ha="center", fontsize=9, va="bottom")
 
 
-@_styled
+@styled
 def effect_sizes(rows: Sequence[Result], contrast: tuple[str, str]) -> Figure:
     """Hedges g with interval for every layout and agent; filled where significant after correction."""
     tests = select(rows, section="reward", test="t_test_people", contrast=" - ".join(contrast))
     tests = [row for row in tests if not math.isnan(row.effect) and row.agent != "all"]
-    figure, (panel,) = _figure(0.9 + 0.24 * len(tests))
+    figure, (panel,) = new_figure(0.9 + 0.24 * len(tests))
     labels, y = [], 0.0
     for index, row in enumerate(tests):
         y += 0.5 if index and row.agent != tests[index - 1].agent else 0.0
@@ -203,13 +121,13 @@ def effect_sizes(rows: Sequence[Result], contrast: tuple[str, str]) -> Figure:
     return figure
 
 
-@_styled
+@styled
 def questionnaire(rows: Sequence[Result], conditions: Sequence[str], titles: Mapping[str, str]) -> Figure:
     """Mean answers with 95 % interval by agent (panels), question and condition, on the scale 1 to 7."""
     means = select(rows, section="questionnaire", test="mean")
     agents = list(dict.fromkeys(row.agent for row in means))
     questions = list(dict.fromkeys(row.question for row in means))
-    figure, panels = _figure(0.35 + 1.75 * len(agents), len(agents))
+    figure, panels = new_figure(0.35 + 1.75 * len(agents), len(agents))
     places = _group_places(conditions)
     for panel, agent in zip(panels, agents, strict=True):
         for index, question in enumerate(questions):
@@ -231,10 +149,10 @@ def questionnaire(rows: Sequence[Result], conditions: Sequence[str], titles: Map
     return figure
 
 
-@_styled
+@styled
 def accuracy(rows: Sequence[Result], chance: float = 1 / 6) -> Figure:
     """Accuracy by step ahead for every agent: filled offline, hollow with people."""
-    figure, (panel,) = _figure(2.5, width_in=4.2)
+    figure, (panel,) = new_figure(2.5, width_in=4.2)
     ends: list[tuple[float, str]] = []
     for test, style, name in (("offline", "-", "offline"), ("live", "--", "live")):
         for row in select(rows, section="accuracy", test=test, layout="all", step=1):
@@ -269,10 +187,10 @@ def _end_labels(panel: Axes, ends: Sequence[tuple[float, str]], apart: float) ->
         panel.annotate(label, (3.12, place), va="center", fontsize=8)
 
 
-@_styled
+@styled
 def power(points: Sequence[Power], here: int | None) -> Figure:
     """Power of the test over people by participants, one line an effect; `here` marks this study."""
-    figure, (panel,) = _figure(2.5, width_in=4.2)
+    figure, (panel,) = new_figure(2.5, width_in=4.2)
     effects = list(dict.fromkeys(point.effect for point in points))
     for effect, style in zip(effects, ("-", "--", ":", "-.") * len(effects), strict=False):
         line = sorted((point.participants, point.people * 100) for point in points if point.effect == effect)
@@ -291,10 +209,10 @@ def power(points: Sequence[Power], here: int | None) -> Figure:
     return figure
 
 
-@_styled
+@styled
 def quantiles(residuals: NDArray[np.float64]) -> Figure:
     """Residuals of the mixed model against a normal distribution."""
-    figure, (panel,) = _figure(2.5, width_in=4.2)
+    figure, (panel,) = new_figure(2.5, width_in=4.2)
     (theory, found), (slope, middle, _) = stats.probplot(residuals)
     panel.plot(theory, slope * theory + middle, color=SOFT, linewidth=1)
     panel.plot(theory, found, ".", color=INK, markersize=2.5)

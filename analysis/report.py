@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from analysis import (
     apa_text,
     equivalence_text,
+    figure_style,
     figures,
     formatting,
     primary_text,
@@ -83,7 +84,7 @@ def _draw(analysis: Analysis, folder: Path) -> dict[str, str]:
         made["power"] = figures.power(analysis.powers, smallest_condition(analysis.episodes, conditions))
     if analysis.model.residuals.size:
         made["residuals"] = figures.quantiles(analysis.model.residuals)
-    return {name: figures.save(figure, folder, name) for name, figure in made.items()}
+    return {name: figure_style.save(figure, folder, name) for name, figure in made.items()}
 
 
 def _main_tests(analysis: Analysis) -> list[Result]:

@@ -1,5 +1,8 @@
-"""PPO in one file, read from top to bottom: play, judge, learn, repeat. Both chefs are the learner (self-play), or some
-seats are held by frozen partners. It must not know where partners come from or what its agents are used for.
+"""PPO: play, estimate advantages, learn, repeat. Both chefs are the ego agent (self-play), or frozen partners
+(`partners`) hold some seats.
+
+The environment is in `threaded_env`, the compiled copying and drawing of a rollout in `rollout_buffer`, the network's
+fast path in `fast_path`, and a compiled copy of `ppo_loss` in `fused_ppo_loss`.
 
 Schulman et al. 2017; shaping as in Carroll et al. 2019: each chef's own shaped reward, faded out.
 """
@@ -26,7 +29,7 @@ from training.fast_path import choose_compute, fast_path
 from training.fused_ppo_loss import FusedLoss
 from training.imitation import imitate
 from training.partners import PartnerPool
-from training.rollout_buffer import Entries
+from training.rollout_buffer import Entries, draw, draw_only, gather
 from training.runlog import RunFolder
 from training.threaded_env import threaded_env, threads_for
 
@@ -121,19 +124,19 @@ class PpoTrainer:
             (len(seats.partner), 0 if partner_columns is None else len(partner_columns)), np.int8
         )
         for t in range(config.num_steps):
-            _gather(flat, seats.learner, self.fast.columns, self.entries.host[t])
+            gather(flat, seats.learner, self.fast.columns, self.entries.host[t])
             logits, values = frozen(self.entries.on_device(t))
-            _draw(logits.cpu().numpy(), uniform[t], seats.learner, joint, self.actions[t], self.log_probabilities[t])
+            draw(logits.cpu().numpy(), uniform[t], seats.learner, joint, self.actions[t], self.log_probabilities[t])
             self.values[t] = values.cpu().numpy()
             if self.partners is not None:
-                _gather(flat, seats.partner, partner_columns, partner_entries)
-                _draw_only(self.partners.logits(partner_entries), uniform[t], seats.partner, joint)
+                gather(flat, seats.partner, partner_columns, partner_entries)
+                draw_only(self.partners.logits(partner_entries), uniform[t], seats.partner, joint)
             self.env.step(joint.reshape(games, PLAYERS), sparse, shaped, self.dones[t], self.observations)
             if config.dish_shaping != DISH_REWARD:
                 shaped -= (DISH_REWARD - config.dish_shaping) * (self.env.events & USEFUL_DISH_PICKUP > 0)
             points = sparse.sum(1, keepdims=True) + shaping * shaped  # (games, players): the team's points, own shaping
             self.rewards[t] = config.reward_scale * points.reshape(-1)[seats.learner]
-        _gather(flat, seats.learner, self.fast.columns, self.entries.host[-1])
+        gather(flat, seats.learner, self.fast.columns, self.entries.host[-1])
         self.values[-1] = frozen(self.entries.on_device(-1))[1].cpu().numpy()
 
     def _learn(
@@ -277,39 +280,6 @@ def advantage_estimates(rewards, values, dones, gamma, gae_lambda):  # type: ign
             running[row] = td_error + gamma * gae_lambda * alive * running[row]
             advantages[t, row] = running[row]
     return advantages
-
-
-@njit(cache=True)
-def _gather(flat, rows, columns, out):  # type: ignore[no-untyped-def]
-    for i in range(len(rows)):
-        for j in range(len(columns)):
-            out[i, j] = flat[rows[i], columns[j]]
-
-
-@njit(cache=True)
-def _draw(logits, uniform, rows, joint, actions, log_probabilities):  # type: ignore[no-untyped-def]
-    """Draw an action a row by inverse transform and note its logarithm of probability."""
-    for i in range(len(rows)):
-        largest = logits[i].max()
-        total = 0.0
-        for a in range(logits.shape[1]):
-            total += np.exp(logits[i, a] - largest)
-        left = uniform[rows[i]] * total
-        action = 0
-        while action < logits.shape[1] - 1:
-            left -= np.exp(logits[i, action] - largest)
-            if left < 0:
-                break
-            action += 1
-        joint[rows[i]] = action
-        actions[i] = action
-        log_probabilities[i] = logits[i, action] - largest - np.log(total)
-
-
-def _draw_only(
-    logits: NDArray[np.float32], uniform: NDArray[np.float64], rows: NDArray[np.int64], joint: NDArray[np.int8]
-) -> None:
-    _draw(logits, uniform, rows, joint, np.empty(len(rows), np.int64), np.empty(len(rows), np.float32))
 
 
 def _falling(start: float, end: float, timesteps: int, over: int) -> float:

@@ -1,7 +1,8 @@
-"""The observations of a rollout, filled on the CPU and read on the device that learns."""
+"""The observations of a rollout, filled on the CPU and read on the device that learns; the actions drawn in it."""
 
 import numpy as np
 import torch
+from numba import njit
 from numpy.typing import NDArray
 from torch import Tensor
 
@@ -27,3 +28,38 @@ class Entries:
     def samples(self) -> Tensor:
         """All but the last timestep, (timesteps * rows, columns)."""
         return self._device[:-1].flatten(0, 1)
+
+
+@njit(cache=True)
+def gather(flat, rows, columns, out):  # type: ignore[no-untyped-def]
+    """Copy some columns of some rows of all flat observations to `out`, (rows, columns)."""
+    for i in range(len(rows)):
+        for j in range(len(columns)):
+            out[i, j] = flat[rows[i], columns[j]]
+
+
+@njit(cache=True)
+def draw(logits, uniform, rows, joint, actions, log_probabilities):  # type: ignore[no-untyped-def]
+    """Draw an action a row by inverse transform and note its logarithm of probability."""
+    for i in range(len(rows)):
+        largest = logits[i].max()
+        total = 0.0
+        for a in range(logits.shape[1]):
+            total += np.exp(logits[i, a] - largest)
+        left = uniform[rows[i]] * total
+        action = 0
+        while action < logits.shape[1] - 1:
+            left -= np.exp(logits[i, action] - largest)
+            if left < 0:
+                break
+            action += 1
+        joint[rows[i]] = action
+        actions[i] = action
+        log_probabilities[i] = logits[i, action] - largest - np.log(total)
+
+
+def draw_only(
+    logits: NDArray[np.float32], uniform: NDArray[np.float64], rows: NDArray[np.int64], joint: NDArray[np.int8]
+) -> None:
+    """Draw actions without noting them: the partners' are not learned from."""
+    draw(logits, uniform, rows, joint, np.empty(len(rows), np.int64), np.empty(len(rows), np.float32))

@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print a sentence for every effect; write power.csv, power.svg and power.png; 2 with a reason for bad input."""
-    from analysis import figures, power
+    from analysis import figure_style, figures, power
 
     try:
         design, plan, participants = _design(arguments)
@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     sizes = power.sizes_for(design, arguments.effect, participants)
     points = power.curve(design, arguments.effect, sizes, arguments.studies, arguments.seed)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    figures.save(figures.power(points, participants), arguments.out, "power")
+    figure_style.save(figures.power(points, participants), arguments.out, "power")
     power.write_points(points, arguments.out / "power.csv")
     for effect in dict.fromkeys(arguments.effect):
         print(power.sentence(design, points, effect, participants))

@@ -1,10 +1,7 @@
 """Every table and column of an export: type, unit, meaning. The export is built from it, and codebook.json printed."""
 
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
-
 from overcooked.constants import EVENT_NAMES
+from server.export.codebook_columns import Column, ExportTable, code, ms, points, seats, text, time
 from server.play.recorder import INPUT_OUTCOMES
 from server.store.tables import EPISODE_STATUSES, PARTICIPANT_STATUSES
 
@@ -21,70 +18,13 @@ ESCAPED = (
 _EVENTS = ", ".join(f"{1 << bit} {name}" for bit, name in enumerate((*EVENT_NAMES, "soup_from_pot")))
 
 
-@dataclass(frozen=True)
-class Column:
-    """One column of a table. `small`: an integer of 16 bits."""
-
-    name: str
-    type: str
-    meaning: str
-    unit: str = ""
-    bits: int = 64
-
-    def described(self) -> dict[str, Any]:
-        return {"type": self.type, "unit": self.unit or None, "meaning": self.meaning}
-
-
-@dataclass(frozen=True)
-class ExportTable:
-    """One table: `row` says what a row is."""
-
-    name: str
-    row: str
-    columns: tuple[Column, ...]
-
-    @cached_property
-    def names(self) -> list[str]:
-        return [column.name for column in self.columns]
-
-
-def _text(name: str, meaning: str) -> Column:
-    return Column(name, "text", meaning)
-
-
-def _code(name: str, meaning: str) -> Column:
-    return Column(name, "integer", meaning, bits=16)
-
-
-def _ms(name: str, meaning: str) -> Column:
-    return Column(name, "number", meaning, "ms")
-
-
-def _points(name: str, meaning: str) -> Column:
-    return Column(name, "integer", meaning, "points", bits=16)
-
-
-def _time(name: str, meaning: str) -> Column:
-    return Column(name, "time", meaning, "UTC")
-
-
-def _seats(column: Column) -> tuple[Column, Column]:
-    """The column for each of the two chefs."""
-    meanings = (f"{column.meaning} Chef {seat}." for seat in (0, 1))
-    first, second = (
-        Column(f"{column.name}_{seat}", column.type, meaning, column.unit, column.bits)
-        for seat, meaning in enumerate(meanings)
-    )
-    return first, second
-
-
 _STUDY = (
-    _text("study", "The study's name."),
+    text("study", "The study's name."),
     Column("study_version", "integer", "1 for the first text of the study file, 2 for the next, ...", bits=32),
 )
-_PARTICIPANT = _text("participant", "Random id from this platform, not the recruiter's.")
-_EPISODE = _text("episode", "Random id of the episode.")
-_STEP = _text("step", "Key of the participant's step in the study.")
+_PARTICIPANT = text("participant", "Random id from this platform, not the recruiter's.")
+_EPISODE = text("episode", "Random id of the episode.")
+_STEP = text("step", "Key of the participant's step in the study.")
 
 PARTICIPANTS = ExportTable(
     "participants",
@@ -93,27 +33,27 @@ PARTICIPANTS = ExportTable(
         _PARTICIPANT,
         *_STUDY,
         Column("number", "integer", "1 to n in order of consent, including participants who withdrew.", bits=32),
-        _text("condition", "Arm of the study."),
-        _text("status", "One of: " + ", ".join(PARTICIPANT_STATUSES) + "."),
-        _text("language", "Language of the pages (BCP 47)."),
+        text("condition", "Arm of the study."),
+        text("status", "One of: " + ", ".join(PARTICIPANT_STATUSES) + "."),
+        text("language", "Language of the pages (BCP 47)."),
         Column("simulated", "boolean", "True: a bot, not a person."),
         Column("seed", "integer", "Seed of all random choices for the participant."),
         Column("position", "integer", "Index of the step reached, from 0.", bits=32),
-        _time("started_at", "Consent."),
-        _time("last_seen_at", "Last request or message."),
-        _time("completed_at", "Last step submitted."),
-        _text("excluded", "Why the researcher excluded all data of the participant; empty: not excluded."),
+        time("started_at", "Consent."),
+        time("last_seen_at", "Last request or message."),
+        time("completed_at", "Last step submitted."),
+        text("excluded", "Why the researcher excluded all data of the participant; empty: not excluded."),
         Column("attention_checks", "integer", "Attention checks that the participant answered.", bits=32),
         Column("attention_failed", "integer", "How many of them were failed.", bits=32),
     ),
 )
 # Made for every participant from episodes and answers; the patterns stand in the codebook, the columns themselves too.
 WIDE = (
-    _text("layout_{number}", "Layout of the participant's episode with this number."),
-    _text("agent_{number}", "Agent in this episode."),
+    text("layout_{number}", "Layout of the participant's episode with this number."),
+    text("agent_{number}", "Agent in this episode."),
     Column("score_{number}", "integer", "Sum of sparse rewards.", "points", bits=32),
     Column("progress_{number}", "number", "Credit for unfinished soups.", "points"),
-    _text("answer_{step}_{question}", "Answer to this question on this page; lists and yes/no as JSON."),
+    text("answer_{step}_{question}", "Answer to this question on this page; lists and yes/no as JSON."),
 )
 EPISODES = ExportTable(
     "episodes",
@@ -121,23 +61,23 @@ EPISODES = ExportTable(
     (
         _EPISODE,
         *_STUDY,
-        *_seats(_text("participant", "Participant on the seat; empty: an agent.")),
-        _text("condition", "Arm of the study."),
-        _text("kind", "tutorial, episode or watch."),
+        *seats(text("participant", "Participant on the seat; empty: an agent.")),
+        text("condition", "Arm of the study."),
+        text("kind", "tutorial, episode or watch."),
         Column("number", "integer", "1-based among the study's episodes; 0 for the tutorial.", bits=32),
         _STEP,
         Column("attempt", "integer", "1 for the first attempt at the step.", bits=32),
-        _text("layout", "Name of the kitchen."),
-        _text("layout_sha256", "Hash of its grid."),
-        *_seats(_text("agent", "Agent on the seat; empty: a participant.")),
-        _text(
+        text("layout", "Name of the kitchen."),
+        text("layout_sha256", "Hash of its grid."),
+        *seats(text("agent", "Agent on the seat; empty: a participant.")),
+        text(
             "agent_name", "Name of the agent in the study, such as mine for agents/mine.onnx; empty: an older episode."
         ),
-        *(_text(f"agent_{seat}_sha256", f"Hash of the weights of the agent on seat {seat}.") for seat in (0, 1)),
-        _text("predictor", "Predictor that ran at every timestep, shown or not."),
-        _text("predictor_sha256", "Hash of its weights."),
-        _code("watched_seat", "Seat of the chef whose next actions are predicted."),
-        _text("shown", "What the participant saw: nothing, predictor or random."),
+        *(text(f"agent_{seat}_sha256", f"Hash of the weights of the agent on seat {seat}.") for seat in (0, 1)),
+        text("predictor", "Predictor that ran at every timestep, shown or not."),
+        text("predictor_sha256", "Hash of its weights."),
+        code("watched_seat", "Seat of the chef whose next actions are predicted."),
+        text("shown", "What the participant saw: nothing, predictor or random."),
         Column(
             "display_violations",
             "integer",
@@ -149,19 +89,19 @@ EPISODES = ExportTable(
         Column("seed", "integer", "Seed of all randomness in the episode."),
         Column("horizon", "integer", "Timesteps to play; 0: endless.", "timesteps", bits=32),
         Column("tick_ms", "integer", "Length of a timestep.", "ms", bits=32),
-        _text("status", "One of: " + ", ".join(EPISODE_STATUSES) + "."),
-        _text("end_reason", "Why it ended."),
+        text("status", "One of: " + ", ".join(EPISODE_STATUSES) + "."),
+        text("end_reason", "Why it ended."),
         Column("timesteps", "integer", "Timesteps that were played.", "timesteps", bits=32),
         Column("score", "integer", "Sum of sparse rewards.", "points", bits=32),
         Column("soups", "integer", "Soups delivered.", bits=32),
         Column("progress", "number", "Credit for unfinished soups, apart from the score.", "points"),
         Column("passed", "boolean", "Tutorial: passed. Episode: played to its end."),
-        _text("final_hash", "Hash of the last state."),
-        _time("created_at", "When it was created."),
-        _time("started_at", "When it began."),
-        _time("ended_at", "When it ended."),
-        _text("code_version", "Version of the software."),
-        _text(
+        text("final_hash", "Hash of the last state."),
+        time("created_at", "When it was created."),
+        time("started_at", "When it began."),
+        time("ended_at", "When it ended."),
+        text("code_version", "Version of the software."),
+        text(
             "excluded",
             "Why the researcher excluded this episode; empty: not excluded, or all of its participant's are.",
         ),
@@ -175,30 +115,30 @@ TICKS = ExportTable(
     (
         _EPISODE,
         Column("timestep", "integer", "t, from 0.", "timesteps", bits=32),
-        _text(
+        text(
             "state_hash", "Hash of state t, before the actions; the state after the last timestep: episodes.final_hash."
         ),
-        *_seats(_code("action", f"Action in timestep t: {ACTION_CODE}.")),
-        *_seats(_points("reward", "Sparse reward for it.")),
-        *_seats(_points("shaped", "Shaped reward for it.")),
-        *_seats(Column("events", "integer", f"Events in it, as a sum of: {_EVENTS}.", bits=32)),
-        *_seats(_code("decided", "The agent's decision for timestep t; empty: a person, or no answer in time.")),
+        *seats(code("action", f"Action in timestep t: {ACTION_CODE}.")),
+        *seats(points("reward", "Sparse reward for it.")),
+        *seats(points("shaped", "Shaped reward for it.")),
+        *seats(Column("events", "integer", f"Events in it, as a sum of: {_EVENTS}.", bits=32)),
+        *seats(code("decided", "The agent's decision for timestep t; empty: a person, or no answer in time.")),
         Column("late", "boolean", "The models missed their deadline: the agent waited in timestep t."),
         *(
             Column(f"p{step}_{name}", "number", f"Predicted probability of {name} in timestep t + {step - 1}.", bits=32)
             for step in STEPS
             for name in ACTION_NAMES
         ),
-        *(_code(f"predicted_{step}", f"Most probable action predicted for timestep t + {step - 1}.") for step in STEPS),
-        *(_code(f"displayed_{step}", f"Action drawn for timestep t + {step - 1}; 6: nothing.") for step in STEPS),
+        *(code(f"predicted_{step}", f"Most probable action predicted for timestep t + {step - 1}.") for step in STEPS),
+        *(code(f"displayed_{step}", f"Action drawn for timestep t + {step - 1}; 6: nothing.") for step in STEPS),
         *(Column(f"opacity_{step}", "integer", "Opacity of the drawn action.", "%", bits=16) for step in STEPS),
-        _ms("scheduled_ms", "When state t was due, from the first tick on, without pauses."),
-        _ms("late_ms", "Delay of the tick after its deadline."),
-        _ms("models_ms", "Time that the models needed for state t."),
-        *_seats(Column("key_seq", "integer", "Number of the browser's message that decided the action of timestep t.")),
-        *_seats(_ms("key_client_ms", "Browser's clock (performance.now()) at that key.")),
-        *_seats(_ms("key_received_ms", "Its arrival at the server, since the first tick was due.")),
-        _time("made_at", "When state t was computed, by the server's wall clock."),
+        ms("scheduled_ms", "When state t was due, from the first tick on, without pauses."),
+        ms("late_ms", "Delay of the tick after its deadline."),
+        ms("models_ms", "Time that the models needed for state t."),
+        *seats(Column("key_seq", "integer", "Number of the browser's message that decided the action of timestep t.")),
+        *seats(ms("key_client_ms", "Browser's clock (performance.now()) at that key.")),
+        *seats(ms("key_received_ms", "Its arrival at the server, since the first tick was due.")),
+        time("made_at", "When state t was computed, by the server's wall clock."),
     ),
 )
 INPUTS = ExportTable(
@@ -206,17 +146,17 @@ INPUTS = ExportTable(
     "an input that a person's browser sent in an episode, whether or not it had an effect",
     (
         _EPISODE,
-        _code("seat", "Seat of the person."),
+        code("seat", "Seat of the person."),
         Column("number", "integer", "1, 2, ... in the order in which the person's inputs arrived.", bits=32),
-        _text("tab", "Random name of the browser tab."),
+        text("tab", "Random name of the browser tab."),
         Column("seq", "integer", "The browser's number of the message; a new page counts from the start."),
-        _code("held", f"Move whose key was held down; empty: none. {ACTION_CODE}."),
-        _code("tap", "Action whose key was just pressed; empty: none."),
-        _ms("client_ms", "Browser's clock (performance.now()) then."),
-        _time("received_at", "Its arrival, by the server's wall clock."),
-        _ms("received_ms", "Its arrival, since the first tick was due; empty: the game was paused."),
+        code("held", f"Move whose key was held down; empty: none. {ACTION_CODE}."),
+        code("tap", "Action whose key was just pressed; empty: none."),
+        ms("client_ms", "Browser's clock (performance.now()) then."),
+        time("received_at", "Its arrival, by the server's wall clock."),
+        ms("received_ms", "Its arrival, since the first tick was due; empty: the game was paused."),
         Column("timestep", "integer", "First timestep t in which it had an effect; empty: none.", "timesteps", bits=32),
-        _text("outcome", "; ".join(f"{outcome}: {meaning}" for outcome, meaning in INPUT_OUTCOMES.items()) + "."),
+        text("outcome", "; ".join(f"{outcome}: {meaning}" for outcome, meaning in INPUT_OUTCOMES.items()) + "."),
     ),
 )
 PAUSES = ExportTable(
@@ -225,9 +165,9 @@ PAUSES = ExportTable(
     (
         _EPISODE,
         Column("timestep", "integer", "State at which the game was paused.", "timesteps", bits=32),
-        _text("reason", "hidden, blur, lost, other_tab, database, researcher or server."),
-        _time("started_at", "When it began; after a crash of the server, the last stored moment."),
-        _ms("duration_ms", "Its length without the countdown that follows; empty: not over."),
+        text("reason", "hidden, blur, lost, other_tab, database, researcher or server."),
+        time("started_at", "When it began; after a crash of the server, the last stored moment."),
+        ms("duration_ms", "Its length without the countdown that follows; empty: not over."),
     ),
 )
 ANSWERS = ExportTable(
@@ -235,13 +175,13 @@ ANSWERS = ExportTable(
     "an answer to a question",
     (
         _PARTICIPANT,
-        _text("episode", "Episode that the question is about; empty: about the study."),
+        text("episode", "Episode that the question is about; empty: about the study."),
         _STEP,
-        _text("question", "Key of the question in the study file."),
-        _text("value", "The answer; lists and yes/no as JSON."),
-        _text("value_type", "text, number, boolean, list or null."),
-        _time("submitted_at", "When the page was submitted."),
-        _ms("took_ms", "Time spent on the page."),
+        text("question", "Key of the question in the study file."),
+        text("value", "The answer; lists and yes/no as JSON."),
+        text("value_type", "text, number, boolean, list or null."),
+        time("submitted_at", "When the page was submitted."),
+        ms("took_ms", "Time spent on the page."),
         Column(
             "attention",
             "boolean",
@@ -255,18 +195,18 @@ VISITS = ExportTable(
     (
         _PARTICIPANT,
         _STEP,
-        _time("entered_at", "When the page was requested."),
-        _time("left_at", "When the page was submitted; empty: it was not."),
+        time("entered_at", "When the page was requested."),
+        time("left_at", "When the page was submitted; empty: it was not."),
     ),
 )
 EVENTS = ExportTable(
     "events",
     "an event outside the game",
     (
-        _text("participant", "Who."),
-        _text("episode", "During which episode."),
-        _time("at", "When."),
-        _text("kind", "reload, takeover, trouble, rtt, ..."),
+        text("participant", "Who."),
+        text("episode", "During which episode."),
+        time("at", "When."),
+        text("kind", "reload, takeover, trouble, rtt, ..."),
         Column("detail", "json", "Further details."),
     ),
 )
@@ -275,11 +215,11 @@ STUDIES = ExportTable(
     "a version of a study file",
     (
         *_STUDY,
-        _text("sha256", "Hash of the file, which is in studies/."),
+        text("sha256", "Hash of the file, which is in studies/."),
         Column("started", "integer", "Participants who ever consented.", bits=32),
         Column("withdrawn", "integer", "How many of them withdrew; nothing else is stored about these.", bits=32),
-        _time("created_at", "First seen by the server."),
-        _time("frozen_at", "First consent."),
+        time("created_at", "First seen by the server."),
+        time("frozen_at", "First consent."),
     ),
 )
 ARRIVALS = ExportTable(
@@ -287,8 +227,8 @@ ARRIVALS = ExportTable(
     "a count of browsers that opened the study's link, or were screened out before consent",
     (
         *_STUDY,
-        _text("kind", "opened, declined, unsuitable, or suitable (unsuitable first, suitable in a later attempt)."),
-        _text("reason", "What was unsuitable: browser, screen, input, latency or websocket."),
+        text("kind", "opened, declined, unsuitable, or suitable (unsuitable first, suitable in a later attempt)."),
+        text("reason", "What was unsuitable: browser, screen, input, latency or websocket."),
         Column("count", "integer", "How many browsers.", bits=32),
     ),
 )
@@ -297,9 +237,9 @@ WITHDRAWALS = ExportTable(
     "a participant who withdrew and whose data were deleted",
     (
         *_STUDY,
-        _text("condition", "Arm of the study."),
+        text("condition", "Arm of the study."),
         Column("position", "integer", "Index of the participant's last step.", bits=32),
-        _time("withdrawn_at", "When."),
+        time("withdrawn_at", "When."),
     ),
 )
 EXCLUSIONS = ExportTable(
@@ -307,11 +247,11 @@ EXCLUSIONS = ExportTable(
     "a researcher's decision to exclude data from the analysis; it may have been undone",
     (
         _PARTICIPANT,
-        _text("episode", "This episode only; empty: all data of the participant."),
-        _text("reason", "Why."),
-        _text("note", "A note of the researcher."),
-        _time("excluded_at", "When."),
-        _time("restored_at", "When it was undone; empty: it is in force."),
+        text("episode", "This episode only; empty: all data of the participant."),
+        text("reason", "Why."),
+        text("note", "A note of the researcher."),
+        time("excluded_at", "When."),
+        time("restored_at", "When it was undone; empty: it is in force."),
     ),
 )
 TABLES = (

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from server.export import codebook
-from server.export.codebook import Column
+from server.export.codebook_columns import Column
 from server.export.files import table_path
 from server.export.import_checks import SUMS, plain_name, write_sums
 from server.store.studies import StudyVersion

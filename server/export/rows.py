@@ -12,7 +12,8 @@ from typing import Any
 import msgspec
 from sqlalchemy import Connection, Select, func, select
 
-from server.export.codebook import WIDE, Column
+from server.export.codebook import WIDE
+from server.export.codebook_columns import Column
 from server.store import ticks as tick_rows
 from server.store.displays import violations
 from server.store.tables import (

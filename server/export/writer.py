@@ -14,7 +14,7 @@ from sqlalchemy import Connection
 
 from server.export import codebook, manifest, tick_rows
 from server.export import rows as exported
-from server.export.codebook import Column, ExportTable
+from server.export.codebook_columns import Column, ExportTable
 from server.export.files import TABLE_FORMATS, TableWriter
 from server.export.rows import Rows, Selection
 from server.store import private_files, studies, tombstones

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis import figures, study
+from analysis import figure_style, study
 from analysis.synthetic import Truth, write_export
 from analysis.tables import Export, read_export
 
@@ -28,7 +28,7 @@ def planted(planted_folder: Path) -> Export:
 @pytest.fixture
 def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are built but not rendered, which is most of a report's time: for tests of its numbers and words."""
-    monkeypatch.setattr(figures, "save", lambda figure, folder, name: "<svg></svg>")
+    monkeypatch.setattr(figure_style, "save", lambda figure, folder, name: "<svg></svg>")
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 
 import kitchenmind
-from analysis import apa_text, figures
+from analysis import apa_text, figure_style
 from analysis.report import Report, write_report
 from analysis.results import select
 from analysis.study import Options
@@ -27,7 +27,7 @@ SMALL = Truth(participants=4, layouts=("matrix", "double_rings"), timesteps=20, 
 def _coarse_pictures() -> Iterator[None]:
     """Thirty reports are drawn here, and nobody looks at their pictures."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(figures, "DPI", 20)
+        patch.setattr(figure_style, "DPI", 20)
         yield
 
 
