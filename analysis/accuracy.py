@@ -1,4 +1,4 @@
-"""How often the predictor was right in the games that were played, beside the offline test.
+"""How often the predictor was right in the games that were played, in addition to the offline test.
 
 The interval is over people: ticks of one game are no independent trials.
 """

@@ -1,4 +1,4 @@
-"""The paper's tests of reward, and beside each what a reviewer asks for. Tables of episodes in, Result rows out.
+"""The paper's tests of reward, and with each what a reviewer asks for. Tables of episodes in, Result rows out.
 
 Expects the columns participant, condition, layout, agent and a measure; leaves out what the caller left out.
 """
@@ -140,7 +140,7 @@ def _t_test(base: Result, first: Values, second: Values) -> Result:
 
 
 def welch_t_test(base: Result, first: Values, second: Values) -> Result:
-    """The t-test that does not assume equal variances, beside Cliff's delta, which assumes no distribution at all."""
+    """The t-test that does not assume equal variances, next to Cliff's delta, which assumes no distribution at all."""
     base = replace(base, n=first.size + second.size)
     if trouble := effects.can_compare([first, second]):
         return replace(base, note=trouble)

@@ -1,4 +1,4 @@
-"""How things are called and numbers are written in a report: APA style, with real minus signs. Knows no statistics."""
+"""How things are called and numbers are written in a report: APA style, with real minus signs."""
 
 import math
 

@@ -1,6 +1,6 @@
 """From ticks to measures of an episode: reward, idleness, lateness, and how often the predictor was right.
 
-Knows no statistics. Row t holds what was predicted before timestep t, and the actions that were done in it: the first
+Row t holds what was predicted before timestep t, and the actions that were done in it: the first
 predicted step is about row t itself, the second about the next row.
 """
 

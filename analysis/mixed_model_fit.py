@@ -146,7 +146,7 @@ def fit(data: Data, restricted: bool = True) -> Fit:
     total = float(data.y.var())
     profile = Profile(data, restricted)
     if math.sqrt(total) <= ROUNDING * np.abs(data.y).max() or profile.solve(0.0)[2] <= NOTHING * total * len(data.y):
-        raise FitError("nothing varies beside the effects")
+        raise FitError("nothing varies apart from the effects")
     ratio = best_ratio(profile)
     beta, inverse, squares = profile.solve(ratio)
     within = squares / profile.count

@@ -54,7 +54,7 @@ def _weights(pair: tuple[str, str], conditions: Sequence[str], size: int) -> Val
 def _tested(base: Result, estimate: float, se: float, df: float) -> Result:
     """An estimate with its t-test and 95 % interval."""
     if not se > 0:
-        return replace(base, note="nothing varies beside the effects")
+        return replace(base, note="nothing varies apart from the effects")
     return mixed_model.with_t_test(base, estimate, se, df)
 
 
@@ -76,7 +76,7 @@ def cluster_robust(data: Data) -> tuple[Values, Array]:
     if np.linalg.matrix_rank(data.x) < data.x.shape[1]:
         raise FitError("two of its effects cannot be told apart: not every condition was played alike")
     if np.ptp(data.y) <= mixed_model_fit.ROUNDING * np.abs(data.y).max():
-        raise FitError("nothing varies beside the effects")
+        raise FitError("nothing varies apart from the effects")
     inverse = np.linalg.inv(data.x.T @ data.x)
     beta = inverse @ data.x.T @ data.y
     scores = data.sums(data.x * (data.y - data.x @ beta)[:, None])  # (people, effects)

@@ -1,6 +1,6 @@
 """Answers of the questionnaires after an episode: means, and tests between conditions on chosen layouts, per agent.
 
-A person answers after every episode, so beside the published t-test over answers stands the same test over people.
+A person answers after every episode, so the same test over people stands next to the published t-test over answers.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ def title(question: str) -> str:
 
 
 def answers_on(answers: pl.DataFrame, episodes: pl.DataFrame, layouts: Sequence[str]) -> pl.DataFrame:
-    """The answers about the given episodes on the chosen layouts, with condition, layout and agent beside."""
+    """The answers about the given episodes on the chosen layouts, with condition, layout and agent."""
     chosen = episodes.filter(pl.col("layout").is_in(list(layouts)))
     return answers.select("episode", "question", "value").join(
         chosen.select("episode", "participant", "condition", "layout", "agent", "number"), on="episode"

@@ -67,7 +67,7 @@ def fit(data: Data, own: Array) -> SlopesFit:
         raise FitError("two of its effects cannot be told apart: not every condition was played alike")
     sums = _Sums(data, own)
     if sums.count < 2 or sums.yy <= 1e-12 * max(1.0, float(data.y @ data.y)):
-        raise FitError("nothing varies beside the effects")
+        raise FitError("nothing varies apart from the effects")
     best = min((_search(sums, start) for start in STARTS), key=lambda entries: sums.solve(entries)[0])
     value, beta, inverse, within = sums.solve(best)
     if not math.isfinite(value):

@@ -219,7 +219,7 @@ def dependence(
     place = np.unique((chosen["layout"] + "\0" + chosen["agent"]).to_numpy(), return_inverse=True)[1]
     rest = doubly_centred(people.values, people.person, place)
     if np.abs(rest).max() <= TOLERANCE * max(1.0, float(np.abs(people.values).max())):
-        return [replace(row, note="rewards do not vary beside layout, agent and person") for row in rows]
+        return [replace(row, note="rewards do not vary apart from layout, agent and person") for row in rows]
     member = dealt(people.condition, draws, seed)
     p = np.stack([shares(spread(member, *_profiles(people, rest, chosen[column]))) for column in columns])
     note = f"conditions permuted over people, {draws} draws"

@@ -1,6 +1,6 @@
 """One number of the analysis with everything that belongs to it, and the tidy table of all of them (results.csv).
 
-What a report shows is built from these rows, so that nothing is printed that is not in the file. Knows no statistics.
+What a report shows is built from these rows, so that nothing is printed that is not in the file.
 """
 
 import csv

@@ -1,4 +1,4 @@
-"""What a reviewer asks for beside the tests: all of it in one call, as rows."""
+"""What a reviewer asks for in addition to the tests: all of it in one call, as rows."""
 
 from dataclasses import dataclass
 

@@ -29,7 +29,7 @@ def _words(contrast: tuple[str, str]) -> str:
 
 
 def _models(contrast: tuple[str, str] | None, rows: Sequence[Result]) -> str:
-    """The difference under other assumptions, beside that of the mixed model."""
+    """The difference under other assumptions, in addition to that of the mixed model."""
     if contrast is None:
         return ""
     name = " - ".join(contrast)

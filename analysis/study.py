@@ -1,4 +1,4 @@
-"""All of a study's analysis in one call: an export in, result rows and what a report needs beside them out."""
+"""All of a study's analysis in one call: an export in, result rows and what a report needs in addition out."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -142,7 +142,7 @@ def reward_rows(episodes: pl.DataFrame, design: AnalysisDesign, options: Options
 
 
 def reward_tests(episodes: pl.DataFrame, design: AnalysisDesign, draws: int, seed: int) -> list[Result]:
-    """The tests of reward that headlines and sentences speak of, with the published ones beside them."""
+    """The tests of reward that headlines and sentences speak of, with the published ones next to them."""
     rows = [
         *ranking.kruskal_wallis(episodes, MEASURE, design.conditions, design.agents, draws, seed),
         *compare.pairwise(episodes, MEASURE, design.conditions, cells(design.layouts, design.agents)),

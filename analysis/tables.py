@@ -211,8 +211,8 @@ def _pauses(table: pl.DataFrame) -> pl.DataFrame:
 
 
 def _about(folder: Path, study: str, version: int | None) -> dict[str, Any]:
-    """What the export says beside its tables: about.json, and `title`, `conditions` and `layouts` (names in order) of
-    the chosen version of the study file, else of the newest one, where it lies in the export."""
+    """Return what the export has in addition to its tables: about.json, and `title`, `conditions` and `layouts` (names
+    in order) of the chosen version of the study file, else of the newest one, where it lies in the export."""
     path = folder / "about.json"
     try:
         said = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}

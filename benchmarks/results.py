@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
-# `training.py` beside this file bears a package's name: Python must look for that one elsewhere.
+# `training.py` next to this file bears a package's name: Python must look for that one elsewhere.
 sys.path[:] = [folder for folder in sys.path if Path(folder).resolve() != Path(__file__).resolve().parent]
 
 from models.agents.catalogue import WEIGHTS, agent_sha256  # noqa: E402
@@ -105,7 +105,7 @@ def shipped_agents() -> dict[str, str]:
 
 
 def shipped_entries() -> list[dict[str, Any]]:
-    """What the cards of the shipped predictors say, as `kitchenmind evaluate predictor --json` would."""
+    """What the cards of the bundled predictors say, as `kitchenmind evaluate predictor --json` would."""
     configs = sorted(WEIGHTS.glob("*/*_predictor_*/config.json"))
     return [json.loads(config.read_text(encoding="utf-8"))["measured"] for config in configs]
 
@@ -157,7 +157,7 @@ def rendered(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) -
 
 
 def _rows(agent: str, by_cell: Mapping[tuple[str, str, str], Mapping[str, Any]]) -> list[list[str]]:
-    """The rows of one agent: the paper's, ours, and what ours must be seen beside."""
+    """The rows of one agent: the paper's, ours, and what ours is compared with."""
     cells = [by_cell[layout, agent, "stream"] for layout in LAYOUTS]
     name = agent.upper()
     steps = [[f"{entry['accuracy'][f'step{k}']:.1f}" for k in (1, 2, 3)] for entry in cells]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from numba import njit
 
-# Compiled on first use, then kept beside the sources (`__pycache__/*.nbi`), so that the next process starts at once.
+# Compiled on first use, then kept next to the sources (`__pycache__/*.nbi`), so that the next process starts at once.
 kernel = njit(cache=True, error_model="numpy")
 threaded_kernel = njit(cache=True, error_model="numpy", nogil=True)  # other threads run while it does
 inlined_kernel = njit(cache=True, error_model="numpy", inline="always")

@@ -58,7 +58,7 @@ class Layout:
 
 
 def load_layout(name_or_path: str | Path) -> Layout:
-    """A shipped layout by its name (or another one, see `other_names`), or a `.layout` file (a drawn grid, or
+    """A bundled layout by its name (or another one, see `other_names`), or a `.layout` file (a drawn grid, or
     overcooked_ai's dictionary).
 
     Raises LayoutError for a bad grid, FileNotFoundError (with the names there are) for an unknown layout.
@@ -85,7 +85,7 @@ def bundled_layout(name: str) -> Layout:
 
 
 def layout_names() -> list[str]:
-    """The shipped layouts."""
+    """The bundled layouts."""
     return sorted(path.stem for path in LAYOUT_FOLDER.glob("*.layout"))
 
 
@@ -113,7 +113,7 @@ def _check_grid(rows: list[str], source: str) -> list[tuple[int, int]]:
     """Refuse anything that is not a closed rectangle of known tiles with all it needs; return the start cells."""
     if not rows or not rows[0]:
         raise LayoutError(
-            source, "the grid is empty", "Draw at least 3 rows, e.g. the shipped coordination_ring.layout."
+            source, "the grid is empty", "Draw at least 3 rows, e.g. the bundled coordination_ring.layout."
         )
     width, height = len(rows[0]), len(rows)
     starts: dict[str, tuple[int, int]] = {}
@@ -182,5 +182,5 @@ def _check_reach(rows: list[str], tiles: NDArray[np.int8], starts: list[tuple[in
             if tile in _REQUIRED and not any(
                 (x + dx, y + dy) in reached for dx, dy in zip(STEP_X, STEP_Y, strict=True)
             ):
-                remedy = "Open a floor cell beside it that a chef can walk to, or remove it."
+                remedy = "Open a floor cell next to it that a chef can walk to, or remove it."
                 raise LayoutError(source, f"nobody can reach this {_REQUIRED[tile]}", remedy, y + 1, x + 1)

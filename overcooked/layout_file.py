@@ -46,7 +46,7 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float)
 
 
-# What overcooked_ai's dictionary may say beside the grid -> (whether this kitchen does it, what this kitchen does).
+# What overcooked_ai's dictionary may say besides the grid -> (whether this kitchen does it, what this kitchen does).
 _SETTINGS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "layout_name": (lambda value: isinstance(value, str), "a name is a text"),
     "cook_time": (_is(20, None), "soups cook for 20 timesteps"),
@@ -93,7 +93,7 @@ def _rows_of_dictionary(text: str, source: str) -> list[str]:
     for key, value in settings.items():
         if key not in _SETTINGS:
             known = ", ".join(_SETTINGS)
-            raise LayoutError(source, f"unknown setting {key!r}", f"Remove it. Known beside grid: {known}.")
+            raise LayoutError(source, f"unknown setting {key!r}", f"Remove it. Known in addition to grid: {known}.")
         is_done_here, what = _SETTINGS[key]
         if not is_done_here(value):
             reason = f"{key} = {_shortened(value)} is not supported"

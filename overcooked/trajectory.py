@@ -148,7 +148,7 @@ def _checked_episode(states: list[Any], actions: list[Any], parameters: dict[str
 
 
 def _layout_of(parameters: dict[str, Any]) -> Layout:
-    """The drawn terrain where the file has it, else the shipped layout of that name."""
+    """The drawn terrain where the file has it, else the bundled layout of that name."""
     name = str(parameters.get("layout_name", "layout"))
     if "terrain" not in parameters:
         return bundled_layout(name)

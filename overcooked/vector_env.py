@@ -1,6 +1,6 @@
 """Many games on one layout for training: one compiled call steps, scores, resets and encodes all of them.
 
-It must not know who acts or learns. Every array that leaves is one that the caller brought.
+Every array that leaves is one that the caller brought.
 """
 
 from dataclasses import dataclass

@@ -107,6 +107,6 @@ def fingerprint(layout: str, model: str, folders: Iterable[str] = ()) -> str | N
 
 
 def folder_of(layout: str, model: str) -> Path:
-    """Where a model's checkpoint lies or would lie: a path as it is, a name among the shipped ones."""
+    """Where a model's checkpoint lies or would lie: a path as it is, a name among the bundled ones."""
     base = without_variant(model)
     return Path(base) if "/" in base else WEIGHTS / layout / base

@@ -1,6 +1,6 @@
 """The guides do what they say: their commands are run, in their order, each guide in a folder of its own.
 
-A block marked `sh` is run line by line and must succeed; `serve` must bring up a page and runs on beside.
+A block marked `sh` is run line by line and must succeed; `serve` must bring up a page and keeps running.
 A block marked `yaml FILE` gives these keys to FILE, one marked `text FILE` or `python FILE` writes it. Blocks without a
 mark need more than one machine or more than a minute: of these only the words of `kitchenmind` are checked here. They
 are run by `test_guide_server.py`, `test_guide_containers.py`, `test_guide_backup.py`, and for training by

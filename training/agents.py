@@ -1,4 +1,4 @@
-"""From a run to agents on disk: trains one, keeps its skill levels. It must not know for which study they are made."""
+"""From a run to agents on disk: trains one, keeps its skill levels."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

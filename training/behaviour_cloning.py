@@ -2,7 +2,7 @@
 
 The recordings are Carroll et al.'s human-human games on the five classic layouts (tests/data). The later half of the
 games makes the clone with whom predictors are measured, the earlier half the clones that they learn with: no pair of
-people is in both. It must not know how clones are used. Run it as `python -m training.behaviour_cloning`.
+people is in both. Run it as `python -m training.behaviour_cloning`.
 """
 
 import argparse

@@ -1,7 +1,4 @@
-"""Which runs become the agents that people meet, by measurement in the mode in which they meet them.
-
-It must not know how the runs were made.
-"""
+"""Which runs become the agents that people meet, by measurement in the mode in which they meet them."""
 
 import json
 import shutil
@@ -79,11 +76,11 @@ def ship_cast(work: Work, layout: Layout) -> None:
 def evaluate_shipped(
     layout: Layout, names: Sequence[str] = ("sp", "fcp"), episodes: int = 40, timesteps: int = HORIZON
 ) -> list[dict[str, Any]]:
-    """What `kitchenmind evaluate agents --json` prints for one layout: the shipped agents with themselves and with the
+    """What `kitchenmind evaluate agents --json` prints for one layout: the bundled agents with themselves and with the
     partners that travel with them and that neither ever met."""
     torch.set_num_threads(1)  # networks this small only wait for each other
-    shipped = WEIGHTS / layout.name
-    folders = sorted([*(shipped / HELD_OUT).glob("*"), *(shipped / "population").glob("fcp_*")])
+    bundled = WEIGHTS / layout.name
+    folders = sorted([*(bundled / HELD_OUT).glob("*"), *(bundled / "population").glob("fcp_*")])
     strangers: list[Policy] = [NetworkPolicy(load_network(folder)) for folder in folders]
     present = [name for name in names if name == "planner" or (WEIGHTS / layout.name / name).is_dir()]
     players = {name: EvaluatedAgent(*load_agent(name, layout)) for name in present}
@@ -103,7 +100,7 @@ def _seed(name: str) -> int:
 
 
 def _leave(work: Work, best: str, entry: Mapping[str, Any], scores: Mapping[str, Any]) -> None:
-    """The chosen agent as <folder>/agent with its figures, and the decision beside it."""
+    """The chosen agent as <folder>/agent with its figures, and the decision next to it."""
     figures = {key: entry[key] for key in ("self_play", "held_out", "episodes") if key in entry}
     publish(work.inputs[best] / "100", work.folder / "agent", entry["agent"], {**figures, "candidates": dict(scores)})
     decision = {"best": best, "scores": dict(scores), "measured": entry}

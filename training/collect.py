@@ -1,9 +1,8 @@
 """Collects what a predictor learns from: the target with every partner, in both seats, each partner decided and
 sampling.
 
-Algorithm 1 of the paper: partners x 4 settings x 5 trajectories x 800 timesteps, one shard a partner, a manifest beside
-them. The split is by partner agent (all its skill levels together), never by window. It must not know who learns from
-it.
+Algorithm 1 of the paper: partners x 4 settings x 5 trajectories x 800 timesteps, one shard a partner, and a
+manifest. The split is by partner agent (all its skill levels together), never by window.
 """
 
 import hashlib

@@ -1,7 +1,5 @@
 """From collected games to what a predictor sees and should say: features kept once, joint actions, the next three
 actions.
-
-It must not know how games were collected, nor how the network learns.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,4 @@
-"""How well agents cook: with themselves and with partners they never met, in the mode in which people meet them.
-
-It must not know how agents were trained.
-"""
+"""How well agents cook: with themselves and with partners they never met, in the mode in which people meet them."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,4 @@
-"""How well a predictor predicts an agent: accuracy by step, next to the ceiling and what needs no model at all.
-
-It must not know how the predictor was trained.
-"""
+"""How well a predictor predicts an agent: accuracy by step, next to the ceiling and what needs no model at all."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -1,6 +1,6 @@
 """A first idea of cooking, taken from the scripted planner, for kitchens in which chance finds the first soup too late.
 
-Self-play continues from there. It must not know how reinforcement learning works.
+Self-play continues from there.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Frozen agents that play with a learner, answered together as far as possible. It must not know who learns."""
+"""Frozen agents that play with a learner, answered together as far as possible."""
 
 from collections.abc import Sequence
 from pathlib import Path

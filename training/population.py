@@ -1,7 +1,4 @@
-"""Who a target plays with while games are collected: the population of other agents, itself, and extras for variety.
-
-It must not know what is learned from the games.
-"""
+"""Who a target plays with while games are collected: the population of other agents, itself, and extras for variety."""
 
 import re
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,4 @@
-"""From a trained predictor to the folder that travels: measured on partners it never saw, with its card.
-
-It must not know how training went on.
-"""
+"""From a trained predictor to the folder that travels: measured on partners it never saw, with its card."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -21,12 +18,12 @@ POPULATION = "population"
 
 
 def predictor_folder(layout: Layout, agent: str, form: str) -> Path:
-    """Where a shipped predictor lies."""
+    """Return the folder of a bundled predictor."""
     return WEIGHTS / layout.name / f"{agent}_predictor_{form}"
 
 
 def population_folder(layout: Layout) -> Path:
-    """Where a layout's shipped partners lie."""
+    """Return the folder of a layout's bundled partners."""
     return WEIGHTS / layout.name / POPULATION
 
 
@@ -103,7 +100,7 @@ def card(network: PredictorNetwork, layout: Layout, target: Target, result: Eval
         if config.form == "window"
         else f"causal, one token a timestep, each of {config.layers} layers looks back {config.look_back} timesteps"
     )
-    eyes = "lent convolutions, frozen" if config.eyes == "cnn" else "the entries of the encoding that can change"
+    eyes = "pretrained convolutions, frozen" if config.eyes == "cnn" else "the entries of the encoding that can change"
     rows = [
         ("accuracy", result.accuracy), ("repeat the last action", result.repeat),
         ("most frequent action", result.frequent), ("accuracy, nobody stuck", result.free),

@@ -1,6 +1,6 @@
 """A run's folder: its settings, its metrics, its snapshots and the state from which the same command continues.
 
-It must not know what is trained. One state file, replaced in one piece; no pickle.
+One state file, replaced in one piece; no pickle.
 """
 
 import json

@@ -1,7 +1,7 @@
 """The predictor's training loop: cross-entropy summed over the steps, AdamW, averaged weights, early stopping on
 validation.
 
-Resumable to the step. It must not know how the games were collected.
+Resumable to the step.
 """
 
 import copy

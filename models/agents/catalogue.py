@@ -36,9 +36,9 @@ class UnknownAgent(ValueError):
 
 
 def agent_names(layout: str) -> list[str]:
-    """The agents that can play on a layout: scripted ones and shipped checkpoints."""
-    shipped = [path.parent.name for path in sorted((WEIGHTS / layout).glob("*/config.json")) if _is_agent(path)]
-    return [*SCRIPTED, *shipped]
+    """The agents that can play on a layout: scripted ones and bundled checkpoints."""
+    bundled = [path.parent.name for path in sorted((WEIGHTS / layout).glob("*/config.json")) if _is_agent(path)]
+    return [*SCRIPTED, *bundled]
 
 
 def load_agent(name: str, layout: Layout) -> LoadedAgent:
@@ -77,7 +77,7 @@ def _load(name: str, layout: Layout) -> LoadedAgent:
 
 
 def agent_folder(name: str, layout: Layout) -> Path:
-    """Where an agent's checkpoint lies: a path as it is, a name among the shipped ones. Raises UnknownAgent."""
+    """Where an agent's checkpoint lies: a path as it is, a name among the bundled ones. Raises UnknownAgent."""
     bundled = WEIGHTS / layout.name / name
     folder = Path(name) if "/" in name or (not bundled.is_dir() and Path(name).is_dir()) else bundled
     if not folder.is_dir():

@@ -69,7 +69,7 @@ def parse_observation(planes: NDArray[np.int8]) -> ParsedObservation:
 
 @dataclass(frozen=True)
 class Walk:
-    """The way to a station: steps to walk before the chef stands beside it, and the first action to take."""
+    """The way to a station: steps to walk before the chef stands next to it, and the first action to take."""
 
     steps: int
     action: int

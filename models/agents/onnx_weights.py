@@ -1,6 +1,6 @@
 """Which files an ONNX model is made of, and the hash that names all of them.
 
-A model may keep its weights in files beside it ("external data"). They are found by reading the protobuf itself: the
+A model may keep its weights in files next to it ("external data"). They are found by reading the protobuf itself: the
 `onnx` package is not needed to run a model.
 """
 
@@ -26,7 +26,7 @@ _VARINT, _FIXED_64, _BYTES, _FIXED_32 = 0, 1, 2, 5
 
 
 def onnx_sha256(path: Path) -> str:
-    """Return the SHA-256 that names a model: of its file, or of the list of files where its weights lie beside it.
+    """Return the SHA-256 that names a model: of its file, or of the list of files where its weights lie next to it.
 
     Raises BlackBoxError for weights that are missing or outside the model's folder, OSError.
     """
@@ -39,7 +39,7 @@ def onnx_sha256(path: Path) -> str:
 
 
 def external_files(path: Path) -> list[str]:
-    """Return the files with weights beside a model, sorted. Raises BlackBoxError as `onnx_sha256` does, OSError."""
+    """Return the files with weights next to a model, sorted. Raises BlackBoxError as `onnx_sha256` does, OSError."""
     try:
         found = {location for location in _locations(memoryview(path.read_bytes()), "model", 0) if location}
     except (IndexError, ValueError) as error:
@@ -48,7 +48,7 @@ def external_files(path: Path) -> list[str]:
         if Path(name).is_absolute() or ".." in Path(name).parts or "\\" in name:
             raise BlackBoxError(f"{path} keeps weights in {name!r}. They must lie in the folder of the model.")
         if not (path.parent / name).is_file():
-            raise BlackBoxError(f"{path} keeps weights in {name}, which is not there. Put the file beside the model.")
+            raise BlackBoxError(f"{path} keeps weights in {name}, which is not there. Put the file next to the model.")
     return sorted(found)
 
 

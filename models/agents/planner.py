@@ -64,17 +64,17 @@ def _nearest(seen: ParsedObservation, reached: dict[Cell, tuple[int, int]], cell
     best: Walk | None = None
     for x, y in cells:
         for direction in range(4):
-            beside = (x - STEP_X[direction], y - STEP_Y[direction])
-            if beside not in reached:
+            neighbour = (x - STEP_X[direction], y - STEP_Y[direction])
+            if neighbour not in reached:
                 continue
-            steps, first = reached[beside]
+            steps, first = reached[neighbour]
             if best is None or steps < best.steps:
                 best = Walk(steps, first if steps else _use(seen, direction, (x, y)))
     return best
 
 
 def _use(seen: ParsedObservation, direction: int, cell: Cell) -> int:
-    """Standing beside a station: turn to it, wait for a soup, or use it."""
+    """Standing next to a station: turn to it, wait for a soup, or use it."""
     if seen.facing != direction:
         return direction
     cooking = any(pot.cell == cell and pot.left for pot in seen.pots)

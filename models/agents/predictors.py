@@ -23,7 +23,7 @@ class UnknownPredictor(ValueError):
 
 
 def load_predictor(name: str, layout: Layout) -> Predictor:
-    """The predictor called `name`: `random`, `guide` (of the scripted guide), a shipped one such as
+    """The predictor called `name`: `random`, `guide` (of the scripted guide), a bundled one such as
     `sp_predictor_stream`, a folder that `kitchenmind train predictor` wrote, a foreign one (`module:Class`, an ONNX
     file); `sp_predictor_stream@60` is made worse until 60 % of its steps are right. Raises ValueError (its kinds) or
     OSError."""
@@ -57,7 +57,7 @@ def predictor_folder(name: str, layout: Layout) -> Path:
 
 
 def predictor_names(layout: Layout) -> list[str]:
-    """The trained predictors shipped for a layout."""
+    """The trained predictors bundled for a layout."""
     return sorted(path.parent.name for path in (WEIGHTS / layout.name).glob("*_predictor_*/config.json"))
 
 

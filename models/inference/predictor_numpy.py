@@ -1,7 +1,7 @@
 """The predictor's two forms at work: timestep by timestep, many games at once, everything that can be kept is kept.
 
 Numpy and a few compiled loops: for the few rows of a tick, torch's own overhead would cost more than the network.
-`models.networks.predictor` has the network; a test holds the two to the same answers. It must not know who asks.
+`models.networks.predictor` has the network; a test holds the two to the same answers.
 """
 
 from collections.abc import Callable, Mapping

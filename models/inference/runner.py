@@ -41,7 +41,7 @@ class ModelServer:
     """The `Models` of the live game. `start`, then `ask` from the event loop, `close` at the end.
 
     `agents` and `predictors` are (layout, name) pairs, each name as the catalogue or a foreign model is called; a
-    question about any other is not answered. `grids`: layouts that are not shipped, name -> grid. `ahead`: a worker's
+    question about any other is not answered. `grids`: layouts that are not bundled, name -> grid. `ahead`: a worker's
     process that has been launched already; used if there are models of our own, and then ended with the others.
     `paths`, to be set before `start`: where models with relative paths are.
     """

@@ -18,7 +18,7 @@ class Load(Struct, tag=True, frozen=True):
 
     agents: tuple[Name, ...]
     predictors: tuple[Name, ...]
-    grids: dict[str, str] = {}  # layouts that are not shipped: name -> grid
+    grids: dict[str, str] = {}  # layouts that are not bundled: name -> grid
     files: dict[str, str] = {}  # names with a relative path -> the same with an absolute one
     folders: tuple[str, ...] = ()  # where Python modules are looked for
     hashes: dict[str, str] = {}  # "layout/model" -> what its files must hash to, as an earlier worker loaded them

@@ -1,4 +1,4 @@
-"""Which entries of the encoding can change in a layout: what small networks look at. Numpy only, knows no network."""
+"""Which entries of the encoding can change in a layout: what small networks look at. Numpy only."""
 
 from functools import lru_cache
 

@@ -22,8 +22,8 @@ class PredictorConfig:
     """Which transformer; frozen with the weights. Numbers without a comment are the paper's."""
 
     form: str = "stream"  # or "window"
-    eyes: str = "columns"  # "columns": the entries of the encoding that can change; "cnn": lent convolutions, frozen
-    filters: int = 25  # of each lent convolution
+    eyes: str = "columns"  # the entries of the encoding that can change; or "cnn": pretrained convolutions, frozen
+    filters: int = 25  # of each pretrained convolution
     hidden: int = 128
     layers: int = 4
     heads: int = 8

@@ -1,4 +1,4 @@
-"""The actor-critic networks of our agents, and an agent that is such a network. It must not know how they are trained.
+"""The actor-critic networks of our agents, and an agent that is such a network.
 
 `cnn` is the paper's: convolutions 5x5, 3x3 (same size) and 3x3 (valid) of 25 filters, then a 3-layer MLP of 64.
 `mlp` reads the flat encoding, but only the entries that can change in its layout: small, quick, bound to that layout.
@@ -50,7 +50,7 @@ class Head(nn.Module):
 
 
 class ConvolutionalFeatures(nn.Module):
-    """Observations (B, width, height, 26) to features (B, `size`); lent to the predictors as their eyes."""
+    """Observations (B, width, height, 26) to features (B, `size`); also the predictors' pretrained encoder."""
 
     def __init__(self, width: int, height: int, filters: int = 25) -> None:
         super().__init__()

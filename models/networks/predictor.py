@@ -2,7 +2,7 @@
 
 `window`, the paper's: the last 10 states through the eyes and 10 joint actions (the current one zero), encoder only,
 the last token answers. `stream`: causal, each layer looks back a fixed number of timesteps, so that a timestep costs
-one token where keys and values are kept (models.inference.predictor_numpy). It must not know how it is trained.
+one token where keys and values are kept (models.inference.predictor_numpy).
 """
 
 import math

@@ -1,4 +1,4 @@
-"""One zip file of texts: written the same for the same texts, read without trusting it. Knows no study.
+"""One zip file of texts: written the same for the same texts, read without trusting it.
 
 Nothing is ever unpacked by the names in it, so no name can lead out of a folder.
 """

@@ -84,7 +84,7 @@ def planned_analysis(study: Study) -> dict[str, Any]:
         "questionnaire_layouts": layouts[:QUESTIONNAIRE_LAYOUTS],
         "tests": [
             "Kruskal-Wallis over conditions, per agent: conditions permuted over people, corrected over the agents "
-            "(step-down minimum p); beside it as published, over episodes",
+            "(step-down minimum p); next to it as published, over episodes",
             "analysis of variance per layout",
             "t-tests per layout and agent over people, Benjamini-Hochberg within each comparison of two conditions",
             "whether main_comparison depends on layout or agent: conditions permuted over people, corrected over both",

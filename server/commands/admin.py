@@ -73,7 +73,7 @@ class Accounts:
             return database.read_now(function, *args)
 
     def write(self, function: Callable[..., T], *args: Any) -> T:
-        """Run the function in one transaction, beside a server that has the database open."""
+        """Run the function in one transaction, while a server has the database open."""
         from server.store import engines
 
         engine = engines.writer_engine(engines.normal_url(self._url))

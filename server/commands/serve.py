@@ -69,8 +69,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 @contextmanager
 def unbundled(arguments: argparse.Namespace) -> Iterator[None]:
-    """The bundle's study, if one is named, as the only study file. Raises BundleRefused, OSError; ValueError beside
-    other studies."""
+    """The bundle's study, if one is named, as the only study file. Raises BundleRefused, OSError; ValueError if
+    other studies are named too."""
     if arguments.bundle is None:
         yield
         return

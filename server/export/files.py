@@ -1,4 +1,4 @@
-"""How a table becomes a file: CSV (texts made safe for spreadsheets) or Parquet (exact). Knows no database."""
+"""How a table becomes a file: CSV (texts made safe for spreadsheets) or Parquet (exact)."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Some episodes as the export would write them: what a verdict on them is made from. Knows no rules."""
+"""Some episodes as the export would write them: what a verdict on them is made from."""
 
 from collections.abc import Sequence
 

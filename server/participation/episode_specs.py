@@ -67,7 +67,7 @@ def lessons(study: Study, condition: Condition) -> tuple[str, ...]:
 
 
 def layout_of(kitchen: KitchenChoice) -> Layout:
-    """The layout of a study's kitchen, shipped or its own grid. Raises LayoutError, FileNotFoundError."""
+    """The layout of a study's kitchen, bundled or its own grid. Raises LayoutError, FileNotFoundError."""
     return _layout(kitchen.name, kitchen.grid)
 
 

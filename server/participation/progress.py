@@ -1,4 +1,4 @@
-"""How a participant moves through a study, as functions on one database transaction. Knows no HTTP and no page.
+"""How a participant moves through a study, as functions on one database transaction.
 
 Every function may be called again: what is done stays done, and what comes too late changes nothing.
 """
@@ -236,7 +236,7 @@ def _screened_out(connection: Connection, participant_id: str, study: Study) -> 
 
 
 def note(connection: Connection, participant_id: str, happened: Mapping[str, Mapping[str, Any]]) -> None:
-    """Keep things that happened beside the answers: a failed attention check, a wrong answer in the quiz."""
+    """Keep things that happened apart from the answers: a failed attention check, a wrong answer in the quiz."""
     now = datetime.now(UTC)
     new = [events.Event(kind, now, participant_id, detail=dict(detail)) for kind, detail in happened.items()]
     events.add(connection, *new)

@@ -1,4 +1,4 @@
-"""What a recruiter's link brings and what goes back: parameters in, an address or a form out. Knows no database."""
+"""What a recruiter's link brings and what goes back: parameters in, an address or a form out."""
 
 import logging
 import re

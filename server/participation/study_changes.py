@@ -10,7 +10,7 @@ from server.store.database import Database
 @dataclass(frozen=True)
 class ServedVersion:
     """The version of a study that a process gives to those who come from now on. `opened_at`: when a researcher chose
-    it; 0: it was there at the start; less: the same, of a process that was started again beside others."""
+    it; 0: it was there at the start; less: the same, of a process that was started again while others run."""
 
     study: str
     sha256: str

@@ -47,7 +47,7 @@ def add(connection: Connection, actor: str, action: str, detail: Mapping[str, An
 def _end(connection: Connection) -> tuple[int, str]:
     """Return the number and hash of the last entry that was ever added; (0, "") if there is none.
 
-    Takes the row's lock, as on PostgreSQL the command line adds entries beside the server.
+    Takes the row's lock, as on PostgreSQL the command line adds entries while the server runs.
     """
     head = connection.execute(select(audit_head.c.entries, audit_head.c.hash).with_for_update()).first()
     last = connection.execute(select(audit.c.id, audit.c.hash).order_by(audit.c.id.desc()).limit(1)).first()

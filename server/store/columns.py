@@ -1,4 +1,4 @@
-"""How a column of tables.py is written: its meaning and unit beside its type, times always aware and in UTC."""
+"""How a column of tables.py is written: its meaning and unit next to its type, times always aware and in UTC."""
 
 from datetime import UTC, datetime
 from typing import Any

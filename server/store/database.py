@@ -1,4 +1,4 @@
-"""The database as everybody uses it: `write` through one thread, `read` through a few. Knows no table but `heartbeat`.
+"""The database as everybody uses it: `write` through one thread, `read` through a few.
 
 Functions that wait to be written share one transaction, so that one fsync carries many games (group commit). What
 `write` returned for is durable. When the database cannot commit, `DatabaseDown` is raised and nothing was acknowledged.

@@ -163,7 +163,7 @@ class WriteConnection:
     """The one connection that writes, with the lock that keeps a second server out.
 
     Several processes of one server share that lock (PostgreSQL only). `in_turn`: their transactions follow one another,
-    as those of one process do; the others must not mind what is written beside them. Raises DatabaseInUse,
+    as those of one process do; the others must not mind what is written at the same time. Raises DatabaseInUse,
     DatabaseDown; ValueError for a PostgreSQL database that cannot hold every letter.
     """
 
@@ -230,7 +230,7 @@ class WriteConnection:
         return connection
 
     def _locked(self, connection: Connection) -> bool:
-        """Whether the lock is ours. Waits a moment for a server that has just stopped, or starts beside this one."""
+        """Whether the lock is ours. Waits a moment for a server that has just stopped, or starts at the same time."""
         for wait_s in (*self._waits_s, None):
             if connection.execute(text(f"SELECT {self._try_lock}(:key)"), {"key": _ADVISORY_LOCK}).scalar_one():
                 return True

@@ -1,4 +1,4 @@
-"""Things that happened beside the game: reloads, takeovers, errors on the browser's console, round trips."""
+"""Things that happened apart from the game: reloads, takeovers, errors on the browser's console, round trips."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -31,14 +31,14 @@ def make_file(path: Path) -> None:
 def make_database(database: Path, lock: Path) -> None:
     """Make the folder and the files of a SQLite database, or take existing ones away from everybody else.
 
-    What SQLite makes beside the database later gets the database's own rights. Raises OSError.
+    The files that SQLite makes next to the database later gets the database's own rights. Raises OSError.
     """
     make_folder(database.parent)
     for path in (lock, database):
         make_file(path)
-    for beside in (Path(f"{database}-wal"), Path(f"{database}-shm")):
-        if beside.exists():
-            tighten(beside)
+    for extra in (Path(f"{database}-wal"), Path(f"{database}-shm")):
+        if extra.exists():
+            tighten(extra)
 
 
 def tighten(path: Path) -> None:

@@ -128,7 +128,7 @@ def _conditions(study: Study) -> Iterator[Problem]:
         if (condition.predictor == "degraded") != (condition.accuracy is not None):
             reason = "`accuracy` and `predictor: degraded` belong together"
             yield Problem(
-                ("conditions", index), reason, "Set `accuracy: 0.5` beside `predictor: degraded`, or remove it."
+                ("conditions", index), reason, "Set `accuracy: 0.5` next to `predictor: degraded`, or remove it."
             )
 
 

@@ -1,4 +1,4 @@
-"""The platform's own words, one file a language in `locales/`. A third language is one more file. Knows no study."""
+"""The platform's own words, one file a language in `locales/`. A third language is one more file."""
 
 from dataclasses import dataclass, field
 from functools import cache

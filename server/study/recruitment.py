@@ -1,4 +1,4 @@
-"""Where participants come from and what they carry back, as a study file says it. Knows no web."""
+"""Where participants come from and what they carry back, as a study file says it."""
 
 import re
 from typing import Annotated, Literal

@@ -1,4 +1,4 @@
-"""Who is asking: the participant's cookie, signed forms, and requests that come from elsewhere. Knows no study."""
+"""Who is asking: the participant's cookie, signed forms, and requests that come from elsewhere."""
 
 import hashlib
 import hmac

@@ -1,4 +1,4 @@
-"""What comes in with a form: read within limits, never trusted. Knows no database."""
+"""What comes in with a form: read within limits, never trusted."""
 
 import asyncio
 from collections.abc import Callable, Mapping

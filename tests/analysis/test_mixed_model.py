@@ -171,7 +171,7 @@ def test_rewards_that_do_not_vary_give_a_reason() -> None:
     for reward in (pl.lit(0.0), pl.lit(20.0), pl.when(pl.col("condition") == "tom").then(20.0).otherwise(0.0)):
         model = mixed_model.fit(flat(episodes, reward), "reward", CONDITIONS)
         assert model.variance is None
-        assert reasons(model) == ["could not be fitted: nothing varies beside the effects"]
+        assert reasons(model) == ["could not be fitted: nothing varies apart from the effects"]
 
 
 def test_people_who_always_earn_the_same_give_a_reason() -> None:

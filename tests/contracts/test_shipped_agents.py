@@ -1,4 +1,4 @@
-"""Every shipped agent does what its card says, and what the study needs of it."""
+"""Every bundled agent does what its card says, and what the study needs of it."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Every shipped study, and the command that makes and checks study files."""
+"""Every bundled study, and the command that makes and checks study files."""
 
 import json
 import re
@@ -18,10 +18,10 @@ from server.study.steps import steps
 from server.study_check import stage_problems
 
 STUDIES = Path(__file__).parents[2] / "studies"
-SHIPPED = sorted(STUDIES.glob("*.yaml"))
+BUNDLED = sorted(STUDIES.glob("*.yaml"))
 
 
-@pytest.fixture(params=SHIPPED, ids=lambda path: path.stem)
+@pytest.fixture(params=BUNDLED, ids=lambda path: path.stem)
 def path(request: pytest.FixtureRequest) -> Path:
     found: Path = request.param
     return found

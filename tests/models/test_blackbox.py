@@ -342,7 +342,7 @@ def test_a_model_that_breaks_in_a_batch_says_so_in_plain_words(tmp_path):
 
 
 def test_weights_beside_an_onnx_model_are_part_of_its_hash(tmp_path):
-    onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26], beside="a.weights")
+    onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26], weights_file="a.weights")
     assert external_files(tmp_path / "a.onnx") == ["a.weights"]
     load_foreign_agent(str(tmp_path / "a.onnx"), RING)
     first = agent_sha256(str(tmp_path / "a.onnx"), RING)
@@ -362,7 +362,7 @@ def test_hash_of_a_model_in_one_file_is_that_of_the_file(tmp_path):
 
 def test_weights_outside_the_folder_of_a_model_are_refused(tmp_path):
     (tmp_path / "in").mkdir()
-    onnx_files.linear_agent(tmp_path / "in" / "a.onnx", ["games", 5, 5, 26], beside="a.weights")
+    onnx_files.linear_agent(tmp_path / "in" / "a.onnx", ["games", 5, 5, 26], weights_file="a.weights")
     model = (tmp_path / "in" / "a.onnx").read_bytes()
     (tmp_path / "in" / "a.onnx").write_bytes(model.replace(b"a.weights", b"../weight"))
     (tmp_path / "weight").write_bytes((tmp_path / "in" / "a.weights").read_bytes())

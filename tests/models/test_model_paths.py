@@ -33,7 +33,7 @@ class {name}:
         ("mine.onnx@greedy", "FOLDER/mine.onnx@greedy"),
         ("./p@60", "FOLDER/p@60"),
         ("../up/p", "PARENT/up/p"),
-        ("beside", "FOLDER/beside"),
+        ("neighbour", "FOLDER/neighbour"),
         ("/somewhere/p", "/somewhere/p"),
         ("module:Class", "module:Class"),
         ("http://127.0.0.1:9000/act", "http://127.0.0.1:9000/act"),
@@ -41,7 +41,7 @@ class {name}:
 )
 def test_a_relative_path_starts_from_the_folder_and_nothing_else_does(name: str, wanted: str, tmp_path: Path) -> None:
     folder = tmp_path / "lab"
-    for made in ("beside", "sp"):  # a bundled agent is not replaced by a folder that happens to have its name
+    for made in ("neighbour", "sp"):  # a bundled agent is not replaced by a folder that happens to have its name
         (folder / made).mkdir(parents=True)
         (folder / made / "config.json").write_text("{}", encoding="utf-8")
     wanted = wanted.replace("FOLDER", str(folder)).replace("PARENT", str(tmp_path))

@@ -158,16 +158,16 @@ async def test_a_killed_worker_comes_back_and_answers_as_if_nothing_had_happened
     assert server.statistics().restarts == 2
 
 
-@pytest.mark.parametrize("beside", [None, "weights.bin"])
-async def test_a_restarted_worker_refuses_a_file_that_has_changed(serving, tmp_path, caplog, beside):
+@pytest.mark.parametrize("weights_file", [None, "weights.bin"])
+async def test_a_restarted_worker_refuses_a_file_that_has_changed(serving, tmp_path, caplog, weights_file):
     path = tmp_path / "agent.onnx"
     layout = load_layout(LAYOUT)
     shape = ["games", layout.width, layout.height, PLANES]
-    linear_agent(path, shape, seed=1, beside=beside)
+    linear_agent(path, shape, seed=1, weights_file=weights_file)
     first = {file: file.read_bytes() for file in tmp_path.iterdir()}
     server = await serving([str(path)])
     (before,) = await server.ask([Game("a").question(str(path), uniform=0.7)], PATIENT_MS)
-    linear_agent(path, shape, seed=2, beside=beside)
+    linear_agent(path, shape, seed=2, weights_file=weights_file)
 
     async def killed():
         pids = server.worker_pids()
@@ -291,9 +291,9 @@ def same(one, other):
 async def test_after_late_answers_a_game_is_foretold_as_if_nothing_had_happened(serving):
     models = (["sp"], ["sp_predictor_stream"])
     server, undisturbed = await serving(*models), await serving(*models)
-    game, beside = Game("a", seed=4), Game("b", seed=5)
+    game, other = Game("a", seed=4), Game("b", seed=5)
     for timestep in range(24):
-        asked = [each.play().question("sp", "sp_predictor_stream") for each in (game, beside)]
+        asked = [each.play().question("sp", "sp_predictor_stream") for each in (game, other)]
         (pid,) = server.worker_pids()
         if timestep in (10, 11, 12):
             os.kill(pid, signal.SIGSTOP)

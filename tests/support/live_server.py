@@ -59,7 +59,7 @@ class LiveServer:
     def __init__(
         self, folder: Path, speed: float = 10.0, study: str = SHORT_STUDY, real_models: bool = False, **settings: Any
     ) -> None:
-        """`more_studies`: files beside this study; `database`: another than SQLite; `port`: where it serves, else a
+        """`more_studies`: files of other studies; `database`: another than SQLite; `port`: where it serves, else a
         free one; all else goes to the settings."""
         file = folder / "short.yaml"
         file.write_text(study, encoding="utf-8")

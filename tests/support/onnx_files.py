@@ -5,9 +5,9 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 
-def linear_agent(path, shape, seed=0, softmax=False, kind=TensorProto.FLOAT, games_inside=None, beside=None):
+def linear_agent(path, shape, seed=0, softmax=False, kind=TensorProto.FLOAT, games_inside=None, weights_file=None):
     """Planes of `shape` ("games" first), flattened, times a random matrix: logits, or probabilities. `games_inside`: it
-    works with so many games only, whatever its input says; `beside`: the file that keeps the weights."""
+    works with so many games only, whatever its input says; `weights_file`: the file that keeps the weights."""
     inputs = int(np.prod([size for size in shape[1:] if isinstance(size, int)]))
     weights = np.random.default_rng(seed).normal(0, 0.3, (inputs, 6)).astype(np.float32)
     nodes = [
@@ -22,7 +22,9 @@ def linear_agent(path, shape, seed=0, softmax=False, kind=TensorProto.FLOAT, gam
     if games_inside is not None:
         flat = helper.make_node("Reshape", ["numbers", "flat_shape"], ["flat"])
         nodes[1], constants = flat, {"flat_shape": np.array([games_inside, inputs], np.int64)}
-    _save(path, nodes, [helper.make_tensor_value_info("planes", kind, shape)], output, weights, beside, **constants)
+    _save(
+        path, nodes, [helper.make_tensor_value_info("planes", kind, shape)], output, weights, weights_file, **constants
+    )
     return weights
 
 
@@ -44,8 +46,8 @@ def linear_predictor(path, width, height, seed=0, games="games"):
     return weights
 
 
-def _save(path, nodes, inputs, output, weights, beside, **constants):
+def _save(path, nodes, inputs, output, weights, weights_file, **constants):
     stored = [numpy_helper.from_array(array, name) for name, array in {"weights": weights, **constants}.items()]
     graph = helper.make_graph(nodes, "tiny", inputs, [output], stored)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
-    onnx.save(model, str(path), save_as_external_data=beside is not None, location=beside, size_threshold=0)
+    onnx.save(model, str(path), save_as_external_data=weights_file is not None, location=weights_file, size_threshold=0)

@@ -92,7 +92,7 @@ def result_of(records: list[TickRecord], spec: EpisodeSpec = SPEC) -> EpisodeRes
 
 
 def fill(connection: Connection, people: int = 3, per_person: int = 2, key: str = "ring", timesteps: int = 40) -> int:
-    """A study with people, episodes and all that is recorded beside them; returns its id."""
+    """A study with people, episodes and all that is recorded with them; returns its id."""
     study = studies.register(connection, key, f"name: {key}\ntitle: =not a formula\n")
     for person in range(people):
         condition = ("none", "random", "tom")[person % 3]

@@ -18,7 +18,7 @@ SHORTER = {"kitchenmind train study": "--preset small.toml", "kitchenmind bots":
 
 @pytest.fixture
 def house(tmp_path: Path) -> Path:
-    """With the guide's drawing beside the shipped ones, without any weights."""
+    """With the guide's drawing next to the bundled ones, without any weights."""
     made = guide_house.build(tmp_path)
     drawing = re.search(r"^```text nook.layout\n(.*?)^```$", GUIDE, re.MULTILINE | re.DOTALL)
     assert drawing is not None

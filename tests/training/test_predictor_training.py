@@ -1,4 +1,4 @@
-"""A predictor learns, is measured, continues where it stopped, and is shipped with its card."""
+"""A predictor learns, is measured, continues where it stopped, and is written with its card."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Shipped predictors as they are served, timestep by timestep, against games with partners that they never met."""
+"""Bundled predictors as they are served, timestep by timestep, against games with partners that they never met."""
 
 import json
 

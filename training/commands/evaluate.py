@@ -1,4 +1,4 @@
-"""`kitchenmind evaluate predictor | agents`: measures what is shipped, as a table or as JSON."""
+"""`kitchenmind evaluate predictor | agents`: measures the bundled weights, as a table or as JSON."""
 
 import argparse
 import json
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0 done, 1 nothing shipped, 2 wrong input (said on standard error)."""
+    """0 done, 1 nothing bundled, 2 wrong input (said on standard error)."""
     try:
         entries = _agents(arguments) if arguments.what == "agents" else _predictors(arguments)
     except (ValueError, OSError) as error:
@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(entries))
     elif not entries:
-        print("nothing is shipped that could be measured", file=sys.stderr)
+        print("no bundled weights to measure", file=sys.stderr)
     else:
         (_agent_table if arguments.what == "agents" else _predictor_table)(entries)
     return 0 if entries else 1

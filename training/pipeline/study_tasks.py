@@ -1,6 +1,5 @@
 """Everything a study needs as a graph of tasks: each known by its settings and its inputs, done once, resumable.
 
-It must not know how a task does its work (that is in `agents`, `collect`, `train_predictor`, ...), only what it needs.
 A task works in a folder named by its key, the hash of its settings and of its inputs' keys: change a setting, and only
 what depends on it is done again.
 """

@@ -27,7 +27,7 @@ import { INTERACT, STAY, STEP, UNSHOWN, isFloor } from './kitchen.js';
 export const SIZES = [1, 0.85, 0.7];
 export const FADE_MS = 100;
 export const STALE_TICKS = 2;
-/** Where a hand is, from the centre of the chef's cell, by direction: on the edge to the station, beside the chef. */
+/** Where a hand is, from the centre of the chef's cell, by direction: on the edge to the station, next to the chef. */
 const HANDS = [
   [-19, -20],
   [20, 20],

@@ -40,7 +40,7 @@ def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def published(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The published study in the kitchen whose whole cast is shipped."""
+    """The published study in the kitchen whose agents are all bundled."""
     others = r"(?m)^  - \{name: (double_rings|double_counters|matrix|clear_division),.*\n|^breaks:.*\n"
     path = tmp_path_factory.mktemp("published") / "study.yaml"
     path.write_text(re.sub(others, "", PUBLISHED.read_text(encoding="utf-8")), encoding="utf-8")
@@ -322,7 +322,7 @@ def test_the_command_asks_before_it_uses_an_address_of_a_bundle(
 
 
 def test_weights_beside_an_onnx_model_belong_to_the_bundle(tmp_path: Path) -> None:
-    onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26], beside="a.weights")
+    onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26], weights_file="a.weights")
     path = tmp_path / "study.zip"
     path.write_bytes(making.make(load_study(foreign_study(tmp_path, str(tmp_path / "a.onnx")))))
     assert making.open_bundle(path).file.study.name == "quick_look"

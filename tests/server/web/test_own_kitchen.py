@@ -1,4 +1,4 @@
-"""A kitchen that a study draws itself is played like a shipped one: its agents and predictors answer in it."""
+"""A kitchen that a study draws itself is played like a bundled one: its agents and predictors answer in it."""
 
 import shutil
 from pathlib import Path

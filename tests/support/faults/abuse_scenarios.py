@@ -278,4 +278,4 @@ async def neighbours(folder: Path, seconds: float, games: int, goal_ms: float | 
     shift = p99(loud) - p99(calm)
     figure = found.figures() | {"shift_p99_ms": rounded(shift), "p99_ms_before": rounded(p99(calm))}
     passed = found.ok and (goal_ms is None or shift < goal_ms)
-    return FaultResult(19, "abuse beside other games", games, passed, figure)
+    return FaultResult(19, "abuse next to other games", games, passed, figure)
