@@ -67,7 +67,7 @@ def measured(quick: bool = False) -> dict[str, Any]:
     from models.agents.catalogue import load_agent
     from models.networks.checkpoint import load_checkpoint
     from models.networks.predictor import predictor_network
-    from training.choose import evaluate_shipped
+    from training.choose import evaluate_bundled
     from training.collect import CollectionPlan
     from training.evaluate_agents import EvaluatedAgent
     from training.evaluate_agents import measured as measured_agent
@@ -92,7 +92,7 @@ def measured(quick: bool = False) -> dict[str, Any]:
         with_human.append(evaluate(network, games).entry(ring.name, agent, form))
     return {
         "sha256": shipped_agents(),
-        "agents": [*(entry for layout in layouts for entry in evaluate_shipped(layout, AGENTS, **size)), *planners],
+        "agents": [*(entry for layout in layouts for entry in evaluate_bundled(layout, AGENTS, **size)), *planners],
         "with_human_bc": with_human,
     }
 

@@ -31,7 +31,7 @@ def stage_problems(file: StudyFile) -> Iterator[Problem]:
             yield Problem(
                 (*path, "name"), str(error).rstrip("."), "Correct the name, or draw the rows under `grid: |`."
             )
-    if len(sound) == len({kitchen.name for _, kitchen in places}):  # a cast needs kitchens to stand in
+    if len(sound) == len({kitchen.name for _, kitchen in places}):  # models need kitchens that are sound
         yield from _model_problems(file, sound)
 
 

@@ -72,7 +72,7 @@ def snapshot_network(path: Path, config: AgentConfig, layout: Layout) -> tuple[N
     return network, settings
 
 
-def ship(
+def write_agent(
     folder: RunFolder,
     skill: int,
     target: Path,

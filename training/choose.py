@@ -35,9 +35,11 @@ def choose_fcp(work: Work, layout: Layout) -> None:
     the one that comes nearest)."""
     sp = work.inputs["choose_sp"]
     decision = json.loads((sp / _DECISION).read_text(encoding="utf-8"))
-    strangers = [folder for name, folder in work.inputs.items() if _is_stranger(name, decision["best"], work.inputs)]
+    unseen_partners = [
+        folder for name, folder in work.inputs.items() if _is_unseen(name, decision["best"], work.inputs)
+    ]
     runs = {name: folder for name, folder in work.inputs.items() if name.startswith("target_fcp")}
-    levels = _levels(strangers)
+    levels = _levels(unseen_partners)
     entries = {
         name: measured(layout, "fcp", EvaluatedAgent(_policy(folder), PEOPLE), levels) for name, folder in runs.items()
     }
@@ -52,7 +54,7 @@ def best_fcp(scores: Mapping[str, Mapping[str, float]], of_sp: float) -> str:
     return max(scores, key=lambda name: (min(enough, scores[name]["self_play"]), scores[name]["held_out"]))
 
 
-def ship_cast(work: Work, layout: Layout) -> None:
+def publish_agents(work: Work, layout: Layout) -> None:
     """Copy the chosen agents, the pretrained encoder and the population into models/weights/<layout>."""
     target = WEIGHTS / layout.name
     for name, folder in work.inputs.items():
@@ -68,12 +70,12 @@ def ship_cast(work: Work, layout: Layout) -> None:
     chosen = json.loads((work.inputs["choose_sp"] / _DECISION).read_text(encoding="utf-8"))["best"]
     shutil.rmtree(target / HELD_OUT, ignore_errors=True)
     for name, folder in work.inputs.items():
-        if _is_stranger(name, chosen, work.inputs) and not name.startswith("population_fcp"):
+        if _is_unseen(name, chosen, work.inputs) and not name.startswith("population_fcp"):
             for skill in SKILLS:
                 _copy(folder / str(skill), target / HELD_OUT / f"{name}_{skill}")
 
 
-def evaluate_shipped(
+def evaluate_bundled(
     layout: Layout, names: Sequence[str] = ("sp", "fcp"), episodes: int = 40, timesteps: int = HORIZON
 ) -> list[dict[str, Any]]:
     """What `kitchenmind evaluate agents --json` prints for one layout: the bundled agents with themselves and with the
@@ -81,13 +83,13 @@ def evaluate_shipped(
     torch.set_num_threads(1)  # networks this small only wait for each other
     bundled = WEIGHTS / layout.name
     folders = sorted([*(bundled / HELD_OUT).glob("*"), *(bundled / "population").glob("fcp_*")])
-    strangers: list[Policy] = [NetworkPolicy(load_network(folder)) for folder in folders]
+    unseen_partners: list[Policy] = [NetworkPolicy(load_network(folder)) for folder in folders]
     present = [name for name in names if name == "planner" or (WEIGHTS / layout.name / name).is_dir()]
     players = {name: EvaluatedAgent(*load_agent(name, layout)) for name in present}
-    return [measured(layout, name, player, strangers, episodes, timesteps) for name, player in players.items()]
+    return [measured(layout, name, player, unseen_partners, episodes, timesteps) for name, player in players.items()]
 
 
-def _is_stranger(name: str, chosen: str, inputs: Iterable[str]) -> bool:
+def _is_unseen(name: str, chosen: str, inputs: Iterable[str]) -> bool:
     """Whether neither target ever met this agent: SP targets that were not chosen, the last SP agent of the population
     (kept from the FCP targets), and the population's FCP agents."""
     last = max((other for other in inputs if other.startswith("population_sp_")), key=_seed)

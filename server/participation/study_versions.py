@@ -35,7 +35,7 @@ NEVER_CHOSEN: Final = 0.0
 _JOINED: Final = -1.0
 _Stamp = tuple[int, int]  # modification time and size
 _NOT_LOOKED: Final[_Stamp] = (-1, -1)
-Elsewhere = Callable[[], Awaitable[Sequence[Serving]]]  # the other processes of this server
+OtherProcesses = Callable[[], Awaitable[Sequence[Serving]]]  # the other processes of this server
 
 
 class StudyVersions:
@@ -47,9 +47,9 @@ class StudyVersions:
         files: Sequence[StudyFile],
         models: ModelServer,
         studies: Studies,
-        elsewhere: Elsewhere | None = None,
+        other_processes: OtherProcesses | None = None,
     ) -> None:
-        self._settings, self._models, self._studies, self._elsewhere = settings, models, studies, elsewhere
+        self._settings, self._models, self._studies, self._other_processes = settings, models, studies, other_processes
         self._database: Database | None = None
         self._files = list(files)  # every one that was ever served here: participants may still be in it
         self._served = {file.study.name: file for file in files}
@@ -91,13 +91,13 @@ class StudyVersions:
     async def _follow(self) -> None:
         """Know every version that somebody can be in, and serve the one that was chosen last."""
         database = self._database
-        if self._elsewhere is None or database is None:
+        if self._other_processes is None or database is None:
             return
         known = self._studies.every_version()
         await database.read(self._studies.learn)
         if self._studies.every_version() != known:
             await self.load_earlier(database)
-        theirs = [version for process in await self._elsewhere() for version in process.served]
+        theirs = [version for process in await self._other_processes() for version in process.served]
         for version in sorted(theirs, key=lambda one: one.opened_at):
             if version.opened_at <= self._opened_at.get(version.study, version.opened_at):
                 continue

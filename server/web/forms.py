@@ -10,7 +10,7 @@ from server.study.questionnaire import CONTROL
 from server.web.auth import FORM_FIELD, NOBODY, CsrfProtection, session_of
 
 LARGEST_FORM_BYTES = 128 * 1024
-FORM_WITHIN_S = 30.0
+FORM_TIMEOUT_S = 30.0
 MOST_FIELDS = 300
 
 Form = Mapping[str, list[str]]
@@ -30,10 +30,10 @@ async def read_form(
     if not csrf.is_own_origin(request):
         raise HTTPException(403, "this form was not sent by our own page")
     try:
-        async with asyncio.timeout(FORM_WITHIN_S):
+        async with asyncio.timeout(FORM_TIMEOUT_S):
             body = await _body(request)
     except TimeoutError:
-        raise HTTPException(408, f"a form has to arrive within {FORM_WITHIN_S:g} s", {"Connection": "close"}) from None
+        raise HTTPException(408, f"a form has to arrive within {FORM_TIMEOUT_S:g} s", {"Connection": "close"}) from None
     # Not `Request.form()`: Starlette needs python-multipart even for this encoding, does not limit the time that a form
     # takes, and accepts bytes that are not UTF-8.
     try:

@@ -291,6 +291,6 @@ def test_a_study_that_names_no_form_of_predictor_gets_one_that_is_bundled() -> N
     text = (STUDIES / "quick_look.yaml").read_text(encoding="utf-8")
     without = re.sub(r"(?m)^predictor: .*\n", "", text)
     assert without != text
-    cast = required_models([parse_study(without)])
-    assert ("coordination_ring", "sp_predictor_stream") in cast.predictors
-    assert cast.missing == ()
+    required = required_models([parse_study(without)])
+    assert ("coordination_ring", "sp_predictor_stream") in required.predictors
+    assert required.missing == ()

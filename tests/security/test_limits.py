@@ -63,7 +63,7 @@ def test_who_is_remembered_is_bounded() -> None:
 
 
 async def test_a_form_that_trickles_in_is_given_up(live: LiveServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(forms, "FORM_WITHIN_S", 0.3)
+    monkeypatch.setattr(forms, "FORM_TIMEOUT_S", 0.3)
     with socket.create_connection(("127.0.0.1", live.port)) as slow:
         head = f"POST /s/short/now HTTP/1.1\r\nHost: 127.0.0.1:{live.port}\r\nContent-Length: 100\r\n\r\nstep="
         slow.sendall(head.encode())

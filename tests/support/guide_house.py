@@ -1,4 +1,4 @@
-"""A copy of the house in which the guides' training commands run: what they ship is not left among the weights."""
+"""A copy of the house in which the guides' training commands run: what they publish is not left among the weights."""
 
 import os
 import shlex

@@ -1,7 +1,7 @@
 """The guide for other people's agents is true: its commands, in its order, lead from an ONNX file to a study that runs.
 
-They run in a copy of the house, so that what they ship is not left among the weights; some with options that make them
-short.
+They run in a copy of the project, so that what they publish is not left among the weights; some with options that make
+them short.
 """
 
 import re

@@ -1,4 +1,4 @@
-"""The guide for kitchens of one's own is true to its end: the whole cast of a new kitchen, trained by its command,
+"""The guide for kitchens of one's own is true to its end: all agents of a new kitchen, trained by its command,
 serves a study. With a preset that makes everything small; the rest of the guide is run by `test_guides.py`."""
 
 import re

@@ -65,11 +65,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _agents(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     from overcooked.layout import layout_names, load_layout
-    from training.choose import evaluate_shipped
+    from training.choose import evaluate_bundled
 
     layouts = [load_layout(name) for name in arguments.layouts or layout_names()]
     size = {"episodes": arguments.episodes, "timesteps": arguments.timesteps}
-    return [entry for layout in layouts for entry in evaluate_shipped(layout, **size)]
+    return [entry for layout in layouts for entry in evaluate_bundled(layout, **size)]
 
 
 def _predictors(arguments: argparse.Namespace) -> list[dict[str, Any]]:

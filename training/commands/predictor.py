@@ -52,7 +52,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder for runs (default: runs)")
     parser.add_argument("--out", type=Path, help="write the predictor here (default: in the run's folder)")
-    parser.add_argument("--ship", action="store_true", help="write it to models/weights, where studies find it by name")
+    parser.add_argument(
+        "--ship",  # the former name
+        "--publish",
+        action="store_true",
+        dest="publish",
+        help="write it to models/weights, where studies find it by name",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -95,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
     trained, stopped = _trained(name, trainer, folder)
     out = (
         predictor_folder(layout, target.name, arguments.form)
-        if arguments.ship
+        if arguments.publish
         else arguments.out or folder.path / "predictor"
     )
     how = {
@@ -108,7 +114,7 @@ def run(arguments: argparse.Namespace) -> int:
     }
     result = write_predictor(out, trained, layout, target, load_episodes(games, TEST, layout, trained.eyes), how)
     print(f"{out}: {result.accuracy.mean:.1%} on partners never seen (ceiling of step 1: {result.ceiling:.1%})")
-    print(f"Use it in a study: `predictor: {out if arguments.ship is False else out.name}`.")
+    print(f"Use it in a study: `predictor: {out if arguments.publish is False else out.name}`.")
     if stopped:
         print(
             f"Training was {stopped} after {trainer.update} of {training.updates} updates; the same command continues."

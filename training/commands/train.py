@@ -89,7 +89,7 @@ def _add_runs(parser: argparse.ArgumentParser) -> None:
 
 def _train_agent(arguments: argparse.Namespace) -> int:
     from overcooked.layout import load_layout
-    from training.agents import ship, train_agent
+    from training.agents import train_agent, write_agent
 
     config = agent_config(arguments.config, arguments.set)
     layout = load_layout(arguments.layout)
@@ -113,7 +113,7 @@ def _train_agent(arguments: argparse.Namespace) -> int:
     best = max(reward for _, reward, _ in folder.snapshots())
     print(f"{folder.path}: best mean reward {best:.1f} per episode, {folder.seconds():.0f} s")
     if arguments.out is not None:
-        print(f"{arguments.out}: {ship(folder, 100, arguments.out, arguments.out.name)}")
+        print(f"{arguments.out}: {write_agent(folder, 100, arguments.out, arguments.out.name)}")
     return 0
 
 

@@ -6,8 +6,8 @@ from dataclasses import asdict
 from functools import partial
 
 from overcooked.layout import load_layout
-from training.agents import PEOPLE, SKILLS, ship, skill_snapshot, train_agent
-from training.choose import choose_fcp, choose_sp, ship_cast
+from training.agents import PEOPLE, SKILLS, skill_snapshot, train_agent, write_agent
+from training.choose import choose_fcp, choose_sp, publish_agents
 from training.config import AgentConfig
 from training.pipeline.predictor_tasks import predictor_tasks
 from training.pipeline.presets import AUXILIARY_ROLES, FIRST_SEEDS, ROLES, Preset, seeds
@@ -82,7 +82,7 @@ def study_tasks(layout: str, preset: Preset) -> list[Task]:
     if not preset.publish:
         return [*agents, *choice]
     everybody = tuple(task.name for task in (*agents, *choice) if not task.name.startswith("target_fcp"))
-    return [*agents, *choice, Task(layout, "weights", lambda work: ship_cast(work, grid), {}, everybody, 0.1)]
+    return [*agents, *choice, Task(layout, "weights", lambda work: publish_agents(work, grid), {}, everybody, 0.1)]
 
 
 def prediction_tasks(layout: str, preset: Preset) -> list[Task]:
@@ -112,4 +112,4 @@ def _train(work: Work, least_reward: float = 0.0) -> None:
             break
         print(f"{work.task.label}: {reward:.1f} points with seed {number}, fewer than {least_reward:g}", flush=True)
     for skill in SKILLS:
-        ship(run, skill, work.folder / str(skill), f"{role}_{seed}_{skill}")
+        write_agent(run, skill, work.folder / str(skill), f"{role}_{seed}_{skill}")

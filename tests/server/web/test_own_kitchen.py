@@ -23,15 +23,15 @@ OWN = SMALL_STUDY.replace(
 
 async def test_agent_and_predictor_answer_in_a_kitchen_that_the_study_draws() -> None:
     file = parse_study(OWN)
-    cast = required_models([file])
-    assert set(cast.grids) == {"own"}
+    required = required_models([file])
+    assert set(required.grids) == {"own"}
     layout = layout_of(file.study.layout("own"))
     observations = Kitchens.start(layout).encode(horizon=400)[:, 1]
 
     def history(_: int) -> History:
         return History(observations, np.full((1, 2), -1, np.int8))
 
-    server = ModelServer(cast.agents, cast.predictors, grids=cast.grids)
+    server = ModelServer(required.agents, required.predictors, grids=required.grids)
     await server.start()
     try:
         question = Question("game", "own", 1, 0, "planner", "random", 0.5, 0, history)
