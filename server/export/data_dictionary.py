@@ -7,7 +7,7 @@ from sqlalchemy import JSON, BigInteger, Boolean, Column, Double, Integer, Large
 
 from server.export import codebook
 from server.store.columns import UtcDateTime
-from server.store.tables import metadata
+from server.store.tables import TABLES
 
 _TYPES = (
     (SmallInteger, "integer, 16 bits"),
@@ -21,8 +21,8 @@ _TYPES = (
 )
 _HEAD = """# Data dictionary
 
-`python -m docs.generate` writes this page from `server/store/tables.py` and `server/export/codebook.py`. First come the
-files of `kitchenmind export`, then the tables of the database.
+`python -m docs.generate` writes this page from the tables in `server/store` and `server/export/codebook.py`. First come
+the files of `kitchenmind export`, then the tables of the database.
 
 All times are UTC. Actions are 0 north, 1 south, 2 east, 3 west, 4 stay, 5 interact. Seat 0 is the chef who starts on
 the layout's cell 1. Times that a browser measured are from the browser's own clock.
@@ -56,7 +56,7 @@ def _lines() -> Iterator[str]:
             yield f"| `{column.name}` | {column.type} | {column.unit} | {column.meaning} |\n"
         yield "\n"
     yield _DATABASE
-    for stored in metadata.tables.values():
+    for stored in TABLES:
         yield f"### Table `{stored.name}`\n\n| column | type | unit | meaning |\n|---|---|---|---|\n"
         for place in stored.columns:
             yield f"| `{place.name}` | {_type(place)} | {place.info['unit']} | {_meaning(place)} |\n"

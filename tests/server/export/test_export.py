@@ -16,7 +16,7 @@ from analysis.spreadsheet import safe_text
 from overcooked.trajectory import read_trajectories
 from server.export import codebook, data_dictionary
 from server.export import files as export_files
-from server.store import answers, decisions, episodes, participants, ticks
+from server.store import answers, decisions, episodes, participants, tables, ticks
 from server.store.database import Database
 from server.store.tables import answers as answer_table
 from server.store.tables import episodes as episode_table
@@ -108,6 +108,7 @@ def test_every_column_is_in_the_codebook_with_type_and_meaning(filled: Database,
 def test_data_dictionary_has_every_table_and_column_of_export_and_database() -> None:
     page = (ROOT / "docs" / "reference" / "data_dictionary.md").read_text(encoding="utf-8")
     assert page == data_dictionary.text(), "python -m server.export.data_dictionary > docs/reference/data_dictionary.md"
+    assert set(tables.TABLES) == set(metadata.tables.values())
     for table in metadata.tables.values():
         for column in table.columns:
             assert f"| `{column.name}` |" in page
