@@ -1,6 +1,6 @@
 """How often the predictor was right in the games that were played, in addition to the offline test.
 
-The interval is over people: ticks of one game are no independent trials.
+The interval is over people: ticks of one game are not independent trials.
 """
 
 from collections.abc import Mapping, Sequence

@@ -41,7 +41,7 @@ _TYPES: Final[Mapping[str, type[pl.DataType]]] = {"integer": pl.Int64, "number":
 
 
 class ExportError(ValueError):
-    """The folder is no export that this analysis can read; the text says what to do."""
+    """The folder is not an export that this analysis can read; the text says what to do."""
 
 
 def table_file(folder: Path, name: str) -> Path | None:

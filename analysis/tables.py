@@ -82,7 +82,7 @@ def read_export(folder: Path, study: str | None = None, version: int | None = No
     """Read the export in `folder` (tables as Parquet or CSV, also in a data/ folder below). `study` chooses one where
     there are several, `version` one version of its file; without it all versions are read. Raises ExportError."""
     if not folder.is_dir():
-        raise ExportError(f"{folder} is no folder. Give the folder that `kitchenmind export --out` wrote.")
+        raise ExportError(f"{folder} is not a folder. Give the folder that `kitchenmind export --out` wrote.")
     raw = {name: read_table(folder, name) for name in COLUMNS}
     study = _chosen_study(raw["participants"], study)
     for name in ("participants", "withdrawals"):

@@ -108,7 +108,7 @@ def _dictionary(text: str, source: str) -> dict[Any, Any]:
         if not isinstance(tree, ast.Dict) or not isinstance(settings, dict):
             raise ValueError("no dictionary")
     except (SyntaxError, ValueError, TypeError, RecursionError, MemoryError) as error:
-        reason, row = f"this is no readable dictionary ({error})", getattr(error, "lineno", None)
+        reason, row = f"this is not a readable dictionary ({error})", getattr(error, "lineno", None)
         raise LayoutError(source, reason, "Check quotes, commas and brackets.", row) from None
     if len(settings) != len(tree.keys):
         raise LayoutError(source, "a key is there twice in the dictionary", "Leave one of the two.")

@@ -127,7 +127,7 @@ def read_trajectories(path: Path) -> Iterator[Played]:
     except TrajectoryError:
         raise
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise TrajectoryError(f"{path}: these are no trajectories of overcooked_ai ({error!r})") from None
+        raise TrajectoryError(f"{path}: these are not trajectories of overcooked_ai ({error!r})") from None
     for number, (states, actions, parameters) in enumerate(episodes):
         try:
             yield _checked_episode(states, actions, parameters)

@@ -105,7 +105,7 @@ def _database(settings: Settings) -> Iterator[HealthFinding]:
     elif empty:
         yield HealthFinding("database", "good", f"{shown} is empty: tables will be made")
     elif revision is None:
-        yield HealthFinding("database", "bad", f"{shown} is no kitchenmind database. Name another with --database.")
+        yield HealthFinding("database", "bad", f"{shown} is not a kitchenmind database. Name another with --database.")
     elif revision not in known_revisions():
         yield HealthFinding(
             "database", "bad", f"{shown} was made by a later kitchenmind. Use that one, or a later one."

@@ -47,7 +47,7 @@ def verify(connection: Connection, episode_id: str) -> VerificationResult:
     try:
         layout = _layout(record.spec.grid, record.spec.layout)
     except LayoutError as error:
-        return VerificationResult(episode_id, ended.layout, 0, f"the stored grid is no kitchen: {error}")
+        return VerificationResult(episode_id, ended.layout, 0, f"the stored grid is not a kitchen: {error}")
     simulation = Simulation(layout, record.spec.horizon)
     found = _compare_ticks(simulation, stored) or _compare_end(simulation, record, ended)
     return VerificationResult(episode_id, ended.layout, len(stored) - 1, *(found or (None, None)))

@@ -173,7 +173,7 @@ def save_clone(
             f"A small network that imitates the people of games {numbers} of the human-human games recorded on this",
             "layout (150 ms a step): Carroll et al. 2019, collected by CHAI, UC Berkeley, anonymised by them, MIT.",
             "Predictors learn with clones of the earlier half of the games; one of the later half measures them.",
-            "It is no study partner.",
+            "It is not a study partner.",
             f"Samples (temperature {mode.temperature:g}); after {mode.stuck_after}",
             f"timesteps without a change of its own cell, facing or hand, {mode.stuck_mix:.0%} of the probability goes",
             "to the four moves.",

@@ -1,7 +1,7 @@
 """Where and how a run computes: device, number format and form of the first layers, chosen by a short measurement.
 
 Processors differ by more than a factor of ten in which of these is fast (bfloat16 without its instructions, a dense
-convolution on a wide grid), so nothing is assumed. The choice changes rounding only and is no part of a run's identity.
+convolution on a wide grid), so nothing is assumed. The choice changes rounding only, so a run is not named by it.
 """
 
 import contextlib

@@ -201,7 +201,7 @@ def _from_study(path: Path) -> StudyPlan:
             f"cannot read {path}: {error.strerror}. Give a study file or the folder of an export."
         ) from None
     except (yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise ValueError(f"{path} is no study file: it needs `layouts` and `agents`.") from None
+        raise ValueError(f"{path} is not a study file: it needs `layouts` and `agents`.") from None
     try:
         declared = declared_test(study)
     except ValueError as error:

@@ -28,7 +28,7 @@ _NOT_OURS: Final = ("database", "researcher", "partner")  # pauses that this pla
 
 
 class ProtocolError(RuntimeError):
-    """The server sent something that is no message of this protocol; the text says what."""
+    """The server sent something that is not a message of this protocol; the text says what."""
 
 
 class SocketLeft(Exception):
@@ -196,5 +196,5 @@ def decoded(frame: str | bytes) -> messages.Outgoing:
     try:
         message: messages.Outgoing = _decoder.decode(frame)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise ProtocolError(f"the server sent something that is no message ({error}): {frame!r:.200}") from None
+        raise ProtocolError(f"the server sent something that is not a message ({error}): {frame!r:.200}") from None
     return message

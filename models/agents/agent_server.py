@@ -119,7 +119,7 @@ def _planes(given: list[list[list[list[int]]]], layout: Layout) -> Observations:
     try:
         planes = np.array(given, np.int64)
     except (ValueError, OverflowError) as error:
-        raise BadQuestion(f"the observations are no array of small integers: {error}") from None
+        raise BadQuestion(f"the observations are not an array of small integers: {error}") from None
     if planes.shape[1:] != wanted or not len(planes):
         raise BadQuestion(
             f"the observations have the shape {planes.shape}; wanted is (games, {', '.join(map(str, wanted))})"
@@ -191,7 +191,7 @@ def add_arguments(kinds: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Serve until Ctrl+C; 2 if the agent does not load or answer, or the port is taken."""
     if not 0 <= arguments.port <= 65535:
-        print(f"kitchenmind agent serve: --port {arguments.port} is no port. Give 0 to 65535.", file=sys.stderr)
+        print(f"kitchenmind agent serve: --port {arguments.port} is not a port. Give 0 to 65535.", file=sys.stderr)
         return 2
     try:
         layout = load_layout(arguments.layout)

@@ -171,7 +171,7 @@ def _checked(answer: NDArray[np.float32], shape: tuple[int, ...]) -> NDArray[np.
     if given.shape != shape:
         raise NotFit(f"its answer has the shape {given.shape}, wanted {shape}.")
     if not np.isfinite(given).all() or (given < 0).any() or (np.abs(given.sum(-1) - 1) > ROWS_SUM_TO_ONE).any():
-        raise NotFit("its answers are no probabilities: each row must sum to 1, without NaN or negative numbers.")
+        raise NotFit("its answers are not probabilities: each row must sum to 1, without NaN or negative numbers.")
     return given
 
 

@@ -19,7 +19,7 @@ def loader_of(agent: GivenAgent) -> Callable[[Layout], LoadedAgent]:
         return lambda layout: load_agent(agent, layout)
     is_ready = not isinstance(agent, type) and hasattr(agent, "probabilities")
     if not is_ready and not callable(agent):
-        raise TypeError(f"{agent!r} is no agent: give a name, a class, or an object with probabilities(observations).")
+        raise TypeError(f"{agent!r} is not an agent. Give a name, a class, or an object with `probabilities`.")
 
     def load(layout: Layout) -> LoadedAgent:
         policy: Any = agent if is_ready else agent(layout)  # type: ignore[operator]

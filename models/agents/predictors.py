@@ -1,4 +1,4 @@
-"""The predictors that a study may name, and those that are no network: uniform, and degraded to a wanted accuracy."""
+"""The predictors that a study may name, and those that are not networks: uniform, and degraded to a wanted accuracy."""
 
 import zlib
 from pathlib import Path

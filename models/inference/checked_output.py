@@ -12,7 +12,7 @@ ROWS_SUM_TO_ONE: Final = 1e-2  # within this
 
 
 class WrongOutput(ValueError):
-    """A model gave something that is no probabilities of the right shape."""
+    """A model gave something that is not probabilities of the right shape."""
 
 
 def checked_probabilities(probabilities: Probabilities, rows: int) -> Probabilities:

@@ -44,7 +44,7 @@ def policy_at_work(checkpoint: Checkpoint) -> tuple[Policy, Layout]:
         kind = {"mlp": _mlp, "cnn": _cnn}[settings.kind]
         return kind(settings, checkpoint.tensors, layout), layout
     except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise CheckpointError(f"{checkpoint.folder}: this is no agent that I understand ({error}).") from error
+        raise CheckpointError(f"{checkpoint.folder}: not a readable agent ({error}). Fetch it again.") from error
 
 
 def _mlp(config: NetworkConfig, tensors: Mapping[str, NDArray[Any]], layout: Layout) -> NumpyPolicy:

@@ -225,7 +225,7 @@ def load_trained_predictor(folder: Path, layout: Layout) -> tuple[Predictor, flo
     try:
         predictor = at_work(config, checkpoint.tensors, layout)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise CheckpointError(f"{folder}: this is no predictor that I understand ({error}).") from error
+        raise CheckpointError(f"{folder}: not a readable predictor ({error}). Fetch it again.") from error
     return predictor, float(checkpoint.config.get("accuracy", {}).get("mean", 1.0))
 
 
@@ -235,4 +235,4 @@ def _described(checkpoint: Checkpoint) -> tuple[PredictorConfig, Layout]:
     try:
         return PredictorConfig(**config["network"]), parse_layout(config["grid"], config["layout"])
     except (KeyError, TypeError, ValueError) as error:
-        raise CheckpointError(f"{checkpoint.folder}: this is no predictor that I understand ({error}).") from error
+        raise CheckpointError(f"{checkpoint.folder}: not a readable predictor ({error}). Fetch it again.") from error

@@ -157,7 +157,7 @@ def save_agent(
 
 
 def network_of(checkpoint: Checkpoint) -> tuple[Network, Layout, NetworkConfig]:
-    """The network in an agent's checkpoint, its layout and config. Raises CheckpointError if it is no agent of ours."""
+    """The network in an agent's checkpoint, its layout and config. Raises CheckpointError if it is not one."""
     config = checkpoint.config
     try:
         layout = parse_layout(config["grid"], config["layout"])
@@ -165,7 +165,7 @@ def network_of(checkpoint: Checkpoint) -> tuple[Network, Layout, NetworkConfig]:
         network = build_network(settings, layout)
         network.load_state_dict({name: torch.from_numpy(array) for name, array in checkpoint.tensors.items()})
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise CheckpointError(f"{checkpoint.folder}: this is no agent that I understand ({error}).") from error
+        raise CheckpointError(f"{checkpoint.folder}: not a readable agent ({error}). Fetch it again.") from error
     return network, layout, settings
 
 

@@ -195,12 +195,12 @@ def save_predictor(folder: Path, network: PredictorNetwork, layout: Layout, agen
 
 
 def predictor_network(checkpoint: Checkpoint) -> tuple[PredictorNetwork, Layout]:
-    """The network of a predictor's checkpoint and its layout. Raises CheckpointError if it is no predictor of ours."""
+    """The network of a predictor's checkpoint and its layout. Raises CheckpointError if it is not one."""
     config = checkpoint.config
     try:
         layout = parse_layout(config["grid"], config["layout"])
         network = PredictorNetwork(layout, PredictorConfig(**config["network"]))
         network.load_state_dict({name: torch.from_numpy(array) for name, array in checkpoint.tensors.items()})
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise CheckpointError(f"{checkpoint.folder}: this is no predictor that I understand ({error}).") from error
+        raise CheckpointError(f"{checkpoint.folder}: not a readable predictor ({error}). Fetch it again.") from error
     return network.eval(), layout

@@ -51,7 +51,7 @@ def unpacked(path: Path) -> tuple[dict[str, str], dict[str, Any]]:
     except (KeyError, TypeError, ValueError, RecursionError) as error:
         if isinstance(error, BundleRefused):
             raise
-        raise BundleRefused(f"{path} is no bundle. Make one with `kitchenmind bundle STUDY`.") from None
+        raise BundleRefused(f"{path} is not a bundle. Make one with `kitchenmind bundle STUDY`.") from None
     for name in sorted(hashes.keys() | texts.keys()):
         if name not in texts or hashes.get(name) != _sha256(texts[name].encode()):
             raise BundleRefused(f"{path}: {name} is not as it was bundled. Fetch the bundle again.")
@@ -61,12 +61,12 @@ def unpacked(path: Path) -> tuple[dict[str, str], dict[str, Any]]:
 def _content(archive: zipfile.ZipFile) -> dict[str, bytes]:
     entries = archive.infolist()
     if len(entries) > MOST_FILES or len({entry.filename for entry in entries}) != len(entries):
-        raise BundleRefused("this archive has too many files, or two of one name. It is no bundle.")
+        raise BundleRefused("this archive has too many files, or two of one name. It is not a bundle.")
     content: dict[str, bytes] = {}
     left = LARGEST_BYTES
     for entry in entries:
         if not _NAME.fullmatch(entry.filename):
-            raise BundleRefused(f"this archive has a file {entry.filename!r}. It is no bundle.")
+            raise BundleRefused(f"this archive has a file {entry.filename!r}. It is not a bundle.")
         with archive.open(entry) as file:
             content[entry.filename] = file.read(left + 1)  # what a header promises is not believed
         left -= len(content[entry.filename])

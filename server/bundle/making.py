@@ -54,7 +54,7 @@ def open_bundle(path: Path, allowed: Collection[str] = ()) -> Bundle:
         is_known = manifest["format"] == FORMAT
         file = replace(parse_study(content[STUDY], f"{path}: {STUDY}"), folder=path.absolute().parent)
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
-        reason = str(error) if isinstance(error, StudyError) else f"{path} is no bundle."
+        reason = str(error) if isinstance(error, StudyError) else f"{path} is not a bundle."
         raise BundleRefused(f"{reason} Make one with `kitchenmind bundle STUDY`.") from None
     if not is_known:
         raise BundleRefused(f"{path} was made by another version. Use the kitchenmind that made it.")

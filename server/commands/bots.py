@@ -65,10 +65,10 @@ def _check(arguments: argparse.Namespace) -> None:
     if not 1 <= arguments.number <= MOST:
         raise ValueError(f"{arguments.number} participants cannot be simulated. Give a number from 1 to {MOST}.")
     if not 0 <= arguments.dropout <= 1:
-        raise ValueError(f"--dropout {arguments.dropout:g} is no share. Give a number from 0 to 1.")
+        raise ValueError(f"--dropout {arguments.dropout:g} is not a share. Give a number from 0 to 1.")
     if arguments.url and not arguments.url.startswith(("http://", "https://")):
         raise ValueError(
-            f"--url {arguments.url} is no address. Give it as the browser shows it: http://127.0.0.1:8000."
+            f"--url {arguments.url} is not an address. Give it as the browser shows it: http://127.0.0.1:8000."
         )
     if arguments.url and not _is_local(arguments.url) and not _secret():
         raise ValueError(

@@ -23,5 +23,5 @@ def open_stored(url: str | None) -> Database:
         raise ValueError(f"cannot read {named}: {error}") from None
     if not has_tables:
         database.close()
-        raise ValueError(f"{named} is no kitchenmind database. Give the right one with --database.")
+        raise ValueError(f"{named} is not a kitchenmind database. Give the right one with --database.")
     return database

@@ -10,7 +10,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 TABLE_FORMATS = ("csv", "parquet")
-_NUMBER = r"^-?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]+)?$"  # a number alone is no formula
+_NUMBER = r"^-?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]+)?$"  # a number alone is not a formula
 # What a spreadsheet takes for the start of a formula, or skips before it: signs, also in full-width and small forms
 # (which it reads too if it is set to Chinese or Japanese), and blanks.
 _SIGN = "[=+\\-@\\t\\r\\n\\x00＝＋－＠−﹢﹣﹦﹫]"

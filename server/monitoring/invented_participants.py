@@ -8,7 +8,7 @@ from server.monitoring.site import Site
 from server.store import new_places, participants
 
 WINDOW: Final = timedelta(hours=1)
-FEWEST: Final = 5  # people who did nothing; fewer are no sign
+FEWEST: Final = 5  # people who did nothing; fewer are not a sign
 SHARE: Final = 0.5  # of those who consented in the window
 
 

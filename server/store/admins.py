@@ -46,7 +46,7 @@ class NameTaken(ValueError):
 def create(connection: Connection, name: str, password_hash: str, role: str) -> None:
     """A new account. Raises NameTaken, ValueError for a role that is none."""
     if role not in ROLES:
-        raise ValueError(f"{role!r} is no role. Choose from {', '.join(ROLES)}.")
+        raise ValueError(f"{role!r} is not a role. Choose from {', '.join(ROLES)}.")
     if password_hash_of(connection, name) is not None:
         raise NameTaken(name)
     row = {"name": name, "password_hash": password_hash, "role": role, "created_at": datetime.now(UTC)}

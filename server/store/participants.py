@@ -198,7 +198,7 @@ def complete(connection: Connection, participant_id: str, code: str | None) -> s
 def leave(connection: Connection, participant_id: str, status: str) -> bool:
     """End the participation early: screened_out, timed_out or returned. False if it was not active. The data stays."""
     if status not in ("screened_out", "timed_out", "returned"):
-        raise ValueError(f"{status!r} is no way to leave: screened_out, timed_out or returned (withdraw deletes data)")
+        raise ValueError(f"{status!r} cannot end a participation. Use screened_out, timed_out or returned.")
     query = update(participants).where(participants.c.id == participant_id, participants.c.status == "active")
     return connection.execute(query.values(status=status, last_seen_at=datetime.now(UTC))).rowcount == 1
 

@@ -1,6 +1,6 @@
 """The hottest table: TickRecord to row and back, and one insert for the ticks of all games of a slot.
 
-Storing a tick twice is no fault (a commit may succeed although its answer got lost); storing another in its place is.
+A tick may be stored twice (a commit may succeed although its answer got lost), but not another one in its place.
 """
 
 import struct

@@ -53,7 +53,7 @@ class CsrfProtection:
         return value == _FORM and abs(signer.get_timestamp() - made.timestamp()) <= FORM_S
 
     def is_own_origin(self, connection: HTTPConnection) -> bool:
-        """Whether a POST or a socket comes from our own pages. A client that is no browser sends no Origin and may
+        """Whether a POST or a socket comes from our own pages. A client that is not a browser sends no Origin and may
         pass: it carries nobody's cookie by accident."""
         origin = connection.headers.get("origin")
         if origin is None:

@@ -39,7 +39,7 @@ async def read_form(
     try:
         form = parse_qs(body.decode("utf-8"), keep_blank_values=True, max_num_fields=MOST_FIELDS, errors="strict")
     except ValueError:  # also UnicodeDecodeError
-        raise HTTPException(400, "this is no form in UTF-8") from None
+        raise HTTPException(400, "The form body is not valid UTF-8.") from None
     sessions = [session_of(request) if session is None else session]
     if was_nobodys is not None and was_nobodys(form):
         sessions.append(NOBODY)

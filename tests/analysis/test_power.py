@@ -135,7 +135,7 @@ def test_the_verb_reads_a_study_and_a_pilot(
     [
         ("layouts: [a]\nagents: [b]\n", [], "Give --pilot"),
         ("layouts: [a]\n", [], "needs `layouts` and `agents`"),
-        ("- [", [], "is no study file"),
+        ("- [", [], "is not a study file"),
         ("layouts: [a]\nagents: [b]\n", ["--person-sd", "1", "--residual-sd", "0"], "--residual-sd is out of range"),
         ("layouts: [a]\nagents: [b]\n", [*SPREAD, "--seed", "-1"], "--seed is out of range"),
         ("layouts: [a]\nagents: [b]\n", [*SPREAD, "--effect", "nan"], "--effect is out of range"),

@@ -248,7 +248,7 @@ def test_a_folder_that_is_no_export_ends_with_status_two(
     assert kitchenmind.main(["report", str(folder), "--out", str(tmp_path / "out")]) == 2
     assert f"no table of {missing}" in capsys.readouterr().err
     assert kitchenmind.main(["report", str(tmp_path / "nowhere"), "--out", str(tmp_path / "out")]) == 2
-    assert "is no folder" in capsys.readouterr().err
+    assert "is not a folder" in capsys.readouterr().err
 
 
 def test_a_missing_column_is_named_with_its_file(planted_folder: Path, tmp_path: Path) -> None:

@@ -161,7 +161,7 @@ def test_what_cannot_be_served_exits_with_2_and_the_reason() -> None:
     for words, reason in (
         (["nowhere:Agent"], "nowhere:Agent is not there"),
         (["tests.kitchenmind.test_serve_agent:Failing"], "out of ideas"),
-        (["stay", "--port", "99999"], "99999 is no port"),
+        (["stay", "--port", "99999"], "99999 is not a port"),
         (["stay", "--layout", "nowhere"], "there is no layout 'nowhere'"),
     ):
         done = command_line.run("agent", "serve", *words)
@@ -171,5 +171,5 @@ def test_what_cannot_be_served_exits_with_2_and_the_reason() -> None:
         done = command_line.run("agent", "serve", "stay", "--port", str(taken.getsockname()[1]))
     assert done.returncode == 2
     assert "in use" in done.stderr
-    with pytest.raises(TypeError, match="5 is no agent"):
+    with pytest.raises(TypeError, match="5 is not an agent"):
         kitchenmind.serve_agent(5)  # type: ignore[arg-type]

@@ -93,7 +93,7 @@ def test_wrong_input_says_what_is_wrong(given: dict[str, object], message: str) 
 
 
 def test_what_is_no_agent_is_refused() -> None:
-    with pytest.raises(TypeError, match="5 is no agent"):
+    with pytest.raises(TypeError, match="5 is not an agent"):
         kitchenmind.simulate(RING, 5)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="has no method probabilities"):
         kitchenmind.simulate(RING, lambda layout: {})  # type: ignore[arg-type, return-value]

@@ -77,5 +77,5 @@ def test_an_agent_saved_in_16_bits_plays_as_before(tmp_path: Path, kind: str) ->
 
 def test_a_checkpoint_of_something_else_is_no_agent(tmp_path: Path) -> None:
     _saved(tmp_path / "one")
-    with pytest.raises(CheckpointError, match="no agent that I understand"):
+    with pytest.raises(CheckpointError, match="not a readable agent"):
         load_network(tmp_path / "one")

@@ -49,7 +49,7 @@ def test_a_folder_with_other_weights_is_no_agent(tmp_path):
         "network": {"kind": "mlp", "hidden": [4]},
     }
     save_checkpoint(tmp_path / "a", config, {"x": np.zeros(1, np.float32)}, "A card.")
-    with pytest.raises(CheckpointError, match="no agent that I understand"):
+    with pytest.raises(CheckpointError, match="not a readable agent"):
         load_agent(str(tmp_path / "a"), RING)
 
 

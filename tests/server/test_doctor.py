@@ -103,7 +103,7 @@ def test_a_new_postgresql_database_is_fine_when_it_can_hold_every_letter(
     with psycopg.connect(url, autocommit=True) as connection:
         connection.execute("CREATE TABLE recipes (name text)")
     code, said = run("--database", url, capsys=capsys)
-    assert (code, "is no kitchenmind database" in said["database"]) == (1, True)
+    assert (code, "is not a kitchenmind database" in said["database"]) == (1, True)
 
 
 def test_a_full_disk_is_told_before_it_pauses_games(
@@ -119,7 +119,7 @@ def test_a_broken_study_is_told_with_file_and_line(where: Path, capsys: pytest.C
     study.write_text(STUDY.read_text("utf-8").replace("seed: 11", "seed: x"), encoding="utf-8")
     code, said = run(capsys=capsys, study=study)
     assert code == 1
-    assert said["study"].startswith(f"BAD {study}:6: seed: 'x' is no whole number")
+    assert said["study"].startswith(f"BAD {study}:6: seed: 'x' is not a whole number")
 
 
 def test_a_changed_byte_in_the_weights_is_found(

@@ -135,7 +135,7 @@ def test_wrong_input_is_told_with_the_remedy(
     empty.dispose()
     wrong = [
         ([f"sqlite:///{tmp_path}/missing.db"], "there is no database"),
-        ([f"sqlite:///{tmp_path}/empty.db"], "is no kitchenmind database"),
+        ([f"sqlite:///{tmp_path}/empty.db"], "is not a kitchenmind database"),
         (["mysql://somewhere"], "not supported"),
         (["postgresql://nobody@127.0.0.1:1/none"], "cannot read"),
         ([filled, "--study", "unknown"], "It has: ring"),

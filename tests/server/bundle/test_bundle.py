@@ -199,7 +199,7 @@ def harmful(folder: Path, bundle: Path) -> Iterator[tuple[str, Path]]:
     good = bundle.read_bytes()
     outside = [("../outside.yaml", b"x"), ("/absolute.yaml", b"x"), ("a\\..\\b.yaml", b"x"), ("..", b"x")]
     for number, member in enumerate(outside):
-        yield "It is no bundle", zipped(folder / f"outside{number}.zip", [member])
+        yield "It is not a bundle", zipped(folder / f"outside{number}.zip", [member])
     yield "too large", zipped(folder / "bomb.zip", [("bomb.yaml", b"\0" * (archive.LARGEST_BYTES + 1))])
     halves = [(f"half{n}.yaml", b"\0" * (archive.LARGEST_BYTES // 2 + 1)) for n in range(2)]
     yield "too large", zipped(folder / "bombs.zip", halves)
@@ -208,8 +208,8 @@ def harmful(folder: Path, bundle: Path) -> Iterator[tuple[str, Path]]:
     with pytest.warns(UserWarning, match="Duplicate"):
         twice = zipped(folder / "twice.zip", [("study.yaml", b"a"), ("study.yaml", b"b")])
     yield "two of one name", twice
-    yield "is no bundle", zipped(folder / "empty.zip", [])
-    yield "is no bundle", zipped(folder / "list.zip", [("manifest.json", b"[]")])
+    yield "is not a bundle", zipped(folder / "empty.zip", [])
+    yield "is not a bundle", zipped(folder / "list.zip", [("manifest.json", b"[]")])
     (folder / "text.zip").write_bytes(b"name: quick_look")
     yield "cannot be read", folder / "text.zip"
     (folder / "torn.zip").write_bytes(good[: len(good) // 2])

@@ -25,7 +25,7 @@ SMALLEST = "smallest_effect: {"
 WRONG = [
     # (what stands in the file, what stands there instead, where the message points, what it says)
     ("duration_min: 4", "duration_mn: 4", "duration_mn", "unknown key 'duration_mn'. Did you mean 'duration_min'?"),
-    ("duration_min: 4", "duration_min: soon", "duration_min", "'soon' is no whole number. Write a whole number."),
+    ("duration_min: 4", "duration_min: soon", "duration_min", "'soon' is not a whole number. Write a whole number."),
     ("duration_min: 4", "duration_min: 0", "duration_min", "duration_min: 0 is too small. Write 1 or more."),
     ("{rule: paper}", "{rule: papr}", "order:", "'papr' is not possible here. Use 'fixed', 'shuffled', 'latin_sq"),
     ("flow: [everything,", "flow: [evrything, everything,", "flow:", "there is no page 'evrything'"),
@@ -48,7 +48,7 @@ WRONG = [
     ("seed: 11\n", "", "name: small", "'seed' is missing here. Add `seed: ...`"),
     ("name: small", "name: Small One", "name: ", "'Small One' is not possible here. It must look like ^[a-z]"),
     ("seed: 11\n", "seed: 11\n  wrong: [\n", "  wrong", "this is no YAML"),
-    ("seed: 11\n", "seed: !!python/object/apply:os.system [ls]\n", "seed: !!", "['ls'] is no whole number"),
+    ("seed: 11\n", "seed: !!python/object/apply:os.system [ls]\n", "seed: !!", "['ls'] is not a whole number"),
     ("seed: 11\n", "seed: !!binary aGk=\n", "seed: !!", "is not allowed"),
     ("seed: 11\n", "recruitment: {completed: {url: 'https://x.org/?c={cod}'}}\nseed: 1\n", "recr", "placeholder {cod}"),
     ("seed: 11\n", "recruitment: {completed: {url: 'javascript:alert(1)'}}\nseed: 1\n", "recr", "look like ^https"),
@@ -158,7 +158,7 @@ def test_numbers_and_yes_or_no_are_read_where_the_field_wants_them() -> None:
 @pytest.mark.parametrize("written", ["1:30", "0x10", "4 min", "[4]", "true"])
 def test_what_is_no_plain_number_is_refused_where_a_number_is_wanted(written: str) -> None:
     (line,) = errors(SMALL_STUDY.replace("duration_min: 4", f"duration_min: {written}"))
-    assert "is no whole number" in line
+    assert "is not a whole number" in line
 
 
 @pytest.mark.parametrize(
@@ -182,7 +182,7 @@ def test_file_of_too_many_values_is_refused(monkeypatch: pytest.MonkeyPatch) -> 
 def test_number_with_endless_colons_is_a_text_like_any_other() -> None:
     """YAML 1.1 reads it in base 60, in a time that grows with the square of its length."""
     (line,) = errors(SMALL_STUDY.replace("duration_min: 4", "duration_min: 1" + ":1" * 200_000))
-    assert "is no whole number" in line
+    assert "is not a whole number" in line
     assert len(line) < 200
 
 
