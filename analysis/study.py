@@ -15,6 +15,7 @@ from analysis import (
     exclusions,
     measures,
     mixed_model,
+    on_demand,
     power,
     primary,
     questionnaires,
@@ -93,6 +94,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         *questionnaires.tests(answers, conditions, agents),
         *accuracy.offline(_offline(export, options), layouts, agents),
         *accuracy.live(episodes, layouts, agents),
+        *on_demand.rows(export.ticks, episodes, conditions),
         *robustness_rows(checked),
     ]
     powers = _powers(model, episodes, conditions, options)

@@ -32,7 +32,12 @@ COLUMNS = {
     "pauses": ("episode", "reason", "duration_ms"),
     "withdrawals": ("study", "condition"),
 }
-TICK_COLUMNS = {*COLUMNS["ticks"], *(f"key_{time}_ms_{seat}" for time in ("client", "received") for seat in (0, 1))}
+ON_DEMAND = ("asked", "displayed_1")  # an older export lacks the first
+TICK_COLUMNS = {
+    *COLUMNS["ticks"],
+    *ON_DEMAND,
+    *(f"key_{time}_ms_{seat}" for time in ("client", "received") for seat in (0, 1)),
+}
 OPTIONAL = ("pauses", "withdrawals")
 IDENTIFIERS = ("participant", "participant_0", "participant_1", "episode", "study", "condition", "layout", "status")
 # Stay text when they come from CSV, also where every one of them looks like a number ("007").

@@ -12,7 +12,12 @@ from server.study.schema import study_schema
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 # The study files that the examples come from, in this order.
-EXAMPLES: Final = ("tests/data/every_setting.yaml", "studies/two_people.yaml", "studies/external_predictor.yaml")
+EXAMPLES: Final = (
+    "tests/data/every_setting.yaml",
+    "studies/two_people.yaml",
+    "studies/external_predictor.yaml",
+    "studies/examples/on_demand.yaml",
+)
 TEXT: Final = "Text"  # the type of what participants read, by language
 QUESTION: Final = "SurveyQuestion"
 IN_QUESTIONS: Final = "questions."

@@ -76,6 +76,11 @@ class GameClient:
         action = self.act(tick)
         return INTERACT if self.lesson == "marks" and action is not None else action
 
+    def asks(self, tick: messages.Tick) -> bool | None:  # noqa: ARG002 - for subclasses
+        """Return whether the marks key is down, where the study shows the marks on demand; None says nothing about it.
+        As it is here, it is held down: with `toggle`, that is one press."""
+        return None if self.welcome is None or self.welcome.show == "always" else True
+
     def on_message(self, message: messages.Outgoing) -> None:
         """See a message, before it is answered. `self.kitchen` has its state already."""
 
@@ -183,7 +188,7 @@ class GameClient:
         self._seq += 1
         tap = None if action == STAY else cast(messages.Tap, int(action))
         client_ms = float(tick.state.t * self.welcome.tick_ms)  # its clock goes as the game's, however fast that is
-        await self.send(socket, messages.Input(self._seq, None, tap, client_ms))
+        await self.send(socket, messages.Input(self._seq, None, tap, client_ms, self.asks(tick)))
 
     @staticmethod
     async def send(socket: ClientConnection, message: messages.Incoming) -> None:

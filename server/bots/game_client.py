@@ -3,7 +3,7 @@
 import asyncio
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed
@@ -16,6 +16,7 @@ from server.play.close_codes import CloseCode
 from server.play.marks import NOTHING_SHOWN, is_as_promised
 from server.study.order import derived_seed
 
+LOOKS_FOR: Final = 5  # timesteps for which the marks key is down, and up
 BrowserFault = Literal["reload", "second_tab", "half_open"]
 
 
@@ -104,8 +105,8 @@ class BotGame(GameClient):
 
     def _saw_marks(self, tick: messages.Tick) -> None:
         """Note a timestep whose display is not what the welcome promised."""
-        if self.welcome is None:
-            return
+        if self.welcome is None or self.welcome.show != "always":
+            return  # the database knows in which timesteps the marks were asked for
         shown = "predictor" if self.welcome.shows_predictions else "nothing"
         if not is_as_promised(shown, tick.prediction):
             self._journal.broken_displays.setdefault(self.welcome.episode, set()).add(tick.state.t)
@@ -150,6 +151,12 @@ class BotGame(GameClient):
         action, self._settling = (STAY, False) if self._settling else (action, False)
         self._journal.inputs.append((self.welcome.episode, tick.state.t, action))
         return action
+
+    def asks(self, tick: messages.Tick) -> bool | None:
+        """Look at the marks now and then: down for a while, up for a while, each bot at other times."""
+        if self.welcome is None or self.welcome.show == "always":
+            return None
+        return (tick.state.t + self._traits.seed) % (2 * LOOKS_FOR) < LOOKS_FOR
 
     def act(self, tick: messages.Tick) -> int | None:
         if self.kitchen is None or self._cook is None or self.welcome is None:

@@ -78,11 +78,12 @@ EPISODES = ExportTable(
         text("predictor_sha256", "Hash of its weights."),
         code("watched_seat", "Seat of the chef whose next actions are predicted."),
         text("shown", "What the participant saw: nothing, predictor or random."),
+        text("show", "When marks were drawn: always, on_key or toggle (only while the participant asked for them)."),
         Column(
             "display_violations",
             "integer",
-            "Timesteps whose frame did not show what `shown` says, for example because the predictor was late. The "
-            "last state, on which nothing is shown, does not count.",
+            "Timesteps whose frame did not show what `shown` and `show` say, for example because the predictor was "
+            "late. The last state, on which nothing is shown, does not count.",
             "timesteps",
             bits=32,
         ),
@@ -132,6 +133,12 @@ TICKS = ExportTable(
         *(code(f"predicted_{step}", f"Most probable action predicted for timestep t + {step - 1}.") for step in STEPS),
         *(code(f"displayed_{step}", f"Action drawn for timestep t + {step - 1}; 6: nothing.") for step in STEPS),
         *(Column(f"opacity_{step}", "integer", "Opacity of the drawn action.", "%", bits=16) for step in STEPS),
+        Column(
+            "asked",
+            "boolean",
+            "Whether the participant asked for the marks on state t; empty: they are always drawn. The frame of state "
+            "t is decided when the state is made.",
+        ),
         ms("scheduled_ms", "When state t was due, from the first tick on, without pauses."),
         ms("late_ms", "Delay of the tick after its deadline."),
         ms("models_ms", "Time that the models needed for state t."),
@@ -152,6 +159,7 @@ INPUTS = ExportTable(
         Column("seq", "integer", "The browser's number of the message; a new page counts from the start."),
         code("held", f"Move whose key was held down; empty: none. {ACTION_CODE}."),
         code("tap", "Action whose key was just pressed; empty: none."),
+        Column("marks", "boolean", "Whether the key that asks for the marks was down; empty: no news of it."),
         ms("client_ms", "Browser's clock (performance.now()) then."),
         time("received_at", "Its arrival, by the server's wall clock."),
         ms("received_ms", "Its arrival, since the first tick was due; empty: the game was paused."),

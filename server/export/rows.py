@@ -131,16 +131,16 @@ def episode_rows(chosen: Selection) -> Rows:
         .order_by(*_EPISODE_ORDER)
     )
     names = list(query.selected_columns.keys())
-    before_violations, before_timesteps = names.index("seed"), names.index("score")
+    before_display, before_timesteps = names.index("seed"), names.index("score")
     for row in chosen.rows(query, _e.study_id):
         last = select(ticks).where(ticks.c.episode_id == row.id).order_by(ticks.c.timestep.desc()).limit(1)
         stored = chosen.connection.execute(last).first()
         timesteps = stored.timestep if stored else None
         values = tuple(row[:-1])
         rest = (json_text(row.spec), last_tick_text(stored) if stored else None)
-        broken = violations(chosen.connection, [row.id]).get(row.id, 0)
+        display = (row.spec.get("show", "always"), violations(chosen.connection, [row.id]).get(row.id, 0))
         yield (
-            *values[:before_violations], broken, *values[before_violations:before_timesteps], timesteps,
+            *values[:before_display], *display, *values[before_display:before_timesteps], timesteps,
             *values[before_timesteps:], *rest,
         )  # fmt: skip
 
@@ -148,7 +148,7 @@ def episode_rows(chosen: Selection) -> Rows:
 def last_tick_text(stored: Any) -> str:
     """What stands in a tick of its own state, as JSON: all but the step that led to it."""
     record = msgspec.to_builtins(tick_rows.record_of(stored))
-    names = ("state_hash", "next_actions", "prediction", "displayed", "late")
+    names = ("state_hash", "next_actions", "prediction", "displayed", "late", "asked")
     times = ("scheduled_ms", "late_ms", "models_ms", "made_unix_ms")
     return json_text({name: record[name] for name in names + times})
 
@@ -162,11 +162,12 @@ def pause_rows(chosen: Selection) -> Rows:
 def input_rows(chosen: Selection) -> Rows:
     """As `ticks` of an export counts: timestep t is the one whose action leads to state t + 1."""
     c = inputs.c
-    query = select(c.episode_id, c.seat, c.number, c.tab, c.seq, c.held, c.tap, c.client_ms, c.received_unix_ms)
-    query = query.add_columns(c.received_ms, c.timestep - 1, c.outcome).join_from(inputs, episodes)
+    query = select(c.episode_id, c.seat, c.number, c.tab, c.seq, c.held, c.tap, c.marks)
+    query = query.add_columns(c.client_ms, c.received_unix_ms, c.received_ms, c.timestep - 1, c.outcome)
+    query = query.join_from(inputs, episodes)
     order = (*_EPISODE_ORDER, c.received_unix_ms, c.seat, c.number)
     for row in chosen.rows(query.order_by(*order), _e.study_id):
-        yield (*row[:8], time_of(row.received_unix_ms), *row[9:])
+        yield (*row[:9], time_of(row.received_unix_ms), *row[10:])
 
 
 def time_of(unix_ms: float) -> datetime:

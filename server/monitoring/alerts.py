@@ -132,7 +132,7 @@ class Alerts:
             for name in studies.names():
                 versions = studies.versions(name)
                 cards = await self._live.cards(versions)
-                found += _displays(name, [card.game.session.display_violations for card in cards])
+                found += _displays(name, [card.game.session.frames.violations for card in cards])
                 for card in cards:
                     since_s = self._live.since_s(card.flag) or 0
                     if card.flag.level == ACT and since_s >= AWAY_S:

@@ -68,7 +68,7 @@ class Dashboard:
     async def _display_of(self, study_ids: tuple[int, ...], display: DisplayCount) -> dict[str, int]:
         """Timesteps not shown as the condition promises: of games that are over, and of those that run."""
         here, elsewhere = await self._live.cards(study_ids), await self._live.views(study_ids)
-        running = [card.game.session.display_violations for card in here]
+        running = [card.game.session.frames.violations for card in here]
         running += [view.display_violations for view in elsewhere]
         return {
             "timesteps": display.timesteps + sum(running),

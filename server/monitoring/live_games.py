@@ -76,7 +76,7 @@ class LiveGames:
                     card=card_of(self, card, {}),
                     board=board_of(card.game, blind=False),
                     still=still_of(card),
-                    display_violations=card.game.session.display_violations,
+                    display_violations=card.game.session.frames.violations,
                 )
             )
             await asyncio.sleep(0)  # the games' own ticks come first
@@ -106,7 +106,7 @@ class LiveGames:
     def encoded_board(self, game: Game, blind: bool) -> msgspec.Raw:
         """`board_of` as JSON, made once a timestep however many pages show it."""
         session, key = game.session, (game.episode, blind)
-        timestep, displayed = session.simulation.timestep, session.displayed
+        timestep, displayed = session.simulation.timestep, session.frames.displayed
         kept = self._boards.get(key)
         if kept is None or kept[0] != timestep or kept[1] is not displayed:
             encoded = msgspec.Raw(msgspec.json.encode(board_of(game, blind)))
@@ -155,7 +155,7 @@ def board_of(game: Game, blind: bool) -> dict[str, Any]:
     session = game.session
     return {
         "state": kitchen_of(game),
-        "prediction": [] if blind else session.displayed,
+        "prediction": [] if blind else session.frames.displayed,
         "actions": session.simulation.last_actions or (4, 4),
     }
 

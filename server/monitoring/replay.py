@@ -4,13 +4,14 @@ import json
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any, Final
 
 from sqlalchemy import Connection
 
 from overcooked.constants import EVENT_NAMES
 from overcooked.layout import parse_layout
-from server.play.recorder import EpisodeRecord, InputRecord, PauseRecord, TickRecord
+from server.play.recorder import MARKS, EpisodeRecord, InputRecord, PauseRecord, TickRecord
 from server.play.simulation import Simulation
 from server.store import episodes, inputs, ticks
 from server.store.accuracy import wilson
@@ -39,11 +40,12 @@ def record_json(connection: Connection, episode: str, blind: bool) -> str:
             "horizon": spec.horizon,
             "tick_ms": spec.tick_ms,
             "deadline_ms": spec.deadline_ms,
+            "show": "always" if blind else spec.show,
         },
         "status": loaded.status,
         "rows": rows,
         "pauses": [{"t": pause.timestep, "reason": pause.reason, "duration_ms": pause.duration_ms} for pause in held],
-        "inputs": [input_of(one, spec.tick_ms, held) for one in inputs.of_episode(connection, episode)],
+        "inputs": [input_of(one, spec.tick_ms, held) for one in visible(inputs.of_episode(connection, episode), blind)],
         "checked": {"states": len(stored), "equal": difference is None, "difference": difference},
         "accuracy": [] if blind else _accuracy(stored, spec.watched_seat),
     }
@@ -81,12 +83,20 @@ def row_of(tick: TickRecord, simulation: Simulation, blind: bool) -> dict[str, A
         "events": [_names(bits) for bits in tick.events],
         "prediction": [] if blind else [[round(value, 4) for value in step] for step in tick.prediction],
         "displayed": [] if blind else tick.displayed,
+        "asked": None if blind else tick.asked,
         "keys": [[key.seat, key.seq, round(key.received_ms)] for key in tick.keys],
         "late": tick.late,
         "late_ms": round(tick.late_ms, 1),
         "models_ms": round(tick.models_ms, 1),
         "scheduled_ms": tick.scheduled_ms,
     }
+
+
+def visible(arrived: Sequence[InputRecord], blind: bool) -> list[InputRecord]:
+    """Return the inputs that the page may show: the marks key would tell a blind researcher the condition."""
+    if not blind:
+        return list(arrived)
+    return [replace(one, marks=None) for one in arrived if one.outcome != MARKS]
 
 
 def input_of(one: InputRecord, tick_ms: int, held: Sequence[PauseRecord] = ()) -> dict[str, Any]:
@@ -98,7 +108,7 @@ def input_of(one: InputRecord, tick_ms: int, held: Sequence[PauseRecord] = ()) -
     else:  # the game stood still: at the state of the last pause that had begun
         begun = [pause.timestep for pause in held if pause.started_at.timestamp() * 1000 <= one.received_unix_ms]
         t = begun[-1] if begun else 0
-    keys = {"seat": one.seat, "seq": one.seq, "held": one.held, "tap": one.tap}
+    keys = {"seat": one.seat, "seq": one.seq, "held": one.held, "tap": one.tap, "marks": one.marks}
     return {"t": t, **keys, "outcome": one.outcome, "received_ms": one.received_ms}
 
 

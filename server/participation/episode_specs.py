@@ -6,6 +6,7 @@ from typing import Literal
 from overcooked.layout import Layout, load_layout, parse_layout
 from overcooked.score import ProgressWeights
 from server.play.episode_spec import EpisodeSpec, PauseLimits
+from server.study.condition import Show
 from server.study.definition import Condition, KitchenChoice, PartnerSettings, Study
 from server.study.steps import StudyStep, episodes_of
 
@@ -51,6 +52,7 @@ def episode_spec(study: Study, step: StudyStep, condition: str, language: str, p
         deadline_ms=study.game.deadline_ms,
         pause=PauseLimits(study.game.pause.each_s, study.game.pause.episode_s),
         progress=ProgressWeights(study.game.progress.onion_in_pot, study.game.progress.soup_on_dish),
+        show=show_of(study, arm),
         lessons=lessons(study, arm) if tutorial else (),
     )
 
@@ -64,6 +66,11 @@ def agent_of(study: Study, step: StudyStep, people: int = 1) -> PartnerSettings:
 def lessons(study: Study, condition: Condition) -> tuple[str, ...]:
     """What the tutorial teaches: marks only to those who will see some."""
     return tuple(key for key in study.tutorial.lessons if key != "marks" or condition.shows_predictions)
+
+
+def show_of(study: Study, condition: Condition) -> Show:
+    """When the marks of a condition are drawn; `always` also where it has none."""
+    return (condition.show or study.predictor.show) if condition.shows_predictions else "always"
 
 
 def layout_of(kitchen: KitchenChoice) -> Layout:

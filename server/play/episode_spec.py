@@ -37,6 +37,7 @@ class EpisodeSpec:
     deadline_ms: int = 120
     pause: PauseLimits = field(default_factory=PauseLimits)
     progress: ProgressWeights = DEFAULT_PROGRESS
+    show: Literal["always", "on_key", "toggle"] = "always"  # when the marks are drawn: as the marks key says, or always
     lessons: tuple[str, ...] = ()  # tutorial: keys of what is taught, in order (server.play.tutorial.LESSONS)
 
     @property

@@ -4,10 +4,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from overcooked.constants import INTERACT, STAY
+from server.play.marks_key import MarksKey
 from server.play.messages import Input
 from server.play.recorder import (
     APPLIED,
     FORGOTTEN,
+    MARKS,
     RELEASED,
     REPEATED,
     REPLACED,
@@ -61,8 +63,10 @@ class Keys:
     one tap to move and one to interact wait, the latest of each kind; they are done in the order pressed, one a tick.
     """
 
-    def __init__(self, stored: StoredInputs | None = None) -> None:
-        """`stored`: what came before this server took the episode up."""
+    def __init__(self, stored: StoredInputs | None = None, marks_key: MarksKey | None = None) -> None:
+        """`stored`: what came before this server took the episode up. `marks_key`: where it has a meaning."""
+        self.marks_key = marks_key
+        self._marks: list[Press] = []  # presses and releases of the marks key since the last timestep
         self.seq = -1  # of the newest Input taken into account
         self._count = 0 if stored is None else stored.count
         self._seqs = {} if stored is None else dict(stored.seqs)  # by tab
@@ -93,12 +97,19 @@ class Keys:
             replaced = self._taps.pop(kind, None)
             self._taps[kind] = (keys.tap, press)
             self._drop(replaced[1] if replaced else None, REPLACED)
-        if not (changed or counts):
+        asks = self.marks_key is not None and self.marks_key.put(keys.marks)
+        if asks:
+            self._marks.append(press)
+        if not (changed or counts or asks):
             self._settle(press, UNCHANGED if keys.tap is None else STOOD_STILL)
         return True
 
     def take(self, timestep: int = 0) -> tuple[int, Press | None]:
         """The action of this timestep and what decided it; None where no key did (the person waits)."""
+        marks, self._marks = self._marks, []
+        for press in marks:
+            if press is not self._held_by and not self._waits(press):
+                self._settle(press, MARKS, timestep)
         if self._held is None and self._held_by is not None and not self._waits(self._held_by):
             self._settle(self._held_by, RELEASED, timestep)
         if self._taps:
@@ -115,8 +126,12 @@ class Keys:
         waiting = [press for _, press in self._taps.values()]
         if self._held_by is not None:
             waiting.append(self._held_by)
+        waiting += self._marks
+        if self.marks_key is not None:
+            self.marks_key.release()
         self._held = self._held_by = None
         self._taps.clear()
+        self._marks.clear()
         for press in waiting:
             self._settle(press, outcome)
 
@@ -166,4 +181,5 @@ def _record(episode: str, seat: int, press: Press) -> InputRecord:
         received_ms=press.arrival.game_ms,
         timestep=press.timestep,
         outcome=press.outcome or FORGOTTEN,
+        marks=press.keys.marks,
     )

@@ -30,10 +30,15 @@ def display(spec: EpisodeSpec, timestep: int, prediction: Sequence[Sequence[floa
     return tuple(zip(actions, opacities, strict=True))
 
 
-def is_as_promised(shown: str, displayed: Displayed) -> bool:
+def is_as_promised(shown: str, displayed: Displayed, due: bool = True) -> bool:
     """Return whether a frame carries marks where the condition promises some, and none where it does not. `shown` as
-    in `EpisodeSpec`."""
-    return any(action != NOTHING_SHOWN for action, _ in displayed) == (shown != "nothing")
+    in `EpisodeSpec`; `due`: whether they were due on this state, e.g. because the participant asked for them."""
+    return any(action != NOTHING_SHOWN for action, _ in displayed) == (shown != "nothing" and due)
+
+
+def hidden(displayed: Displayed) -> Displayed:
+    """Return the display without its marks; the opacities stay, so that frames have the same bytes."""
+    return tuple((NOTHING_SHOWN, opacity) for _, opacity in displayed)
 
 
 def _opacities(spec: EpisodeSpec, prediction: Sequence[Sequence[float]]) -> list[int]:

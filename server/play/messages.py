@@ -51,12 +51,14 @@ class Ready(FromBrowser, frozen=True):
 
 class Input(FromBrowser, frozen=True):
     """The keys as they are now, sent on every change. `held`: the move key held down (repeated every timestep until the
-    next Input), None if none. `tap`: an action just pressed, to be done once. `client_ms`: performance.now()."""
+    next Input), None if none. `tap`: an action just pressed, to be done once. `client_ms`: performance.now(). `marks`:
+    whether the key that asks for the marks is down; None: nothing about it, it stays as it was."""
 
     seq: Seq
     held: Move | None
     tap: Tap | None
     client_ms: Milliseconds
+    marks: bool | None = None
 
 
 class Away(FromBrowser, frozen=True):
@@ -116,6 +118,7 @@ class Welcome(ToBrowser, frozen=True):
     resumed: bool
     endless: bool = False  # no time limit (tutorial)
     partner: Literal["agent", "human"] = "agent"
+    show: Literal["always", "on_key", "toggle"] = "always"  # when the marks are drawn: see Input.marks
 
 
 class Countdown(ToBrowser, frozen=True):

@@ -9,7 +9,9 @@ from server.play.episode_spec import EpisodeSpec
 
 AWAY_REASONS = frozenset({"hidden", "blur", "lost", "other_tab"})  # these count against the limits of `PauseLimits`
 PAUSE_REASONS = AWAY_REASONS | {"database", "researcher", "server"}
-InputOutcome = Literal["applied", "released", "replaced", "forgotten", "stood_still", "unchanged", "repeated", "ended"]
+InputOutcome = Literal[
+    "applied", "released", "replaced", "forgotten", "stood_still", "unchanged", "repeated", "ended", "marks"
+]
 APPLIED: Final = "applied"
 RELEASED: Final = "released"
 REPLACED: Final = "replaced"
@@ -18,6 +20,7 @@ STOOD_STILL: Final = "stood_still"
 UNCHANGED: Final = "unchanged"
 REPEATED: Final = "repeated"
 ENDED: Final = "ended"
+MARKS: Final = "marks"
 INPUT_OUTCOMES: Final[Mapping[InputOutcome, str]] = {
     APPLIED: "it decided the action of `timestep`, the first such timestep if a key was held",
     RELEASED: "the keys were released: no key was held from `timestep` on",
@@ -27,6 +30,7 @@ INPUT_OUTCOMES: Final[Mapping[InputOutcome, str]] = {
     UNCHANGED: "neither a tap nor a change of the held key",
     REPEATED: "its number was not greater than earlier ones",
     ENDED: "the episode ended before the next timestep",
+    MARKS: "the marks key was pressed or released, which counted in `timestep` for the first time; no action",
 }
 
 
@@ -56,6 +60,7 @@ class InputRecord:
     received_ms: float | None  # as KeyRecord.received_ms; None: the game stood still
     timestep: int | None  # the first timestep n in which it counted: its action leads to state n; None: in none
     outcome: InputOutcome
+    marks: bool | None = None  # whether the marks key was down; None: the message said nothing about it
 
 
 @dataclass(frozen=True)
@@ -79,6 +84,7 @@ class TickRecord:
     late: bool  # the models missed the deadline: the agent waits at timestep n
     made_unix_ms: float | None = None  # wall clock when state n was made, milliseconds since 1970; None: not known
     inputs: tuple[InputRecord, ...] = ()  # whose outcome has become known since the tick before; a table of their own
+    asked: bool | None = None  # whether the participant asked for the marks on state n; None: they are always drawn
 
 
 @dataclass(frozen=True)
@@ -117,6 +123,7 @@ class EpisodeRecord:
     displayed: tuple[tuple[int, int], ...] | None = None  # of the last stored tick: what its frame carried
     known_at: datetime | None = None  # the last moment that is stored of it: of a tick, or of the end of a pause
     inputs: Mapping[int, StoredInputs] = field(default_factory=dict)  # by seat; nothing for a seat without inputs
+    asked: bool | None = None  # of the last stored tick
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ from models.protocols import Decision, Question
 from overcooked.constants import STAY
 from overcooked.layout import parse_layout
 from overcooked.score import progress_credit
-from server.play import marks, messages, partner
+from server.play import messages, partner
+from server.play.frames import Frames, marks_key
 from server.play.keys import InputArrival, Keys
 from server.play.pause_reasons import NOT_STARTED, Holder, PauseReasons
 from server.play.recorder import ENDED, EpisodeRecord, EpisodeResult, InputRecord, KeyRecord, PauseRecord, TickRecord
@@ -35,16 +36,15 @@ class Session:
         spec = record.spec
         self.episode, self.spec = record.episode, spec
         self.people: tuple[int, ...] = spec.human_seats or (VIEWER,)
-        self.keys = {seat: Keys(record.inputs.get(seat)) for seat in spec.human_seats}
+        self.keys = {seat: Keys(record.inputs.get(seat), marks_key(record, seat)) for seat in spec.human_seats}
         self.simulation = Simulation(parse_layout(record.spec.grid, spec.layout), spec.horizon)
         lessons = tuple(key for key in spec.lessons if key != "marks" or spec.shown != "nothing")
         self.tutor = Tutor(lessons, self.people[0]) if lessons and spec.human_seats else None
         self._replay(record)
         self.stored = record.last_hash is not None  # is the current state stored, with what was decided on it?
         self.next_actions = record.next_actions or (None, None)
-        self.displayed = record.displayed or marks.display(spec, self.simulation.timestep, ())
+        self.frames = Frames(record, self.simulation.timestep)
         self.late = False
-        self.display_violations = 0  # timesteps, since this process plays it, whose display breaks the promise
         self.resumed = self.stored  # also at the start state, which is stored when the first countdown begins
         self.phase: Phase = "paused" if self.resumed else "waiting"
         self.pause_reasons = PauseReasons(spec.pause, record.paused_ms)
@@ -158,6 +158,7 @@ class Session:
 
     def begin_start(self) -> list[Question]:
         """Questions about the start state; `finish_tick` makes its record."""
+        self.frames.ask(self.keys)
         self._asked = partner.questions(self.episode, self.spec, self.simulation)
         return self._asked
 
@@ -184,6 +185,7 @@ class Session:
                 received_ms = round((press.received - self._zero) * 1000, 3)
                 used.append(KeyRecord(seat, press.seq, press.client_ms, received_ms))
         self._keys_used = tuple(used)
+        self.frames.ask(self.keys)
         return actions[0], actions[1]
 
     def finish_tick(
@@ -200,11 +202,7 @@ class Session:
         answers = partner.answers(self._asked, decisions)
         timestep, step = self.simulation.timestep, self._step
         self.next_actions, self.late = answers.next_actions, answers.late
-        if self.over:
-            self.displayed = tuple((marks.NOTHING_SHOWN, opacity) for _, opacity in self.displayed)
-        else:
-            self.displayed = marks.display(self.spec, timestep, answers.prediction)
-            self.display_violations += not marks.is_as_promised(self.spec.shown, self.displayed)
+        self.frames.decide(timestep, answers.prediction, self.over)
         self.record = TickRecord(
             episode=self.episode,
             timestep=timestep,
@@ -215,7 +213,7 @@ class Session:
             events=step.events,
             next_actions=self.next_actions,
             prediction=answers.prediction,
-            displayed=self.displayed,
+            displayed=self.frames.displayed,
             keys=self._keys_used,
             scheduled_ms=timestep * float(self.spec.tick_ms),
             late_ms=round(self._late_ms, 3),
@@ -223,6 +221,7 @@ class Session:
             late=answers.late,
             made_unix_ms=unix_ms,
             inputs=self.settled_inputs(),
+            asked=self.frames.asked,
         )
         return self.record
 
@@ -231,9 +230,7 @@ class Session:
     def tick_message(self, person: int) -> messages.Tick:
         """The frame of the current state. Only for a state that is stored."""
         actions = self.simulation.last_actions or (STAY, STAY)
-        displayed = self.displayed
-        if person == self.spec.watched_seat:
-            displayed = tuple((marks.NOTHING_SHOWN, opacity) for _, opacity in displayed)
+        displayed = self.frames.of(person)
         return messages.Tick(self.simulation.kitchen(), displayed, actions, self._applied[person], self.late)
 
     def welcome(self, person: int) -> messages.Welcome:
@@ -257,6 +254,7 @@ class Session:
             resumed=self.stored and self.simulation.timestep > 0,
             endless=spec.horizon == 0,
             partner="human" if len(spec.human_seats) > 1 else "agent",
+            show="always" if person == spec.watched_seat else spec.show,
         )
 
     def paused(self, person: int, now: float) -> messages.Paused:

@@ -202,6 +202,12 @@ ticks = Table(
     column("key_client_ms_1", Double, nullable=True, meaning="The same for seat 1.", unit="ms"),
     column("key_received_ms_1", Double, nullable=True, meaning="The same for seat 1.", unit="ms"),
     column("made_unix_ms", Double, nullable=True, meaning="Wall clock then, since 1970 (UTC).", unit="ms"),
+    column(
+        "asked",
+        Boolean,
+        nullable=True,
+        meaning="Whether the participant asked for the marks on state n; none: they are always drawn.",
+    ),
     sqlite_with_rowid=False,
 )
 
@@ -238,6 +244,7 @@ inputs = Table(
         unit="timesteps",
     ),
     column("outcome", String(16), meaning="Outcome: " + ", ".join(INPUT_OUTCOMES) + "."),
+    column("marks", Boolean, nullable=True, meaning="Whether the marks key was down; none: no news of it."),
     sqlite_with_rowid=False,
 )
 

@@ -84,6 +84,7 @@ def row_of(record: TickRecord) -> Values:
         *keys[0],
         *keys[1],
         record.made_unix_ms,
+        record.asked,
     )
 
 
@@ -106,6 +107,7 @@ def record_of(row: "Row[Any]") -> TickRecord:
         models_ms=row.models_ms,
         late=row.late,
         made_unix_ms=row.made_unix_ms,
+        asked=row.asked,
     )
 
 

@@ -130,6 +130,9 @@ def _conditions(study: Study) -> Iterator[Problem]:
             yield Problem(
                 ("conditions", index), reason, "Set `accuracy: 0.5` next to `predictor: degraded`, or remove it."
             )
+        if condition.show not in (None, "always") and not condition.shows_predictions:
+            reason = f"`show: {condition.show}` in a condition without marks has no effect"
+            yield Problem(("conditions", index, "show"), reason, "Remove it, or choose another `predictor`.")
 
 
 def _questions(study: Study, questionnaire: Questionnaire, path: Path) -> Iterator[Problem]:

@@ -6,6 +6,8 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from overcooked.other_names import bundled_name
 from server.study.analysis_plan import PrimaryTest, SmallestEffect
+from server.study.condition import Condition as Condition
+from server.study.condition import Show
 from server.study.locale import languages, locale
 from server.study.questionnaire import AnyQuestion, Key, Questionnaire
 from server.study.recruitment import Recruitment
@@ -15,25 +17,6 @@ from server.study.text import Text
 Lesson = Literal["walk", "fetch", "fill", "wait", "plate", "deliver", "marks"]
 LESSONS: tuple[Lesson, ...] = ("walk", "fetch", "fill", "wait", "plate", "deliver", "marks")
 FIXED_PAGES = ("introduction", "quiz", "tutorial", "episodes", "thanks")  # entries of `flow` without a block
-
-
-class Condition(StrictModel):
-    """One arm of the study. Participants are never told which they are in."""
-
-    name: Key
-    """The condition's name in the data. Participants never see it."""
-    predictor: Literal["none", "random", "tom", "degraded"]
-    """What is drawn. none: nothing. random: random steps. tom: the predictor's steps. degraded: those with errors."""
-    accuracy: Annotated[float, Field(ge=0.17, le=1)] | None = None
-    """Only with `degraded`: the accuracy to reach (mean over the steps). Errors are added until it is reached."""
-    weight: Annotated[int, Field(ge=1, le=1000)] = 1
-    """A condition with weight 2 gets twice as many participants as one with weight 1."""
-    quota: Annotated[int, Field(ge=1)] | None = None
-    """The largest number of participants. Empty: no limit."""
-
-    @property
-    def shows_predictions(self) -> bool:
-        return self.predictor != "none"
 
 
 class PartnerSettings(StrictModel):
@@ -94,6 +77,9 @@ class PredictorSettings(StrictModel):
     """How many predicted steps are drawn."""
     confidence_opacity: bool = False
     """Draw a step fainter when the predictor is less certain."""
+    show: Show = "always"
+    """When the marks are drawn. always: in every timestep. on_key: while the participant holds the marks key or button.
+    toggle: from one press of it to the next. A condition can have its own `show`."""
 
 
 class Pause(StrictModel):

@@ -18,7 +18,7 @@ from server.study.steps import steps
 from server.study_check import stage_problems
 
 STUDIES = Path(__file__).parents[2] / "studies"
-BUNDLED = sorted(STUDIES.glob("*.yaml"))
+BUNDLED = sorted(STUDIES.glob("**/*.yaml"))
 
 
 @pytest.fixture(params=BUNDLED, ids=lambda path: path.stem)

@@ -81,8 +81,9 @@ class MemoryRecorder:
         actions = tuple(tick.actions for tick in stored[1:] if tick.actions is not None)
         last = stored[-1]
         return EpisodeRecord(
-            episode, ("p1", None), spec, actions, last.state_hash, "running", 0.0, last.next_actions, last.displayed
-        )
+            episode, ("p1", None), spec, actions, last.state_hash, "running", 0.0, last.next_actions, last.displayed,
+            asked=last.asked,
+        )  # fmt: skip
 
 
 class RuleModels:

@@ -9,7 +9,7 @@ from fastapi import APIRouter, HTTPException, Request, Response, WebSocket
 from overcooked.layout import LayoutError
 from server.monitoring.live_games import Card, LiveGames, card_of, who
 from server.monitoring.peers import View
-from server.monitoring.replay import StoredTicks, input_of, record_json, row_of
+from server.monitoring.replay import StoredTicks, input_of, record_json, row_of, visible
 from server.play.close_codes import CloseCode
 from server.store import decisions, overview
 from server.store.admins import AdminSession
@@ -98,7 +98,7 @@ async def _tell(socket: WebSocket, live: LiveGames, which: tuple[tuple[int, ...]
         if session.stored and not card.game.busy and session.record is not None and session.simulation.timestep > told:
             told = session.simulation.timestep
             row = row_of(session.record, session.simulation, admin.blind)
-            new = [input_of(one, session.spec.tick_ms) for one in session.record.inputs]
+            new = [input_of(one, session.spec.tick_ms) for one in visible(session.record.inputs, admin.blind)]
             await send_news(socket, {"type": "tick", "row": row, "inputs": new})
         await asyncio.sleep(LOOK_EVERY_S)
 

@@ -125,6 +125,7 @@ declare namespace Researcher {
     rewards: [number, number];
     prediction: number[][];
     displayed: [number, number][];
+    asked: boolean | null;
     keys: [seat: number, seq: number, receivedMs: number][];
     late: boolean;
     late_ms: number;
@@ -137,6 +138,7 @@ declare namespace Researcher {
     seq: number;
     held: number | null;
     tap: number | null;
+    marks: boolean | null;
     outcome: string;
   }
 

@@ -65,7 +65,7 @@ export function boardState(still, kitchen, now) {
   /** @type {Wire.Welcome} */
   const welcome = {
     ...{ type: 'welcome', protocol: 0, episode: '', kind: 'episode', number: 0, episodes: 0, layout: '', title: '' },
-    ...{ steps: 3, shows_predictions: true, resumed: false, partner: 'agent' },
+    ...{ steps: 3, shows_predictions: true, resumed: false, partner: 'agent', show: 'always' },
     ...still,
     state: kitchen,
     endless: !still.horizon,

@@ -30,6 +30,7 @@ declare namespace Wire {
     resumed: boolean;
     endless: boolean;
     partner: "agent" | "human";
+    show: "always" | "on_key" | "toggle";
   }
 
   interface Waiting {
@@ -112,6 +113,7 @@ declare namespace Wire {
     held: number | null;
     tap: 0 | 1 | 2 | 3 | 5 | null;
     client_ms: number;
+    marks?: boolean | null;
   }
 
   interface Away {

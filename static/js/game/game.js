@@ -19,10 +19,11 @@ import { Connection, tabName } from './connection.js';
 import { Dialogs } from './dialogs.js';
 import { Hud } from './hud.js';
 import { InputPacer, Keys } from './input.js';
-import { showKeyCaps, walkAndUseCaps } from './key-caps.js';
+import { keyCaps, showKeyCaps } from './key-caps.js';
 import { KeyboardLayout } from './key-names.js';
 import { listenToKeyboard, watchPresence } from './keyboard.js';
 import { KeysDialog, storedBindings } from './keys-dialog.js';
+import { MarksControl } from './marks-control.js';
 import { away, input, ready } from './messages.js';
 import { Sound } from './sound.js';
 import { listenTouch } from './touch.js';
@@ -78,6 +79,7 @@ const coach = new TutorialCoach(
   text,
   lessonKeyCaps,
 );
+const marksControl = new MarksControl(document.body, text, lessonKeyCaps);
 const dialogs = new Dialogs(page, text, {
   ready: start,
   takeOver: () => connection.open(),
@@ -103,6 +105,7 @@ function change(next) {
   page.dataset.link = state.link;
   page.dataset.timestep = String(state.current?.t ?? '');
   hud.show(state, still.matches);
+  marksControl.show(state);
   renderer.highlight = coach.show(state, board);
   showDialog(changedMs);
 }
@@ -139,11 +142,13 @@ function linkChanged(link) {
 /** Release all keys; return what to tell the server about it, or null. */
 function releaseKeys() {
   const waited = pacer.clear();
-  return keys.clear() ?? (waited ? { held: null, tap: null } : null);
+  const none = keys.marksOnDemand ? { held: null, tap: null, marks: false } : { held: null, tap: null };
+  return keys.clear() ?? (waited ? none : null);
 }
 
 /** @param {Wire.Welcome} message */
 function welcome(message) {
+  keys.marksOnDemand = message.show !== 'always';
   fit();
   change(state);
   const onReadyPage = message.kind === 'episode' && !message.resumed && config.ready_page && !state.alone;
@@ -171,7 +176,7 @@ function reloadOnce() {
 /** @param {Change} change */
 function press(change) {
   seq += 1;
-  if (!connection.send(input(seq, change.held, change.tap, performance.now()))) return;
+  if (!connection.send(input(seq, change.held, change.tap, performance.now(), change.marks))) return;
   if (change.tap !== null && change.tap < 4) state = applyTurn(state, change.tap, seq);
 }
 
@@ -209,11 +214,12 @@ function notice(words) {
 }
 
 function lessonKeyCaps() {
-  return walkAndUseCaps(bindings, text, layout);
+  return keyCaps(bindings, text, layout);
 }
 
 function keysChanged() {
   coach.rewrite();
+  marksControl.rewrite();
   if (state.game) change(state);
   showKeyCaps(page, bindings, text, layout);
 }

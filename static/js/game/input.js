@@ -3,10 +3,13 @@
 import { INTERACT } from '../board/kitchen.js';
 
 /** @typedef {Record<string, string[]>} Bindings action -> codes of KeyboardEvent.code */
-/** @typedef {{ held: number | null, tap: number | null }} Change what to send: see Wire.Input */
+/** @typedef {{ held: number | null, tap: number | null, marks?: boolean }} Change what to send: see Wire.Input */
+
+/** The key that asks for the marks, where a study shows them on demand: no action of the chef. */
+export const MARKS = 6;
 
 /**
- * 0 to 3 walk, 5 uses what is ahead.
+ * 0 to 3 walk, 5 uses what is ahead, 6 asks for the marks.
  * @type {Bindings}
  */
 export const DEFAULT_BINDINGS = {
@@ -15,6 +18,7 @@ export const DEFAULT_BINDINGS = {
   2: ['ArrowRight', 'KeyD'],
   3: ['ArrowLeft', 'KeyA'],
   5: ['Space', 'KeyE', 'Enter'],
+  [MARKS]: ['KeyQ', 'KeyM'],
 };
 
 /** Keys of the number pad do what their namesakes do, unless they are bound to something else. */
@@ -33,6 +37,8 @@ export class Keys {
     this.doubted = new Map();
     /** @type {Map<string, number>} */
     this.actionOf = new Map();
+    /** Whether the key that asks for the marks has a meaning in this game. */
+    this.marksOnDemand = false;
     this.bind(bindings);
   }
 
@@ -50,7 +56,8 @@ export class Keys {
 
   /** @param {string} code */
   knows(code) {
-    return this.actionOf.has(code);
+    const action = this.actionOf.get(code);
+    return action !== undefined && (action !== MARKS || this.marksOnDemand);
   }
 
   /** @param {string} code */
@@ -59,8 +66,13 @@ export class Keys {
   }
 
   get held() {
-    const walking = this.pressed.filter(([, action]) => action !== INTERACT);
+    const walking = this.pressed.filter(([, action]) => action !== INTERACT && action !== MARKS);
     return walking.length ? walking[walking.length - 1][1] : null;
+  }
+
+  /** Whether a key that asks for the marks is down. */
+  get asks() {
+    return this.pressed.some(([, action]) => action === MARKS);
   }
 
   /**
@@ -70,10 +82,11 @@ export class Keys {
    * @returns {Change | null}
    */
   press(code, action = this.actionOf.get(code)) {
-    if (action === undefined || this.isDown(code)) return null;
+    if (action === undefined || this.isDown(code) || (action === MARKS && !this.marksOnDemand)) return null;
+    const before = this.#state();
     this.doubted.delete(code);
     this.pressed.push([code, action]);
-    return { held: this.held, tap: action };
+    return action === MARKS ? this.#since(before) : { held: this.held, tap: action };
   }
 
   /**
@@ -104,9 +117,9 @@ export class Keys {
     const action = this.doubted.get(code);
     if (action === undefined) return null;
     this.doubted.delete(code);
-    const before = this.held;
+    const before = this.#state();
     this.pressed.push([code, action]);
-    return this.held === before ? null : { held: this.held, tap: null };
+    return this.#since(before);
   }
 
   /**
@@ -114,10 +127,10 @@ export class Keys {
    * @returns {Change | null}
    */
   clear() {
-    const before = this.held;
+    const before = this.#state();
     this.pressed = [];
     this.doubted.clear();
-    return before === null ? null : { held: null, tap: null };
+    return this.#since(before);
   }
 
   /**
@@ -125,16 +138,30 @@ export class Keys {
    * @returns {Change | null}
    */
   #drop(codes) {
-    const before = this.held;
+    const before = this.#state();
     this.pressed = this.pressed.filter(([each]) => !codes.includes(each));
-    return this.held === before ? null : { held: this.held, tap: null };
+    return this.#since(before);
+  }
+
+  #state() {
+    return { held: this.held, asks: this.asks };
+  }
+
+  /**
+   * @param {{ held: number | null, asks: boolean }} before
+   * @returns {Change | null}
+   */
+  #since(before) {
+    const { held, asks } = this.#state();
+    if (held === before.held && asks === before.asks) return null;
+    return asks === before.asks ? { held, tap: null } : { held, tap: null, marks: asks };
   }
 }
 
 /**
  * Sends changes at the pace of the game, so that rapid key presses never exceed what the server accepts. Changes that
  * a timestep cannot use wait for the next one: what is held, the last press to walk and the last to use, as on the
- * server.
+ * server. Of the marks key the last press and what followed.
  */
 export class InputPacer {
   /**
@@ -147,20 +174,24 @@ export class InputPacer {
     this.most = most;
     this.perTick = perTick;
     this.left = most;
-    /** @type {{ held: number | null, taps: number[] } | null} */
+    /** @type {{ held: number | null, taps: number[], marks: boolean[] } | null} */
     this.waiting = null;
   }
 
   /** @param {Change} change */
-  change({ held, tap }) {
+  change({ held, tap, marks }) {
     if (!this.waiting && this.left > 0) {
       this.left -= 1;
-      this.send({ held, tap });
+      this.send(marks === undefined ? { held, tap } : { held, tap, marks });
       return;
     }
-    const taps = this.waiting?.taps ?? [];
+    const { taps, marks: asked } = this.waiting ?? { taps: [], marks: [] };
     const others = taps.filter((each) => tap === null || (each === INTERACT) !== (tap === INTERACT));
-    this.waiting = { held, taps: tap === null ? others : [...others, tap] };
+    this.waiting = {
+      held,
+      taps: tap === null ? others : [...others, tap],
+      marks: marks === undefined ? asked : [...asked, marks].slice(-2),
+    };
   }
 
   /** Call this when a timestep was made. */
@@ -169,7 +200,10 @@ export class InputPacer {
     const waiting = this.waiting;
     this.clear();
     if (!waiting) return;
-    for (const tap of waiting.taps.length ? waiting.taps : [null]) this.change({ held: waiting.held, tap });
+    const { held, taps, marks } = waiting;
+    for (const tap of taps) this.change({ held, tap });
+    for (const asks of marks) this.change({ held, tap: null, marks: asks });
+    if (!taps.length && !marks.length) this.change({ held, tap: null });
   }
 
   /** Forget what waits. Return whether anything did. */

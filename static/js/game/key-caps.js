@@ -8,12 +8,12 @@ import { findAll } from '../browser/dom.js';
 import { keyName } from './key-names.js';
 
 /**
- * Return the elements for {walk} and {use} in the tutorial's texts.
+ * Return the elements for {walk}, {use} and {marks} in the page's texts.
  * @param {Bindings} bindings
  * @param {Catalogue} text
  * @param {KeyboardLayout} layout
  */
-export function walkAndUseCaps(bindings, text, layout) {
+export function keyCaps(bindings, text, layout) {
   /** @param {string} words */
   const cap = (words) => Object.assign(document.createElement('kbd'), { textContent: words });
   /** @param {number} action */
@@ -22,7 +22,7 @@ export function walkAndUseCaps(bindings, text, layout) {
   walk.className = 'capline';
   walk.append(...[3, 0, 1, 2].map((action) => cap(name(action))));
   const touch = matchMedia('(pointer: coarse)').matches;
-  return { walk, use: cap(touch ? text('keys.use') : name(5)) };
+  return { walk, use: cap(touch ? text('keys.use') : name(5)), marks: cap(touch ? text('keys.marks') : name(6)) };
 }
 
 /**

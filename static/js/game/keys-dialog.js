@@ -10,7 +10,7 @@ import { DEFAULT_BINDINGS } from './input.js';
 import { codeOf, isModifier, isUsable, keyName } from './key-names.js';
 
 /** @type {Record<string, string>} the texts' names of the actions */
-const WORDS = { 0: 'up', 1: 'down', 2: 'right', 3: 'left', 5: 'use' };
+const WORDS = { 0: 'up', 1: 'down', 2: 'right', 3: 'left', 5: 'use', 6: 'marks' };
 const STORE = 'kitchenmind.keys';
 
 /**

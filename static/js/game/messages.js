@@ -31,6 +31,7 @@ const INCOMING = {
     ...{ protocol: number, episode: text, kind: text, number, episodes: number, layout: text, title: text },
     ...{ grid: listOf(text), seat: number, watched_seat: number, horizon: number, tick_ms: number, steps: number },
     ...{ shows_predictions: flag, state: shape(KITCHEN), resumed: flag, endless: flag, partner: text },
+    show: text,
   },
   waiting: { left_s: number },
   countdown: { seconds: number },
@@ -76,9 +77,11 @@ export const hello = (tab, lastTimestep) => ({ type: 'hello', protocol: PROTOCOL
 /** @type {() => Wire.Ready} */
 export const ready = () => ({ type: 'ready' });
 
-/** @type {(seq: number, held: number | null, tap: number | null, clientMs: number) => Wire.Input} */
-export const input = (seq, held, tap, clientMs) => {
-  return { type: 'input', seq, held, tap: /** @type {Wire.Input['tap']} */ (tap), client_ms: clientMs };
+/** @type {(seq: number, held: number | null, tap: number | null, clientMs: number, marks?: boolean) => Wire.Input} */
+export const input = (seq, held, tap, clientMs, marks) => {
+  /** @type {Wire.Input} */
+  const message = { type: 'input', seq, held, tap: /** @type {Wire.Input['tap']} */ (tap), client_ms: clientMs };
+  return marks === undefined ? message : { ...message, marks };
 };
 
 /** @type {(reason: Wire.Away['reason']) => Wire.Away} */

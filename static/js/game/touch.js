@@ -2,6 +2,8 @@
 
 /** @import { Change, Keys } from './input.js' */
 
+import { MARKS } from './input.js';
+
 const TICK_MS = 8;
 
 /**
@@ -77,14 +79,17 @@ class TouchPad {
   }
 
   /**
-   * A button pressed without a pointer (screen reader, switch control) is a tap.
+   * A button pressed without a pointer (screen reader, switch control) is a tap. The one that asks for the marks stays
+   * down until it is pressed again.
    * @param {MouseEvent} event
    */
   #click(event) {
     const button = buttonOf(event.target, '[data-action]');
     if (!button || event.detail !== 0 || !this.isPlaying()) return;
-    this.#tell(this.keys.press('touch-click', Number(button.dataset.action)));
-    this.#tell(this.keys.release('touch-click'));
+    const action = Number(button.dataset.action);
+    const isDown = this.keys.isDown(`touch-click-${action}`);
+    if (!isDown) this.#tell(this.keys.press(`touch-click-${action}`, action));
+    if (isDown || action !== MARKS) this.#tell(this.keys.release(`touch-click-${action}`));
   }
 
   /**

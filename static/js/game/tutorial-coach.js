@@ -76,6 +76,15 @@ export function bubblePlace(cell, state, board, size, stage) {
   return { left: best.left, top: clamp(best.top, MARGIN, lowest), side: cell ? best.side : 'free', tip };
 }
 
+/**
+ * Return which text explains a lesson: marks on demand have their own.
+ * @param {string} key
+ * @param {State} state
+ */
+function textOf(key, { game }) {
+  return key === 'marks' && game && game.show !== 'always' ? game.show : 'text';
+}
+
 /** @type {(value: number, low: number, high: number) => number} */
 function clamp(value, low, high) {
   return Math.max(low, Math.min(high, value));
@@ -116,7 +125,7 @@ export class TutorialCoach {
    * @param {HTMLElement} panel has the list of lessons
    * @param {string[]} keys of the lessons, where the server told them
    * @param {Catalogue} text
-   * @param {() => Record<string, string | Node>} keyCaps gives the elements for {walk} and {use} in the texts
+   * @param {() => Record<string, string | Node>} keyCaps gives the elements for {walk}, {use} and {marks}
    */
   constructor(stage, bubble, panel, keys, text, keyCaps) {
     this.stage = stage;
@@ -166,14 +175,14 @@ export class TutorialCoach {
    * @param {State} state
    */
   #write(lesson, state) {
-    const same = `${lesson.key}:${lesson.index}:${lesson.done}`;
+    const same = `${lesson.key}:${lesson.index}:${lesson.done}:${state.game?.show}`;
     if (same === this.shown) return;
     this.shown = same;
     this.placed = '';
     const key = lesson.done ? 'done' : lesson.key;
     this.title.textContent = this.text(`lesson.${key}.title`);
     for (const place of this.explanations) {
-      place.replaceChildren(...this.text.nodes(`lesson.${key}.text`, this.keyCaps()));
+      place.replaceChildren(...this.text.nodes(`lesson.${key}.${textOf(key, state)}`, this.keyCaps()));
     }
     const keys = (this.keys.length ? this.keys : state.lessons).slice(0, lesson.steps);
     this.list.replaceChildren(...keys.map((each, index) => this.#item(each, index, lesson)));

@@ -18,7 +18,7 @@ import { Connection, retryDelay, tabName } from '../game/connection.js';
 import { Dialogs } from '../game/dialogs.js';
 import { Hud } from '../game/hud.js';
 import { DEFAULT_BINDINGS, InputPacer, Keys } from '../game/input.js';
-import { walkAndUseCaps } from '../game/key-caps.js';
+import { keyCaps } from '../game/key-caps.js';
 import { KeyboardLayout } from '../game/key-names.js';
 import { listenToKeyboard } from '../game/keyboard.js';
 import { rebind } from '../game/keys-dialog.js';
@@ -85,7 +85,7 @@ function tryTexts() {
   /** @type {Catalogue} */
   const text = catalogue({ 'keys.space': 'Space', 'say.seconds': '{seconds} s' });
   text.nodes('say.seconds', { seconds: document.createElement('kbd') });
-  walkAndUseCaps(DEFAULT_BINDINGS, text, new KeyboardLayout());
+  keyCaps(DEFAULT_BINDINGS, text, new KeyboardLayout());
   new Announcer(document.createElement('p'), document.createElement('p'), text).time(9);
   session.getItem('kitchenmind.tab');
   tabName({ getItem: () => null, setItem() {}, removeItem() {} }, new EventTarget());
@@ -117,6 +117,7 @@ const WELCOME = {
   ...{ type: 'welcome', protocol: 1, episode: 'self-test', kind: 'tutorial', number: 1, episodes: 1, layout: 'test' },
   ...{ title: 'Test', grid: GRID, seat: 0, watched_seat: 1, horizon: 400, tick_ms: 200, steps: 3, resumed: false },
   ...{ shows_predictions: true, state: kitchen(0, ONION), endless: false, partner: 'agent' },
+  show: 'always',
 };
 
 /** @param {Renderer} renderer */

@@ -7,6 +7,7 @@ import { DISH, EAST, INTERACT, NORTH, SOUP, SOUTH, WEST } from '../board/kitchen
 import { Scene } from '../board/scene.js';
 import { find, findAll } from '../browser/dom.js';
 import { session } from '../browser/storage.js';
+import { fillIn } from '../browser/texts.js';
 import { KeyboardLayout } from '../game/key-names.js';
 
 const GRID = ['XXPXXXX', 'X     D', 'O     X', 'X     S', 'XXXXXXX'];
@@ -150,8 +151,13 @@ function turnBySwipe() {
   });
 }
 
-/** Name the letters to walk with as they are printed on this keyboard: ZQSD in France. */
+/** Name the letters as they are printed on this keyboard: ZQSD to walk with in France. */
 function showLetters() {
+  for (const text of findAll('.text.ask', HTMLElement, form)) {
+    if (text.textContent !== text.dataset.touch) {
+      text.textContent = fillIn(text.dataset.words ?? '', { key: layout.of('KeyQ') ?? 'Q' });
+    }
+  }
   const printed = [...'WASD'].map((letter) => layout.of(`Key${letter}`) ?? letter).join('');
   for (const text of findAll('#slide-fetch .text', HTMLElement, form)) {
     text.textContent = (text.textContent ?? '').replace(letters, printed);

@@ -49,7 +49,9 @@ export function showPrediction(table, place, record, t) {
   });
   const rows = NAMES.map((_, action) => predictionRow(record, t, action));
   const head = make('tr', {}, make('td'), ...heads);
-  table.replaceChildren(make('thead', {}, head), make('tbody', {}, ...rows));
+  const note = record.rows[t].asked === false ? 'Not shown: the participant did not ask for the marks.' : '';
+  const caption = make('caption', { className: 'soft', text: note });
+  table.replaceChildren(...(note ? [caption] : []), make('thead', {}, head), make('tbody', {}, ...rows));
 }
 
 /**
@@ -96,6 +98,7 @@ const OUTCOMES = {
   unchanged: 'nothing new',
   repeated: 'not done: a repeat',
   ended: 'not done: the game was over',
+  marks: 'done',
 };
 
 /**
@@ -124,6 +127,7 @@ function inputItem(input) {
   const keys = [];
   if (input.tap !== null) keys.push(`${NAMES[input.tap]} pressed`);
   if (input.held !== null) keys.push(`${NAMES[input.held]} held`);
+  if (input.marks !== null) keys.push(`marks key ${input.marks ? 'down' : 'up'}`);
   const className = wasDropped(input) ? 'flag warn' : '';
   const outcome = make('span', { className, text: OUTCOMES[input.outcome] ?? input.outcome });
   const number = make('b', { text: `#${input.seq}` });

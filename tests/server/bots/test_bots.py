@@ -27,7 +27,7 @@ from server.study.recruitment import Recruitment
 from tests.support import command_line
 
 ROOT = Path(__file__).parents[3]
-STUDIES = sorted((ROOT / "studies").glob("*.yaml"))
+STUDIES = sorted((ROOT / "studies").glob("**/*.yaml"))
 SCRIPTED = ROOT / "tests" / "data" / "small_study.yaml"
 
 

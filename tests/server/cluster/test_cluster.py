@@ -233,7 +233,7 @@ async def test_timesteps_without_the_promised_display_are_shown_wherever_the_gam
     here, there = pair
     game = running(here)
     assert game is not None
-    game.session.display_violations += 1000
+    game.session.frames.violations += 1000
 
     def counted() -> Any:
         services = there.app.state.services

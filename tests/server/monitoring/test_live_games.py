@@ -50,4 +50,4 @@ def test_the_next_timestep_is_encoded_afresh_with_its_own_predictions() -> None:
     session.finish_tick(silent, 1.0)
     after = msgspec.json.decode(live.encoded_board(game, blind=False))
     assert msgspec.json.decode(between)["state"]["t"] == after["state"]["t"] == 1
-    assert after["prediction"] == [list(mark) for mark in session.displayed]
+    assert after["prediction"] == [list(mark) for mark in session.frames.displayed]

@@ -100,14 +100,14 @@ def test_timesteps_whose_display_is_not_what_the_condition_promises_are_counted(
     session, _ = start(make_spec(shown=shown))
     for late in (False, True, True, False):
         tick(session, models_ms=1000.0 if late else 1.0)
-    assert session.display_violations == broken
+    assert session.frames.violations == broken
 
 
 def test_the_last_state_shows_nothing_and_breaks_no_promise() -> None:
     session, _ = start(make_spec(horizon=3))
     while not session.over:
         tick(session)
-    assert session.display_violations == 0
+    assert session.frames.violations == 0
 
 
 def test_nonsense_action_of_a_model_counts_as_no_answer() -> None:
@@ -244,7 +244,7 @@ def test_restarted_episode_stands_where_it_stood_and_its_partner_does_what_was_d
     assert session.phase == "paused"
     assert session.simulation.timestep == 20
     assert session.simulation.hash() == records[-1].state_hash
-    assert session.displayed == records[-1].displayed
+    assert session.frames.displayed == records[-1].displayed
     assert session.welcome(0).resumed
     assert session.pause_reasons.left_s(1e6) is None
     session.release(0, 1.0)

@@ -14,8 +14,14 @@ NOTHING = ((NOTHING_SHOWN, 95), (NOTHING_SHOWN, 80), (NOTHING_SHOWN, 60))
 MARKS = ((2, 95), (4, 80), (0, 60))
 
 
-def stored(database: Database, shown: str, displays: list[tuple[tuple[int, int], ...]]) -> tuple[int, str]:
-    """An episode that is over, with these displays on its states; the last one is not counted."""
+def stored(
+    database: Database,
+    shown: str,
+    displays: list[tuple[tuple[int, int], ...]],
+    asked: tuple[bool | None, ...] = (),
+) -> tuple[int, str]:
+    """An episode that is over, with these displays on its states; the last one is not counted. `asked`: whether the
+    marks were asked for on each state."""
 
     def fill(connection):
         study = studies.register(connection, "one", "name: one")
@@ -24,6 +30,7 @@ def stored(database: Database, shown: str, displays: list[tuple[tuple[int, int],
         episode = episodes.create(connection, new)
         records = played(episode, len(displays) - 1)
         records = [replace(one, displayed=display) for one, display in zip(records, displays, strict=True)]
+        records = [replace(one, asked=was) for one, was in zip(records, asked or (None,) * len(displays), strict=True)]
         ticks.insert(connection, records)
         episodes.end(connection, result_of(records, spec))
         return study.id, episode
@@ -50,3 +57,10 @@ def test_what_was_not_shown_as_promised_is_counted(
     database.read_now(count.count, (study,))
     database.read_now(count.count, (study,))
     assert (count.timesteps, count.episodes, count.waiting) == (broken, int(broken > 0), 0)
+
+
+def test_marks_on_demand_are_due_in_the_timesteps_in_which_they_were_asked_for(database: Database) -> None:
+    displays = [NOTHING, MARKS, NOTHING, MARKS, NOTHING]
+    asked = (False, True, True, False, False)  # right, right, missing, not asked for, the last state
+    _, episode = stored(database, "predictor", displays, asked)
+    assert database.read_now(violations, [episode]) == {episode: 2}

@@ -65,6 +65,7 @@ def welcome(**changes: Any) -> Welcome:
         "tick_ms": 200,
         "steps": 3,
         "shows_predictions": True,
+        "show": "always",
         "state": kitchen(),
         "resumed": False,
         "endless": False,

@@ -1,0 +1,62 @@
+"""How much participants looked at marks that are shown on demand: the share of time, and uses a minute.
+
+A use begins in a timestep in which the marks are asked for and were not in the timestep before.
+"""
+
+from collections.abc import Sequence
+
+import polars as pl
+
+from analysis import effects
+from analysis.results import Result
+from analysis.table_files import ON_DEMAND
+
+NOTHING_DRAWN = 6
+MS_A_MINUTE = 60_000
+MEASURES = {"shown_share": "share of time", "uses_per_minute": "uses a minute"}
+
+
+def by_episode(ticks: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
+    """One row an episode with marks on demand: episode, participant, condition, shown_share, uses_per_minute."""
+    if not set(ON_DEMAND) <= set(ticks.columns):
+        return pl.DataFrame(schema={"condition": pl.String})
+    asked = pl.col("asked").cast(pl.Boolean)
+    begins = asked & ~asked.shift(1).over("episode").fill_null(False)
+    seen = ticks.filter(asked.is_not_null()).sort("episode", "timestep").with_columns(begins=begins)
+    found = seen.group_by("episode", maintain_order=True).agg(
+        shown_share=(pl.col("displayed_1") != NOTHING_DRAWN).mean(),
+        uses=pl.col("begins").sum(),
+        timesteps=pl.len(),
+    )
+    minutes = pl.col("timesteps") * pl.col("tick_ms") / MS_A_MINUTE
+    known = episodes.select("episode", "participant", "condition", "tick_ms")
+    return found.join(known, on="episode").with_columns(uses_per_minute=pl.col("uses") / minutes)
+
+
+def rows(ticks: pl.DataFrame, episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result]:
+    """The mean of each measure over people, each with the mean of their episodes, by condition with marks on demand."""
+    table = by_episode(ticks, episodes)
+    return [
+        _row(table.filter(pl.col("condition") == condition), condition, measure)
+        for condition in conditions
+        if condition in table["condition"]
+        for measure in MEASURES
+    ]
+
+
+def _row(table: pl.DataFrame, condition: str, measure: str) -> Result:
+    of_people = table.group_by("participant", maintain_order=True).agg(pl.col(measure).mean())[measure].to_numpy()
+    mean = effects.mean_interval(of_people)
+    return Result(
+        "on demand",
+        measure,
+        condition=condition,
+        estimate=mean.value,
+        estimate_low=mean.low,
+        estimate_high=mean.high,
+        se=effects.standard_error(of_people),
+        n=of_people.size,
+        unit="people",
+        ci_level=mean.level,
+        note=MEASURES[measure],
+    )
