@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import polars as pl
 
-from analysis import effects
+from analysis.person_means import mean_over_people
 from analysis.results import Result
 from analysis.table_files import ON_DEMAND
 
@@ -37,26 +37,8 @@ def rows(ticks: pl.DataFrame, episodes: pl.DataFrame, conditions: Sequence[str])
     """The mean of each measure over people, each with the mean of their episodes, by condition with marks on demand."""
     table = by_episode(ticks, episodes)
     return [
-        _row(table.filter(pl.col("condition") == condition), condition, measure)
+        mean_over_people("on demand", table, condition, measure, MEASURES[measure])
         for condition in conditions
         if condition in table["condition"]
         for measure in MEASURES
     ]
-
-
-def _row(table: pl.DataFrame, condition: str, measure: str) -> Result:
-    of_people = table.group_by("participant", maintain_order=True).agg(pl.col(measure).mean())[measure].to_numpy()
-    mean = effects.mean_interval(of_people)
-    return Result(
-        "on demand",
-        measure,
-        condition=condition,
-        estimate=mean.value,
-        estimate_low=mean.low,
-        estimate_high=mean.high,
-        se=effects.standard_error(of_people),
-        n=of_people.size,
-        unit="people",
-        ci_level=mean.level,
-        note=MEASURES[measure],
-    )

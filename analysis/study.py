@@ -13,6 +13,7 @@ from analysis import (
     compare,
     data_quality,
     exclusions,
+    limited_sight,
     measures,
     mixed_model,
     on_demand,
@@ -95,6 +96,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         *accuracy.offline(_offline(export, options), layouts, agents),
         *accuracy.live(episodes, layouts, agents),
         *on_demand.rows(export.ticks, episodes, conditions),
+        *limited_sight.rows(export.ticks, episodes, conditions),
         *robustness_rows(checked),
     ]
     powers = _powers(model, episodes, conditions, options)

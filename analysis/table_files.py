@@ -32,10 +32,12 @@ COLUMNS = {
     "pauses": ("episode", "reason", "duration_ms"),
     "withdrawals": ("study", "condition"),
 }
+IN_SIGHT = "in_sight"  # an older export lacks it
 ON_DEMAND = ("asked", "displayed_1")  # an older export lacks the first
 TICK_COLUMNS = {
     *COLUMNS["ticks"],
     *ON_DEMAND,
+    IN_SIGHT,
     *(f"key_{time}_ms_{seat}" for time in ("client", "received") for seat in (0, 1)),
 }
 OPTIONAL = ("pauses", "withdrawals")

@@ -17,6 +17,7 @@ EXAMPLES: Final = (
     "studies/two_people.yaml",
     "studies/external_predictor.yaml",
     "studies/examples/on_demand.yaml",
+    "studies/examples/limited_sight.yaml",
 )
 TEXT: Final = "Text"  # the type of what participants read, by language
 QUESTION: Final = "SurveyQuestion"

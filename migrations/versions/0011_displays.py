@@ -1,4 +1,4 @@
-"""When a timestep's marks were asked for, and the key that asks for them"""
+"""Whether a timestep's marks were asked for and in view, and the key that asks for them"""
 
 import sqlalchemy as sa
 from alembic import op
@@ -12,4 +12,5 @@ depends_on = None
 
 def upgrade() -> None:
     op.add_column('ticks', sa.Column('asked', sa.Boolean(), nullable=True))
+    op.add_column('ticks', sa.Column('in_sight', sa.Boolean(), nullable=True))
     op.add_column('inputs', sa.Column('marks', sa.Boolean(), nullable=True))

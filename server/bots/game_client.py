@@ -16,6 +16,7 @@ from server.play.close_codes import CloseCode
 from server.play.marks import NOTHING_SHOWN, is_as_promised
 from server.study.order import derived_seed
 
+PARTLY_SEEN: Final = ""  # for the hash of a state of which the participant saw a part only
 LOOKS_FOR: Final = 5  # timesteps for which the marks key is down, and up
 BrowserFault = Literal["reload", "second_tab", "half_open"]
 
@@ -100,13 +101,15 @@ class BotGame(GameClient):
         if self.welcome is None:
             return
         place = (self.welcome.episode, state.t)
-        if self._journal.states.setdefault(place, self.state_hash) != self.state_hash:
+        if self.welcome.view_radius:
+            self._journal.states[place] = PARTLY_SEEN
+        elif self._journal.states.setdefault(place, self.state_hash) != self.state_hash:
             self.violations.append(f"episode {place[0]} timestep {state.t} was shown in two ways")
 
     def _saw_marks(self, tick: messages.Tick) -> None:
         """Note a timestep whose display is not what the welcome promised."""
-        if self.welcome is None or self.welcome.show != "always":
-            return  # the database knows in which timesteps the marks were asked for
+        if self.welcome is None or self.welcome.show != "always" or not tick.partner_seen:
+            return  # the database knows in which timesteps the marks were asked for and in view
         shown = "predictor" if self.welcome.shows_predictions else "nothing"
         if not is_as_promised(shown, tick.prediction):
             self._journal.broken_displays.setdefault(self.welcome.episode, set()).add(tick.state.t)

@@ -80,10 +80,18 @@ EPISODES = ExportTable(
         text("shown", "What the participant saw: nothing, predictor or random."),
         text("show", "When marks were drawn: always, on_key or toggle (only while the participant asked for them)."),
         Column(
+            "view_radius",
+            "integer",
+            "How many columns and rows around their chef participants saw; 0: the whole kitchen.",
+            "cells",
+            bits=16,
+        ),
+        Column(
             "display_violations",
             "integer",
             "Timesteps whose frame did not show what `shown` and `show` say, for example because the predictor was "
-            "late. The last state, on which nothing is shown, does not count.",
+            "late. With limited sight, marks are due while the watched chef is in view. The last state, on which "
+            "nothing is shown, does not count.",
             "timesteps",
             bits=32,
         ),
@@ -138,6 +146,11 @@ TICKS = ExportTable(
             "boolean",
             "Whether the participant asked for the marks on state t; empty: they are always drawn. The frame of state "
             "t is decided when the state is made.",
+        ),
+        Column(
+            "in_sight",
+            "boolean",
+            "Whether the watched chef was in the participant's view in state t; empty: sight was not limited.",
         ),
         ms("scheduled_ms", "When state t was due, from the first tick on, without pauses."),
         ms("late_ms", "Delay of the tick after its deadline."),

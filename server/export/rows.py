@@ -138,7 +138,8 @@ def episode_rows(chosen: Selection) -> Rows:
         timesteps = stored.timestep if stored else None
         values = tuple(row[:-1])
         rest = (json_text(row.spec), last_tick_text(stored) if stored else None)
-        display = (row.spec.get("show", "always"), violations(chosen.connection, [row.id]).get(row.id, 0))
+        broken = violations(chosen.connection, [row.id]).get(row.id, 0)
+        display = (row.spec.get("show", "always"), row.spec.get("view_radius", 0), broken)
         yield (
             *values[:before_display], *display, *values[before_display:before_timesteps], timesteps,
             *values[before_timesteps:], *rest,
@@ -148,7 +149,7 @@ def episode_rows(chosen: Selection) -> Rows:
 def last_tick_text(stored: Any) -> str:
     """What stands in a tick of its own state, as JSON: all but the step that led to it."""
     record = msgspec.to_builtins(tick_rows.record_of(stored))
-    names = ("state_hash", "next_actions", "prediction", "displayed", "late", "asked")
+    names = ("state_hash", "next_actions", "prediction", "displayed", "late", "asked", "in_sight")
     times = ("scheduled_ms", "late_ms", "models_ms", "made_unix_ms")
     return json_text({name: record[name] for name in names + times})
 

@@ -41,6 +41,7 @@ def record_json(connection: Connection, episode: str, blind: bool) -> str:
             "tick_ms": spec.tick_ms,
             "deadline_ms": spec.deadline_ms,
             "show": "always" if blind else spec.show,
+            "view_radius": 0 if blind else spec.view_radius,
         },
         "status": loaded.status,
         "rows": rows,

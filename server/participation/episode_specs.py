@@ -53,6 +53,7 @@ def episode_spec(study: Study, step: StudyStep, condition: str, language: str, p
         pause=PauseLimits(study.game.pause.each_s, study.game.pause.episode_s),
         progress=ProgressWeights(study.game.progress.onion_in_pot, study.game.progress.soup_on_dish),
         show=show_of(study, arm),
+        view_radius=view_radius_of(study, arm),
         lessons=lessons(study, arm) if tutorial else (),
     )
 
@@ -71,6 +72,12 @@ def lessons(study: Study, condition: Condition) -> tuple[str, ...]:
 def show_of(study: Study, condition: Condition) -> Show:
     """When the marks of a condition are drawn; `always` also where it has none."""
     return (condition.show or study.predictor.show) if condition.shows_predictions else "always"
+
+
+def view_radius_of(study: Study, condition: Condition) -> int:
+    """How many cells around their chef people in a condition see; 0: the whole kitchen."""
+    own = condition.view_radius
+    return (study.game.view_radius or 0) if own is None else own
 
 
 def layout_of(kitchen: KitchenChoice) -> Layout:

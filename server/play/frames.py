@@ -2,21 +2,35 @@
 
 from collections.abc import Mapping, Sequence
 
-from server.play import marks
+from overcooked.constants import STAY
+from server.play import marks, messages
 from server.play.episode_spec import EpisodeSpec
 from server.play.keys import Keys
 from server.play.marks_key import MarksKey
 from server.play.recorder import EpisodeRecord
+from server.play.sight import Sight
+from server.play.simulation import Simulation
 
 
 class Frames:
-    """The displays of one episode, from its record on."""
+    """The frames of one episode, from its record on. `watch` has to see every state."""
 
-    def __init__(self, record: EpisodeRecord, timestep: int) -> None:
-        self._spec = record.spec
-        self.displayed = record.displayed or marks.display(record.spec, timestep, ())
+    def __init__(self, record: EpisodeRecord, simulation: Simulation) -> None:
+        self._spec, self._simulation = record.spec, simulation
+        self.displayed = record.displayed or marks.display(record.spec, simulation.timestep, ())
         self.asked = record.asked  # whether the participant asked for the marks on the current state; None: always
+        self.in_sight: bool | None = None  # whether the watched chef is in the view of who sees marks; None: no limit
         self.violations = 0  # timesteps, since this process plays it, whose display breaks the promise
+        radius, seats = record.spec.view_radius, record.spec.human_seats if record.spec.view_radius else ()
+        self._sights = {seat: Sight(simulation.layout, seat, radius) for seat in seats}
+        self.watch()
+
+    def watch(self) -> None:
+        """Let everybody whose sight is limited look at the current state."""
+        if self._sights:
+            kitchen = self._simulation.kitchen()
+            for sight in self._sights.values():
+                sight.look(kitchen)
 
     def ask(self, keys: Mapping[int, Keys]) -> None:
         """Note whether the marks are asked for on the state that is made now."""
@@ -24,20 +38,66 @@ class Frames:
         if person is not None and person.marks_key is not None:
             self.asked = person.marks_key.take()
 
-    def decide(self, timestep: int, prediction: Sequence[Sequence[float]], over: bool) -> None:
+    def decide(self, prediction: Sequence[Sequence[float]], over: bool) -> None:
         """Decide what the frame of the current state shows. Nothing is done any more when the episode is `over`."""
+        sight, kitchen = self._sights.get(viewer(self._spec)), self._simulation.kitchen()
+        self.in_sight = None if sight is None else sight.sees_partner(kitchen)
         if over:
             self.displayed = marks.hidden(self.displayed)
             return
-        self.displayed = marks.display(self._spec, timestep, prediction)
-        due = self.asked is not False
+        self.displayed = marks.display(self._spec, self._simulation.timestep, prediction)
+        due = self.asked is not False and self.in_sight is not False
         if not due:
             self.displayed = marks.hidden(self.displayed)
+        elif sight is not None:
+            self.displayed = sight.cut(self.displayed, kitchen)
         self.violations += not marks.is_as_promised(self._spec.shown, self.displayed, due)
 
-    def of(self, person: int) -> marks.Displayed:
-        """What this person sees: nobody sees predictions about themselves."""
-        return marks.hidden(self.displayed) if person == self._spec.watched_seat else self.displayed
+    def welcome(self, person: int, episode: str, resumed: bool) -> messages.Welcome:
+        """All that the page of one person needs to draw the game."""
+        spec, simulation = self._spec, self._simulation
+        state, partner_seen, unknown = self.seen_by(person)
+        return messages.Welcome(
+            protocol=messages.PROTOCOL,
+            episode=episode,
+            kind=spec.kind,
+            number=spec.number,
+            episodes=spec.episodes,
+            layout=spec.layout,
+            title=spec.title,
+            grid=simulation.layout.grid,
+            seat=person,
+            watched_seat=spec.watched_seat,
+            horizon=spec.horizon,
+            tick_ms=spec.tick_ms,
+            steps=spec.steps_shown,
+            shows_predictions=spec.shown != "nothing" and person != spec.watched_seat,
+            state=state,
+            resumed=resumed,
+            endless=spec.horizon == 0,
+            partner="human" if len(spec.human_seats) > 1 else "agent",
+            show="always" if person == spec.watched_seat else spec.show,
+            view_radius=spec.view_radius if person in spec.human_seats else 0,
+            partner_seen=partner_seen,
+            unknown=unknown,
+        )
+
+    def tick(self, person: int, applied: int, late: bool) -> messages.Tick:
+        """The frame of the current state for one person. Nobody sees predictions about themselves."""
+        watched = person == self._spec.watched_seat
+        displayed = marks.hidden(self.displayed) if watched else self.displayed
+        actions = list(self._simulation.last_actions or (STAY, STAY))
+        state, partner_seen, unknown = self.seen_by(person)
+        if not partner_seen:
+            actions[1 - person] = STAY
+        return messages.Tick(state, displayed, (actions[0], actions[1]), applied, late, partner_seen, unknown)
+
+    def seen_by(self, person: int) -> tuple[messages.KitchenState, bool, tuple[tuple[int, int], ...]]:
+        """The current state as one person knows it, whether the partner is in view, and cells that were never seen."""
+        kitchen, sight = self._simulation.kitchen(), self._sights.get(person)
+        if sight is None:
+            return kitchen, True, ()
+        return sight.masked(kitchen), sight.sees_partner(kitchen), sight.unknown
 
 
 def viewer(spec: EpisodeSpec) -> int:

@@ -119,6 +119,9 @@ class Welcome(ToBrowser, frozen=True):
     endless: bool = False  # no time limit (tutorial)
     partner: Literal["agent", "human"] = "agent"
     show: Literal["always", "on_key", "toggle"] = "always"  # when the marks are drawn: see Input.marks
+    view_radius: Count = 0  # how many cells around their chef the participant sees; 0: the whole kitchen
+    partner_seen: bool = True  # as in Tick
+    unknown: tuple[tuple[Count, Count], ...] = ()  # as in Tick
 
 
 class Countdown(ToBrowser, frozen=True):
@@ -130,13 +133,16 @@ class Countdown(ToBrowser, frozen=True):
 class Tick(ToBrowser, frozen=True):
     """One timestep has been played and stored. `prediction`: for each step [action 0-6, opacity in %], about the
     timesteps t, t+1, t+2 of `state`; all conditions carry the same bytes. `applied`: the seq of the newest Input that
-    had arrived when the timestep was played (-1: none)."""
+    had arrived when the timestep was played (-1: none). With limited sight, `state` is what the participant knows:
+    `partner_seen` tells whether the partner is in view, `unknown` which counters and pots never were."""
 
     state: KitchenState
     prediction: tuple[tuple[ShownAction, Opacity], ...]
     actions: tuple[Action, Action]  # what was done in the timestep before this state
     applied: Annotated[int, Meta(ge=-1)]
     late: bool  # the partner missed its deadline and waited
+    partner_seen: bool = True
+    unknown: tuple[tuple[Count, Count], ...] = ()
 
 
 class Paused(ToBrowser, frozen=True):

@@ -40,10 +40,10 @@ class Session:
         self.simulation = Simulation(parse_layout(record.spec.grid, spec.layout), spec.horizon)
         lessons = tuple(key for key in spec.lessons if key != "marks" or spec.shown != "nothing")
         self.tutor = Tutor(lessons, self.people[0]) if lessons and spec.human_seats else None
+        self.frames = Frames(record, self.simulation)
         self._replay(record)
         self.stored = record.last_hash is not None  # is the current state stored, with what was decided on it?
         self.next_actions = record.next_actions or (None, None)
-        self.frames = Frames(record, self.simulation.timestep)
         self.late = False
         self.resumed = self.stored  # also at the start state, which is stored when the first countdown begins
         self.phase: Phase = "paused" if self.resumed else "waiting"
@@ -62,6 +62,7 @@ class Session:
     def _replay(self, record: EpisodeRecord) -> None:
         for actions in record.joint_actions:
             step = self.simulation.step(actions)
+            self.frames.watch()
             if self.tutor is not None:
                 self.tutor.watch(self.simulation, step)
         if record.last_hash is not None and self.simulation.hash() != record.last_hash:
@@ -170,6 +171,7 @@ class Session:
         self._late_ms = max(0.0, (now - self.next_deadline) * 1000)
         self.phase, self.stored = "running", False
         self._step = self.simulation.step(self._joint_action())
+        self.frames.watch()
         if self.tutor is not None:
             self.tutor.watch(self.simulation, self._step)
         self._asked = [] if self.over else partner.questions(self.episode, self.spec, self.simulation)
@@ -202,7 +204,7 @@ class Session:
         answers = partner.answers(self._asked, decisions)
         timestep, step = self.simulation.timestep, self._step
         self.next_actions, self.late = answers.next_actions, answers.late
-        self.frames.decide(timestep, answers.prediction, self.over)
+        self.frames.decide(answers.prediction, self.over)
         self.record = TickRecord(
             episode=self.episode,
             timestep=timestep,
@@ -222,6 +224,7 @@ class Session:
             made_unix_ms=unix_ms,
             inputs=self.settled_inputs(),
             asked=self.frames.asked,
+            in_sight=self.frames.in_sight,
         )
         return self.record
 
@@ -229,33 +232,10 @@ class Session:
 
     def tick_message(self, person: int) -> messages.Tick:
         """The frame of the current state. Only for a state that is stored."""
-        actions = self.simulation.last_actions or (STAY, STAY)
-        displayed = self.frames.of(person)
-        return messages.Tick(self.simulation.kitchen(), displayed, actions, self._applied[person], self.late)
+        return self.frames.tick(person, self._applied[person], self.late)
 
     def welcome(self, person: int) -> messages.Welcome:
-        spec = self.spec
-        return messages.Welcome(
-            protocol=messages.PROTOCOL,
-            episode=self.episode,
-            kind=spec.kind,
-            number=spec.number,
-            episodes=spec.episodes,
-            layout=spec.layout,
-            title=spec.title,
-            grid=self.simulation.layout.grid,
-            seat=person,
-            watched_seat=spec.watched_seat,
-            horizon=spec.horizon,
-            tick_ms=spec.tick_ms,
-            steps=spec.steps_shown,
-            shows_predictions=spec.shown != "nothing" and person != spec.watched_seat,
-            state=self.simulation.kitchen(),
-            resumed=self.stored and self.simulation.timestep > 0,
-            endless=spec.horizon == 0,
-            partner="human" if len(spec.human_seats) > 1 else "agent",
-            show="always" if person == spec.watched_seat else spec.show,
-        )
+        return self.frames.welcome(person, self.episode, resumed=self.stored and self.simulation.timestep > 0)
 
     def paused(self, person: int, now: float) -> messages.Paused:
         left_s = self.pause_reasons.left_s(now)

@@ -1,5 +1,6 @@
 """Timesteps whose display is not what the condition promises: no marks where some are due, or marks where none are.
-Where marks are shown on demand, they are due in the timesteps in which the participant asked for them.
+Where marks are shown on demand, they are due in the timesteps in which the participant asked for them; with limited
+sight, in those in which the watched chef was in view.
 
 Of each episode all stored timesteps count but the last one, in which nothing is done any more and nothing is shown.
 """
@@ -22,7 +23,7 @@ def violations(connection: Connection, chosen: Sequence[str]) -> dict[str, int]:
     last = select(func.max(ticks.c.timestep)).where(ticks.c.episode_id == _e.id).correlate(episodes).scalar_subquery()
     drawn = [func.substr(ticks.c.displayed, 1 + _BYTES_A_STEP * step, 1, type_=LargeBinary) for step in range(_STEPS)]
     empty = and_(*(step.in_([bytes([NOTHING_SHOWN]), b""]) for step in drawn))
-    due = and_(_e.shown != "nothing", ticks.c.asked.is_not(False))
+    due = and_(_e.shown != "nothing", ticks.c.asked.is_not(False), ticks.c.in_sight.is_not(False))
     broken = or_(and_(due, empty), and_(not_(due), not_(empty)))
     query = select(_e.id, func.count()).join_from(episodes, ticks, ticks.c.episode_id == _e.id)
     query = query.where(_e.id.in_(chosen), broken, ticks.c.timestep < last).group_by(_e.id)

@@ -208,6 +208,12 @@ ticks = Table(
         nullable=True,
         meaning="Whether the participant asked for the marks on state n; none: they are always drawn.",
     ),
+    column(
+        "in_sight",
+        Boolean,
+        nullable=True,
+        meaning="Whether the watched chef was in the participant's view in state n; none: sight was not limited.",
+    ),
     sqlite_with_rowid=False,
 )
 

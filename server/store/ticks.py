@@ -85,6 +85,7 @@ def row_of(record: TickRecord) -> Values:
         *keys[1],
         record.made_unix_ms,
         record.asked,
+        record.in_sight,
     )
 
 
@@ -108,6 +109,7 @@ def record_of(row: "Row[Any]") -> TickRecord:
         late=row.late,
         made_unix_ms=row.made_unix_ms,
         asked=row.asked,
+        in_sight=row.in_sight,
     )
 
 

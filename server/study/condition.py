@@ -21,6 +21,8 @@ class Condition(StrictModel):
     """Only with `degraded`: the accuracy to reach (mean over the steps). Errors are added until it is reached."""
     show: Show | None = None
     """When the marks are drawn in this condition: always, on_key or toggle. Empty: as in `predictor.show`."""
+    view_radius: Annotated[int, Field(ge=0, le=20)] | None = None
+    """Limited sight in this condition. 0: the whole kitchen. Empty: as in `game.view_radius`."""
     weight: Annotated[int, Field(ge=1, le=1000)] = 1
     """A condition with weight 2 gets twice as many participants as one with weight 1."""
     quota: Annotated[int, Field(ge=1)] | None = None

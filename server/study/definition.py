@@ -116,6 +116,8 @@ class GameSettings(StrictModel):
     """The participant's seat: 0 starts on the layout's cell 1, 1 on its cell 2."""
     deadline_ms: Annotated[int, Field(ge=5, le=2000)] = 120
     """How long agent and predictor may take for a timestep. If the agent is late, it waits for one timestep."""
+    view_radius: Annotated[int, Field(ge=1, le=20)] | None = None
+    """Limited sight: a participant sees this many columns and rows around their chef. Empty: the whole kitchen."""
     pause: Pause = Pause()
     progress: Progress = Progress()
 

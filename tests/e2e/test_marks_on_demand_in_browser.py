@@ -112,7 +112,8 @@ def overlapping(page: Page) -> list[str]:
       const boxes = parts.map((part) => [part, document.querySelector(part).getBoundingClientRect()]);
       const meet = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
         && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1;
-      const out = boxes.filter(([, b]) => b.right > innerWidth + 1 || b.bottom > innerHeight + 1 || b.left < -1);
+      const isOut = (box) => box.right > innerWidth + 1 || box.bottom > innerHeight + 1 || box.left < -1;
+      const out = boxes.filter(([, box]) => isOut(box));
       const pairs = boxes.flatMap(([a, one], k) =>
         boxes.slice(k + 1).filter(([, other]) => meet(one, other)).map(([b]) => `${a} and ${b}`));
       return [...out.map(([part]) => `${part} out of sight`), ...pairs];

@@ -7,7 +7,7 @@ from typing import Any, Final
 from fastapi import Response
 
 from server.participation import pairing, progress
-from server.participation.episode_specs import layout_of, lessons, show_of
+from server.participation.episode_specs import layout_of, lessons, show_of, view_radius_of
 from server.participation.recruiter_links import WayBack, way_back
 from server.store import episodes, events, participants
 from server.store.participants import Participant
@@ -135,7 +135,9 @@ async def _introduction(
     condition = study.condition(participant.condition)
     slides = [key for key in INTRODUCTION if key != "marks" or condition.shows_predictions]
     with_human = all(agent.human for agent in study.agents)
-    return {"slides": slides, "with_human": with_human, "show": show_of(study, condition)}
+    return {"slides": slides, "with_human": with_human, "show": show_of(study, condition)} | {
+        "view_radius": view_radius_of(study, condition)
+    }
 
 
 async def _ready(page: PageResponse, participant: Participant, step: StudyStep, _filled: Filled) -> dict[str, Any]:

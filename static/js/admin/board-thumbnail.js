@@ -4,7 +4,7 @@
 /** @import { State } from '../board/state.js' */
 
 import { Renderer } from '../board/renderer.js';
-import { apply, boardState } from '../board/state.js';
+import { apply, boardState, tickOf } from '../board/state.js';
 
 export class BoardThumbnail {
   /**
@@ -28,7 +28,7 @@ export class BoardThumbnail {
   show(board) {
     const now = performance.now();
     const before = this.state ?? boardState(this.still, board.state, now);
-    this.state = apply(before, { type: 'tick', applied: -1, late: false, ...board }, now);
+    this.state = apply(before, tickOf(board), now);
     this.renderer.fit(this.still.grid, ...this.size);
     this.renderer.draw(this.state, now, true);
   }

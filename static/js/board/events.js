@@ -2,7 +2,9 @@
 
 /** @import { Grid, Pot } from './kitchen.js' */
 
-import { COOK_TIME, SOUP, STEP } from './kitchen.js';
+/** @import { StartedState } from './state.js' */
+
+import { COOK_TIME, SOUP, STEP, inView } from './kitchen.js';
 
 /**
  * @typedef {object} BoardEvent
@@ -24,6 +26,20 @@ import { COOK_TIME, SOUP, STEP } from './kitchen.js';
 export function events(before, after, actions, grid) {
   if (!before || after.t <= before.t) return [];
   return [...hands(before, after, grid), ...pots(before, after), ...bumps(before, after, actions)];
+}
+
+/**
+ * Return the events that a participant with limited sight has seen happen: what comes into view had happened before.
+ * @param {BoardEvent[]} list
+ * @param {StartedState} state
+ */
+export function witnessed(list, { game, previous, current, partnerSeen, partnerSeenBefore }) {
+  if (!game.view_radius || game.seat < 0 || !previous) return list;
+  const views = [previous, current].map(({ players }) => players[game.seat]);
+  return list.filter(({ seat, x, y }) => {
+    if (seat !== undefined) return seat === game.seat || (partnerSeen && partnerSeenBefore);
+    return views.every((own) => inView(own, x, y, game.view_radius));
+  });
 }
 
 /**

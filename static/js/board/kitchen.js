@@ -39,6 +39,17 @@ export function isFloor(grid, x, y) {
 }
 
 /**
+ * Whether a cell is in the view of a chef: at most `radius` columns and rows away.
+ * @param {readonly number[]} chef
+ * @param {number} x
+ * @param {number} y
+ * @param {number} radius
+ */
+export function inView([chefX, chefY], x, y, radius) {
+  return Math.max(Math.abs(x - chefX), Math.abs(y - chefY)) <= radius;
+}
+
+/**
  * Return the cells of a grid whose tile is `tile`.
  * @param {Grid} grid
  * @param {string} tile

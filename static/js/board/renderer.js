@@ -13,11 +13,12 @@ import { drawChef, drawTag } from './chef.js';
 import { drawArrow } from './draw-arrows.js';
 import { drawIcon } from './draw-marks.js';
 import { Effects, drawPotEffects } from './effects.js';
-import { events } from './events.js';
+import { events, witnessed } from './events.js';
 import { COOK_TIME, ITEMS } from './kitchen.js';
 import { eased, isStale } from './marks.js';
 import { colour } from './sprites.js';
-import { facing, isStarted, place, progress } from './state.js';
+import { facing, isInView, isStarted, place, progress } from './state.js';
+import { drawVeil, outlineView, withinView } from './view.js';
 
 const LANDING_MS = 160; // how long an item that was put down comes to rest
 const RING = { x: 51, y: 15, radius: 8.4, disc: 13.4, width: 5.6 };
@@ -44,6 +45,8 @@ export class Renderer {
     this.highlight = null;
     /** Whether marks turn grey when no newer prediction comes: in a replay, none is awaited. */
     this.greysOldMarks = true;
+    /** Whether a limited view is only outlined: researchers see the whole kitchen. */
+    this.outlinesView = false;
     /** @type {Map<string, number>} "x,y" -> when an item was put there */
     this.landed = new Map();
   }
@@ -82,7 +85,8 @@ export class Renderer {
    */
   applyEvents(state, now) {
     if (!isStarted(state)) return [];
-    const list = events(state.previous, state.current, state.actions, state.game.grid);
+    const all = events(state.previous, state.current, state.actions, state.game.grid);
+    const list = this.outlinesView ? all : witnessed(all, state);
     this.effects.add(list, now, state.current.t);
     for (const { kind, x, y } of list) if (kind === 'put') this.landed.set(`${x},${y}`, now);
     return list;
@@ -110,12 +114,14 @@ export class Renderer {
     context.setTransform(scale, 0, 0, scale, 0, 0);
     this.#drawPots(state, now, reduced);
     this.#drawItems(state, now, reduced);
+    if (!this.outlinesView) drawVeil(context, state);
     const marks = this.#marks(state, now, reduced);
     const style = this.#markStyle(state, now, reduced);
-    for (const mark of marks) drawArrow(context, mark, style);
+    withinView(context, state, () => marks.forEach((mark) => drawArrow(context, mark, style)));
     if (this.highlight) this.#drawHighlight(this.highlight, now, reduced);
     this.#drawChefs(state, now, reduced);
     for (const mark of marks) drawIcon(context, mark, style);
+    if (this.outlinesView) outlineView(context, state);
     this.#drawTag(state, now, reduced);
     this.effects.draw(context, now, state.current.t, reduced, this.grid[0].length);
   }
@@ -224,7 +230,7 @@ export class Renderer {
   /** @type {(state: StartedState, now: number, reduced: boolean) => void} */
   #drawChefs(state, now, reduced) {
     const chefs = state.current.players
-      .map((_, seat) => this.#chef(state, seat, now, reduced))
+      .flatMap((_, seat) => (isInView(state, seat) ? [this.#chef(state, seat, now, reduced)] : []))
       .sort((a, b) => a.y - b.y); // the one in front is drawn last; equal ones stay in the order of seats
     for (const chef of chefs) drawChef(this.context, this.sprites, chef);
   }

@@ -5,7 +5,7 @@
 import { SPRITES } from '../browser/addresses.js';
 import { Renderer } from './renderer.js';
 import { Sprites } from './sprites.js';
-import { apply, boardState, defaults } from './state.js';
+import { apply, boardState, defaults, tickOf } from './state.js';
 
 const MAX_CELL = 96; // CSS pixels
 
@@ -47,9 +47,7 @@ export class Scene {
     const state = { t: 0, counters: [], pots: [], score: 0, soups: 0, ...kitchen };
     const now = performance.now();
     const start = boardState({ grid, seat, watched_seat: 1 - seat, tick_ms: 200, horizon: 0 }, state, now);
-    /** @type {Wire.Tick} */
-    const tick = { type: 'tick', state, prediction, actions: [4, 4], applied: -1, late: false };
-    this.state = { ...apply(start, tick, now), phase: /** @type {const} */ ('waiting') };
+    this.state = { ...apply(start, tickOf({ state, prediction }), now), phase: /** @type {const} */ ('waiting') };
     this.renderer.highlight = mark;
     this.draw();
   }

@@ -27,6 +27,9 @@ export const GLIDE_MAX_MS = 180;
  * @property {Mark[]} marks
  * @property {Mark[]} marksBefore
  * @property {{ seconds: number, sinceMs: number } | null} countdown
+ * @property {boolean} partnerSeen whether the other chef is in view
+ * @property {boolean} partnerSeenBefore the same in the kitchen before
+ * @property {[x: number, y: number][]} unknown pots and counters that the participant has never seen
  * @property {{ reason: PauseReason, leftS: number, sinceMs: number, fresh: boolean } | null} pause fresh: nothing has
  *   been played on this page yet
  * @property {Wire.Lesson | null} lesson
@@ -50,6 +53,7 @@ export function defaults() {
   return {
     ...{ link: 'connecting', linkSinceMs: 0, phase: 'waiting', game: null, alone: false },
     ...{ previous: null, current: null, arrivedMs: 0, from: [], actions: [4, 4], marks: [], marksBefore: [] },
+    ...{ partnerSeen: true, partnerSeenBefore: true, unknown: [] },
     ...{ countdown: null, pause: null, lesson: null, lessons: [], ended: null, notice: null, turn: null, applied: -1 },
   };
 }
@@ -65,12 +69,22 @@ export function boardState(still, kitchen, now) {
   /** @type {Wire.Welcome} */
   const welcome = {
     ...{ type: 'welcome', protocol: 0, episode: '', kind: 'episode', number: 0, episodes: 0, layout: '', title: '' },
-    ...{ steps: 3, shows_predictions: true, resumed: false, partner: 'agent', show: 'always' },
+    ...{ steps: 3, shows_predictions: true, resumed: false, partner: 'agent', show: 'always', view_radius: 0 },
+    ...{ partner_seen: true, unknown: [] },
     ...still,
     state: kitchen,
     endless: !still.horizon,
   };
   return { ...apply(defaults(), welcome, now), phase: 'playing' };
+}
+
+/**
+ * Return the frame of a board that is drawn without a connection.
+ * @param {Pick<Wire.Tick, 'state' | 'prediction'> & Partial<Wire.Tick>} part
+ * @returns {Wire.Tick}
+ */
+export function tickOf(part) {
+  return { type: 'tick', actions: [4, 4], applied: -1, late: false, partner_seen: true, unknown: [], ...part };
 }
 
 /**
@@ -147,6 +161,9 @@ function applyWelcome(state, message, now) {
     game: message,
     current: message.state,
     arrivedMs: now,
+    partnerSeen: message.partner_seen,
+    partnerSeenBefore: message.partner_seen,
+    unknown: message.unknown,
     from: message.state.players.map(([x, y]) => [x, y]),
     alone: state.alone || (state.phase === 'room' && message.partner === 'agent'),
     lesson: state.lesson,
@@ -174,6 +191,9 @@ function applyTick(state, message, now) {
     previous: state.current,
     current: message.state,
     arrivedMs: now,
+    partnerSeen: message.partner_seen,
+    partnerSeenBefore: state.partnerSeen,
+    unknown: message.unknown,
     from: players.map((player, seat) => startOf(state, seat, player, now)),
     actions: message.actions,
     marks: marks(message.prediction, players[watched], players[1 - watched], grid),
@@ -204,7 +224,17 @@ function phaseAfter(state, message) {
  */
 function startOf(state, seat, player, now) {
   const [x, y] = place(state, seat, now);
+  if (seat !== state.game.seat && !state.partnerSeen) return [player[0], player[1]]; // it comes into view
   return Math.abs(x - player[0]) + Math.abs(y - player[1]) > 1.5 ? [player[0], player[1]] : [x, y];
+}
+
+/**
+ * Whether a chef is drawn: the other one only while it is in view.
+ * @param {StartedState} state
+ * @param {number} seat
+ */
+export function isInView(state, seat) {
+  return state.partnerSeen || seat === state.game.seat;
 }
 
 /**

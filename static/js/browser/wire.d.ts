@@ -31,6 +31,9 @@ declare namespace Wire {
     endless: boolean;
     partner: "agent" | "human";
     show: "always" | "on_key" | "toggle";
+    view_radius: number;
+    partner_seen: boolean;
+    unknown: [number, number][];
   }
 
   interface Waiting {
@@ -50,6 +53,8 @@ declare namespace Wire {
     actions: [number, number];
     applied: number;
     late: boolean;
+    partner_seen: boolean;
+    unknown: [number, number][];
   }
 
   interface Paused {

@@ -51,7 +51,8 @@ export class Hud {
     const numbers = { number: game.number, episodes: game.episodes };
     const title = practice ? this.text('practice') : game.title;
     this.#write('#title', title);
-    this.#write('#round', this.text(`${kind}_note`, numbers));
+    const view = game.view_radius ? ` · ${this.text('view_note', { cells: game.view_radius })}` : '';
+    this.#write('#round', `${this.text(`${kind}_note`, numbers)}${view}`);
     this.#write('#partner', this.text(game.partner === 'human' ? 'partner_human' : 'partner'));
     document.title = practice ? title : `${title} · ${this.text('round_note', numbers)}`;
     this.#find('.stat.time').hidden = game.endless;

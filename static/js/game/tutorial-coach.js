@@ -37,7 +37,7 @@ export function target(key, state) {
     wait: () => nearest(cooking) ?? filling,
     plate: () => (own[3] === DISH ? (ready ?? nearest(cooking)) : nearest(cellsOf(grid, 'D'))),
     deliver: () => (own[3] === SOUP ? nearest(cellsOf(grid, 'S')) : null),
-    marks: () => players[watched],
+    marks: () => (state.partnerSeen ? players[watched] : null),
   };
   const place = places[key]?.();
   return place ? [place[0], place[1]] : null;

@@ -8,7 +8,7 @@
 import { drawLegend } from '../board/draw-marks.js';
 import { Renderer } from '../board/renderer.js';
 import { Sprites, blank } from '../board/sprites.js';
-import { apply, applyLink, applyTurn, defaults, isStarted, secondsLeft } from '../board/state.js';
+import { apply, applyLink, applyTurn, defaults, isStarted, secondsLeft, tickOf } from '../board/state.js';
 import { session } from '../browser/storage.js';
 import { catalogue } from '../browser/texts.js';
 import { Announcer } from '../game/announcer.js';
@@ -117,7 +117,7 @@ const WELCOME = {
   ...{ type: 'welcome', protocol: 1, episode: 'self-test', kind: 'tutorial', number: 1, episodes: 1, layout: 'test' },
   ...{ title: 'Test', grid: GRID, seat: 0, watched_seat: 1, horizon: 400, tick_ms: 200, steps: 3, resumed: false },
   ...{ shows_predictions: true, state: kitchen(0, ONION), endless: false, partner: 'agent' },
-  show: 'always',
+  ...{ show: 'always', view_radius: 1, partner_seen: true, unknown: [] },
 };
 
 /** @param {Renderer} renderer */
@@ -136,7 +136,7 @@ function tryGame(renderer) {
   receive({ type: 'paused', reason: 'blur', left_s: 3 });
   PREDICTIONS.forEach((prediction, step) => {
     const after = kitchen(step + 1, step % 2 ? 0 : SOUP);
-    receive({ type: 'tick', state: after, prediction, actions: [step, 5], applied: -1, late: false });
+    receive(tickOf({ state: after, prediction, actions: [step, 5], partner_seen: step < 2, unknown: [[0, 2]] }));
     renderer.applyEvents(state, now);
     for (const still of [false, true]) renderer.draw(applyTurn(state, 2, 1), now + 50, still);
   });

@@ -1,6 +1,7 @@
 // Shows what belongs to one timestep: predicted probabilities and inputs; and to the game: accuracy and verification.
 
 import { make, percent } from '../admin/elements.js';
+import { tickOf } from '../board/state.js';
 
 export const SIGNS = ['↑', '↓', '→', '←', '○', '◆'];
 export const NAMES = ['up', 'down', 'right', 'left', 'wait', 'use'];
@@ -12,8 +13,8 @@ const SVG = 'http://www.w3.org/2000/svg';
  * @param {Researcher.Row} row
  * @returns {Wire.Tick}
  */
-export function tickOf({ state, displayed, actions, late }) {
-  return { type: 'tick', state, prediction: displayed, actions: actions ?? [4, 4], applied: -1, late };
+export function frameOf({ state, displayed, actions, late }) {
+  return tickOf({ state, prediction: displayed, actions: actions ?? [4, 4], late });
 }
 
 /**

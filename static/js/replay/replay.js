@@ -9,7 +9,7 @@ import { Sprites } from '../board/sprites.js';
 import { apply, boardState } from '../board/state.js';
 import { SPRITES } from '../browser/addresses.js';
 import { find, findAll } from '../browser/dom.js';
-import { showAccuracy, showInputs, showPrediction, showVerification, tickOf } from './details.js';
+import { frameOf, showAccuracy, showInputs, showPrediction, showVerification } from './details.js';
 import { Player } from './player.js';
 import { TimeLine } from './timeline.js';
 import { VideoExport, canRecordVideo } from './video.js';
@@ -27,6 +27,7 @@ const scrubber = find('#scrub', HTMLInputElement);
 const videoButton = find('#video', HTMLButtonElement);
 const renderer = new Renderer(canvas, new Sprites(SPRITES), who);
 renderer.greysOldMarks = false;
+renderer.outlinesView = true;
 const still = matchMedia('(prefers-reduced-motion: reduce)');
 /** @type {State | null} */
 let state = null;
@@ -77,7 +78,7 @@ function show(t, by) {
 function drawRow(row, by) {
   const now = performance.now();
   const before = by === 'jump' || !state ? boardState(record.game, row.state, now) : state;
-  state = apply(before, tickOf(row), now);
+  state = apply(before, frameOf(row), now);
   if (state.game) {
     const tickMs = Math.max(MIN_TICK_MS, record.game.tick_ms / player.speed);
     state = { ...state, game: { ...state.game, tick_ms: tickMs } };

@@ -8,7 +8,7 @@ import { Sprites } from '../board/sprites.js';
 import { apply, boardState } from '../board/state.js';
 import { SPRITES } from '../browser/addresses.js';
 import { context2d } from '../browser/dom.js';
-import { tickOf } from './details.js';
+import { frameOf } from './details.js';
 import { webm } from './webm.js';
 
 const FRAMES_PER_TICK = 5;
@@ -52,7 +52,7 @@ export class VideoExport {
     const renderer = await rendererOf(board, record, this.who, PICTURE_SIZE);
     const row = record.rows[t];
     const still = boardState(record.game, row.state, 0);
-    renderer.draw(apply(still, tickOf(row), 0), 0, true);
+    renderer.draw(apply(still, frameOf(row), 0), 0, true);
     board.toBlob((blob) => {
       if (blob) save(blob, `${this.name}-t${t}.png`);
     }, 'image/png');
@@ -97,6 +97,7 @@ export class VideoExport {
 async function rendererOf(board, record, who, [width, height]) {
   const renderer = new Renderer(board, await new Sprites(SPRITES).load(), who);
   renderer.greysOldMarks = false;
+  renderer.outlinesView = true;
   renderer.fit(record.game.grid, width / devicePixelRatio, height / devicePixelRatio);
   return renderer;
 }
@@ -174,7 +175,7 @@ class VideoRecorder {
     const { state } = rows[t];
     const isFirst = this.state === null;
     const before = this.state ?? boardState(game, state, this.nowMs);
-    this.state = apply(before, tickOf(rows[t]), this.nowMs);
+    this.state = apply(before, frameOf(rows[t]), this.nowMs);
     if (!isFirst) this.renderer.applyEvents(this.state, this.nowMs);
     for (let frame = 0; frame < FRAMES_PER_TICK; frame += 1) {
       this.renderer.draw(this.state, this.nowMs, false);

@@ -1,0 +1,79 @@
+"""Limited sight: the part of the kitchen that one person sees now, and what they remember of the rest.
+
+A person sees the cells at most `radius` columns and `radius` rows from their own chef (Chebyshev distance). Walls and
+stations are known from the start; what is in pots and on counters is known once it was in view, and stays as last seen.
+The other chef is seen in view only. The agent is not concerned: it always sees the whole kitchen.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+from msgspec import structs
+
+from overcooked.constants import NORTH, NOTHING, STAY, STEP_X, STEP_Y
+from overcooked.layout import Layout
+from server.play.marks import NOTHING_SHOWN, Displayed
+from server.play.messages import KitchenState
+
+Cell = tuple[int, int]
+_FLOOR: Final = 0
+
+
+class Sight:
+    """What one person sees and remembers."""
+
+    def __init__(self, layout: Layout, seat: int, radius: int) -> None:
+        self._layout, self._seat, self._radius = layout, seat, radius
+        self._pots: list[Cell] = [(x, y) for x, y in layout.pots.tolist()]
+        self._counters: list[Cell] = [(x, y) for x, y in layout.counters.tolist()]
+        self._seen: dict[Cell, tuple[int, ...] | None] = {}  # contents as last seen; None: it was empty
+        self._own: Cell = (0, 0)
+
+    def look(self, kitchen: KitchenState) -> None:
+        """Take in what is in view in this state."""
+        x, y, *_ = kitchen.players[self._seat]
+        self._own = (x, y)
+        inside: dict[Cell, tuple[int, ...]] = {(each[0], each[1]): each for each in (*kitchen.pots, *kitchen.counters)}
+        for cell in (*self._pots, *self._counters):
+            if self.sees(*cell):
+                self._seen[cell] = inside.get(cell)
+
+    def sees(self, x: int, y: int) -> bool:
+        """Whether the cell is in view."""
+        return max(abs(x - self._own[0]), abs(y - self._own[1])) <= self._radius
+
+    def sees_partner(self, kitchen: KitchenState) -> bool:
+        x, y, *_ = kitchen.players[1 - self._seat]
+        return self.sees(x, y)
+
+    @property
+    def unknown(self) -> tuple[Cell, ...]:
+        """The counters and pots that were never in view."""
+        return tuple(cell for cell in (*self._pots, *self._counters) if cell not in self._seen)
+
+    def masked(self, kitchen: KitchenState) -> KitchenState:
+        """The state as the person knows it. A chef out of view stands, for want of a place, where their own does."""
+        players = list(kitchen.players)
+        if not self.sees_partner(kitchen):
+            players[1 - self._seat] = (*self._own, NORTH, NOTHING)
+        return structs.replace(
+            kitchen, players=tuple(players), counters=self._known(self._counters), pots=self._known(self._pots)
+        )
+
+    def _known(self, cells: Sequence[Cell]) -> tuple[tuple[int, ...], ...]:
+        found = (self._seen.get(cell) for cell in cells)
+        return tuple(content for content in found if content is not None)
+
+    def cut(self, displayed: Displayed, kitchen: KitchenState) -> Displayed:
+        """The partner's marks up to the first step that leaves the view. Moves are followed as the page draws them: the
+        own chef blocks the way where it stands now."""
+        x, y, *_ = kitchen.players[1 - self._seat]
+        shown = []
+        for action, opacity in displayed:
+            inside = self.sees(x, y)
+            shown.append((action if inside else NOTHING_SHOWN, opacity))
+            if inside and action < STAY:
+                there = (x + int(STEP_X[action]), y + int(STEP_Y[action]))
+                if self._layout.tiles[there] == _FLOOR and there != self._own:
+                    x, y = there
+        return tuple(shown)
