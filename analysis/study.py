@@ -20,6 +20,7 @@ from analysis import (
     power,
     primary,
     questionnaires,
+    reliance,
 )
 from analysis import ranks as ranking
 from analysis.declared import Declaration, declaration_of
@@ -97,6 +98,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         *accuracy.live(episodes, layouts, agents),
         *on_demand.rows(export.ticks, episodes, conditions),
         *limited_sight.rows(export.ticks, episodes, conditions),
+        *reliance.rows(export.reliance, episodes, conditions),
         *robustness_rows(checked),
     ]
     powers = _powers(model, episodes, conditions, options)

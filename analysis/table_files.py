@@ -30,6 +30,7 @@ COLUMNS = {
     "answers": ("participant", "episode", "question", "value", "value_type"),
     "ticks": ("episode", "timestep", "action_0", "action_1", "late", "predicted_1", "predicted_2", "predicted_3"),
     "pauses": ("episode", "reason", "duration_ms"),
+    "reliance": ("episode", "phase", "near", "waited", "avoided", "followed"),
     "withdrawals": ("study", "condition"),
 }
 IN_SIGHT = "in_sight"  # an older export lacks it
@@ -40,7 +41,7 @@ TICK_COLUMNS = {
     IN_SIGHT,
     *(f"key_{time}_ms_{seat}" for time in ("client", "received") for seat in (0, 1)),
 }
-OPTIONAL = ("pauses", "withdrawals")
+OPTIONAL = ("pauses", "reliance", "withdrawals")
 IDENTIFIERS = ("participant", "participant_0", "participant_1", "episode", "study", "condition", "layout", "status")
 # Stay text when they come from CSV, also where every one of them looks like a number ("007").
 TEXTS = (*IDENTIFIERS, "agent_0", "agent_1", "question", "value", "value_type", "kind", "reason", "excluded")

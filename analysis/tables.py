@@ -50,6 +50,7 @@ class Export:
     pauses: pl.DataFrame
     about: dict[str, Any] = field(default_factory=dict)  # name, title, revision, offline accuracy, ...
     version: int | None = None  # of the study file, if one was chosen
+    reliance: pl.DataFrame = field(default_factory=pl.DataFrame)  # as exported; empty where a study does not mislead
 
     @property
     def versions(self) -> dict[int, int]:
@@ -124,6 +125,7 @@ def export_of(raw: Mapping[str, pl.DataFrame], folder: Path, study: str, version
         _pauses(raw["pauses"]).join(played, on="episode", how="semi"),
         _about(folder, study, version) if study else {},
         version,
+        raw.get("reliance", pl.DataFrame()),
     )
 
 

@@ -136,7 +136,7 @@ def doubts(file: StudyFile) -> Iterator[Problem]:
     """What can be played and is probably not meant so (warnings): predictions are shown that say nothing about the
     agent that people play with."""
     study, required = file.study, required_models([file])
-    if not any(condition.predictor in ("tom", "degraded") for condition in study.conditions):
+    if not any(condition.predictor in ("tom", "degraded", "misleading") for condition in study.conditions):
         return
     for index, agent in enumerate(study.agents):
         place: Path = ("agents", index, "predictor")

@@ -18,6 +18,7 @@ EXAMPLES: Final = (
     "studies/external_predictor.yaml",
     "studies/examples/on_demand.yaml",
     "studies/examples/limited_sight.yaml",
+    "studies/examples/misleading_marks.yaml",
 )
 TEXT: Final = "Text"  # the type of what participants read, by language
 QUESTION: Final = "SurveyQuestion"

@@ -12,5 +12,6 @@ depends_on = None
 
 def upgrade() -> None:
     op.add_column('ticks', sa.Column('asked', sa.Boolean(), nullable=True))
+    op.add_column('ticks', sa.Column('misleading', sa.Boolean(), nullable=True))
     op.add_column('ticks', sa.Column('in_sight', sa.Boolean(), nullable=True))
     op.add_column('inputs', sa.Column('marks', sa.Boolean(), nullable=True))

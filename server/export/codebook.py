@@ -86,6 +86,7 @@ EPISODES = ExportTable(
             "cells",
             bits=16,
         ),
+        Column("misleading", "boolean", "True: the marks of the episode were made to mislead."),
         Column(
             "display_violations",
             "integer",
@@ -148,6 +149,12 @@ TICKS = ExportTable(
             "t is decided when the state is made.",
         ),
         Column(
+            "misleading",
+            "boolean",
+            "Whether the marks of state t are a wrong future; empty: the episode does not mislead. They were seen "
+            "where `displayed_1` is not 6.",
+        ),
+        Column(
             "in_sight",
             "boolean",
             "Whether the watched chef was in the participant's view in state t; empty: sight was not limited.",
@@ -178,6 +185,30 @@ INPUTS = ExportTable(
         ms("received_ms", "Its arrival, since the first tick was due; empty: the game was paused."),
         Column("timestep", "integer", "First timestep t in which it had an effect; empty: none.", "timesteps", bits=32),
         text("outcome", "; ".join(f"{outcome}: {meaning}" for outcome, meaning in INPUT_OUTCOMES.items()) + "."),
+    ),
+)
+RELIANCE = ExportTable(
+    "reliance",
+    "what a participant did next to shown cells in an episode, before or after their first wrong mark; only for "
+    "studies that mislead",
+    (
+        _EPISODE,
+        _text(
+            "phase",
+            "before: the participant had seen no wrong mark in the study (`ticks.misleading`); after: from then on.",
+        ),
+        Column(
+            "near",
+            "integer",
+            "Timesteps in which the participant's chef stood on or beside a cell that the shown marks lead to. The "
+            "next four columns divide them.",
+            "timesteps",
+            bits=32,
+        ),
+        Column("waited", "integer", "The chef stayed where it was, without using anything.", "timesteps", bits=32),
+        Column("avoided", "integer", "It walked to a cell to which no shown mark leads.", "timesteps", bits=32),
+        Column("followed", "integer", "It walked to a cell to which a shown mark leads.", "timesteps", bits=32),
+        Column("used", "integer", "It used what it faced.", "timesteps", bits=32),
     ),
 )
 PAUSES = ExportTable(
@@ -283,6 +314,7 @@ TABLES = (
     EPISODES,
     TICKS,
     INPUTS,
+    RELIANCE,
     PAUSES,
     ANSWERS,
     VISITS,

@@ -166,7 +166,7 @@ def _episodes(folder: Path, studies: dict[tuple[str, int], int]) -> Iterator[Rec
     for row in _of_study(folder, "episodes", studies):
         episode = plain_name(row.pop("episode"), "the episode")
         spec = episode_spec(row["spec"], episode, row["layout_sha256"])
-        for name in ("timesteps", "last_tick", "excluded", "show", "view_radius", "display_violations"):
+        for name in ("timesteps", "last_tick", "excluded", "show", "view_radius", "misleading", "display_violations"):
             del row[name]
         yield row | {"id": episode, "step_key": row.pop("step"), "spec": spec, "grid": spec["grid"]}
 
@@ -245,7 +245,7 @@ def _of_state(row: Record) -> Record:
         "displayed": tuple(step for step in drawn if step[0] is not None),
         **{name: row[name] for name in ("late", "scheduled_ms", "late_ms", "models_ms")},
         "made_unix_ms": _unix_ms(row["made_at"]) if row.get("made_at") else None,
-        **{name: row.get(name) for name in ("asked", "in_sight")},
+        **{name: row.get(name) for name in ("asked", "misleading", "in_sight")},
     }
 
 

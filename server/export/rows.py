@@ -10,7 +10,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import msgspec
-from sqlalchemy import Connection, Select, func, select
+from sqlalchemy import Connection, Select, false, func, select, true
 
 from server.export.codebook import WIDE
 from server.export.codebook_columns import Column
@@ -139,7 +139,8 @@ def episode_rows(chosen: Selection) -> Rows:
         values = tuple(row[:-1])
         rest = (json_text(row.spec), last_tick_text(stored) if stored else None)
         broken = violations(chosen.connection, [row.id]).get(row.id, 0)
-        display = (row.spec.get("show", "always"), row.spec.get("view_radius", 0), broken)
+        spec = row.spec
+        display = (spec.get("show", "always"), spec.get("view_radius", 0), spec.get("misleading", False), broken)
         yield (
             *values[:before_display], *display, *values[before_display:before_timesteps], timesteps,
             *values[before_timesteps:], *rest,
@@ -149,7 +150,7 @@ def episode_rows(chosen: Selection) -> Rows:
 def last_tick_text(stored: Any) -> str:
     """What stands in a tick of its own state, as JSON: all but the step that led to it."""
     record = msgspec.to_builtins(tick_rows.record_of(stored))
-    names = ("state_hash", "next_actions", "prediction", "displayed", "late", "asked", "in_sight")
+    names = ("state_hash", "next_actions", "prediction", "displayed", "late", "asked", "misleading", "in_sight")
     times = ("scheduled_ms", "late_ms", "models_ms", "made_unix_ms")
     return json_text({name: record[name] for name in names + times})
 
@@ -216,6 +217,16 @@ def attention_counts() -> tuple[Any, Any]:
     a = answers.c
     checks = select(func.count()).where(a.participant_id == _p.id, a.attention.is_not(None))
     return checks.scalar_subquery(), checks.where(a.attention.is_(False)).scalar_subquery()
+
+
+def has_misleading(chosen: Selection) -> bool:
+    """Whether any episode was made to mislead."""
+    return next(chosen.rows(select(_e.id).where(misleading()).limit(1), _e.study_id), None) is not None
+
+
+def misleading() -> Any:
+    """The condition of an episode that was made to mislead; older ones do not say."""
+    return func.coalesce(_e.spec["misleading"].as_boolean(), false()) == true()
 
 
 def episode_ids(chosen: Selection) -> Iterator[str]:

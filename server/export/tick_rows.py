@@ -64,7 +64,7 @@ def _table(before: Sequence[Any], after: Sequence[Any], types: pa.Schema) -> pa.
     columns |= {ours: state[theirs] for theirs, ours in _OF_STATE.items()}
     columns["made_at"] = [None if at is None else round(1000 * at) for at in state["made_unix_ms"]]
     columns["late"] = [bool(value) for value in state["late"]]
-    for name in ("asked", "in_sight"):
+    for name in ("asked", "misleading", "in_sight"):
         columns[name] = [None if value is None else bool(value) for value in state[name]]
     columns |= _predicted(state["prediction"]) | _displayed(state["displayed"])
     arrays = [pa.array(columns[field.name], field.type) for field in types]

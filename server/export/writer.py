@@ -27,6 +27,7 @@ _ROWS: dict[str, Callable[[Selection], Rows]] = {
     "withdrawals": exported.withdrawal_rows,
     "episodes": exported.episode_rows,
     "inputs": exported.input_rows,
+    "reliance": lambda chosen: _reliance_rows(chosen),
     "pauses": exported.pause_rows,
     "answers": exported.answer_rows,
     "visits": exported.visit_rows,
@@ -122,6 +123,14 @@ def _table(chosen: Selection, table: ExportTable) -> tuple[tuple[Column, ...], I
         columns = (*table.columns, *wide)
         return columns, _of_rows(exported.participant_rows(chosen, wide), columns)
     return table.columns, _of_rows(_ROWS[table.name](chosen), table.columns)
+
+
+def _reliance_rows(chosen: Selection) -> Rows:
+    if not exported.has_misleading(chosen):
+        return iter(())
+    from server.export import reliance  # simulates: the rules are compiled for it only
+
+    return reliance.reliance_rows(chosen)
 
 
 def schema(columns: Iterable[Column]) -> pa.Schema:

@@ -85,6 +85,7 @@ def row_of(tick: TickRecord, simulation: Simulation, blind: bool) -> dict[str, A
         "prediction": [] if blind else [[round(value, 4) for value in step] for step in tick.prediction],
         "displayed": [] if blind else tick.displayed,
         "asked": None if blind else tick.asked,
+        "misleading": None if blind else tick.misleading,
         "keys": [[key.seat, key.seq, round(key.received_ms)] for key in tick.keys],
         "late": tick.late,
         "late_ms": round(tick.late_ms, 1),

@@ -6,6 +6,7 @@ from typing import Literal
 from overcooked.layout import Layout, load_layout, parse_layout
 from overcooked.score import ProgressWeights
 from server.play.episode_spec import EpisodeSpec, PauseLimits
+from server.play.randomness import MISLEAD, uniform
 from server.study.condition import Show
 from server.study.definition import Condition, KitchenChoice, PartnerSettings, Study
 from server.study.steps import StudyStep, episodes_of
@@ -15,6 +16,7 @@ _SHOWN: dict[str, Literal["nothing", "random", "predictor"]] = {
     "random": "random",
     "tom": "predictor",
     "degraded": "predictor",
+    "misleading": "predictor",
 }
 
 
@@ -54,6 +56,7 @@ def episode_spec(study: Study, step: StudyStep, condition: str, language: str, p
         progress=ProgressWeights(study.game.progress.onion_in_pot, study.game.progress.soup_on_dish),
         show=show_of(study, arm),
         view_radius=view_radius_of(study, arm),
+        misleading=not tutorial and is_misleading(arm, step),
         lessons=lessons(study, arm) if tutorial else (),
     )
 
@@ -78,6 +81,13 @@ def view_radius_of(study: Study, condition: Condition) -> int:
     """How many cells around their chef people in a condition see; 0: the whole kitchen."""
     own = condition.view_radius
     return (study.game.view_radius or 0) if own is None else own
+
+
+def is_misleading(condition: Condition, step: StudyStep) -> bool:
+    """Whether the marks of a round mislead: from a round on, in a share of the rounds that its seed draws."""
+    rounds = condition.misleading
+    drawn = uniform(step.seed, 0, MISLEAD) < rounds.share
+    return condition.predictor == "misleading" and step.number >= rounds.from_round and drawn
 
 
 def layout_of(kitchen: KitchenChoice) -> Layout:

@@ -39,6 +39,7 @@ class EpisodeSpec:
     progress: ProgressWeights = DEFAULT_PROGRESS
     show: Literal["always", "on_key", "toggle"] = "always"  # when the marks are drawn: as the marks key says, or always
     view_radius: int = 0  # how many cells around their chef people see; 0: the whole kitchen
+    misleading: bool = False  # the marks are the most plausible wrong future
     lessons: tuple[str, ...] = ()  # tutorial: keys of what is taught, in order (server.play.tutorial.LESSONS)
 
     @property

@@ -7,6 +7,7 @@ from server.play import marks, messages
 from server.play.episode_spec import EpisodeSpec
 from server.play.keys import Keys
 from server.play.marks_key import MarksKey
+from server.play.misleading import wrong_future
 from server.play.recorder import EpisodeRecord
 from server.play.sight import Sight
 from server.play.simulation import Simulation
@@ -20,6 +21,7 @@ class Frames:
         self.displayed = record.displayed or marks.display(record.spec, simulation.timestep, ())
         self.asked = record.asked  # whether the participant asked for the marks on the current state; None: always
         self.in_sight: bool | None = None  # whether the watched chef is in the view of who sees marks; None: no limit
+        self.misleading: bool | None = None  # whether the marks are a wrong future; None: they never are here
         self.violations = 0  # timesteps, since this process plays it, whose display breaks the promise
         radius, seats = record.spec.view_radius, record.spec.human_seats if record.spec.view_radius else ()
         self._sights = {seat: Sight(simulation.layout, seat, radius) for seat in seats}
@@ -38,20 +40,32 @@ class Frames:
         if person is not None and person.marks_key is not None:
             self.asked = person.marks_key.take()
 
-    def decide(self, prediction: Sequence[Sequence[float]], over: bool) -> None:
-        """Decide what the frame of the current state shows. Nothing is done any more when the episode is `over`."""
+    def decide(self, prediction: Sequence[Sequence[float]], decided: int | None, over: bool) -> None:
+        """Decide what the frame of the current state shows. Nothing is done any more when the episode is `over`.
+        `decided`: what the watched chef does next, if an agent has decided it."""
+        self.misleading = None
         sight, kitchen = self._sights.get(viewer(self._spec)), self._simulation.kitchen()
         self.in_sight = None if sight is None else sight.sees_partner(kitchen)
         if over:
             self.displayed = marks.hidden(self.displayed)
             return
         self.displayed = marks.display(self._spec, self._simulation.timestep, prediction)
+        if self._spec.misleading:
+            self._mislead(prediction, decided)
         due = self.asked is not False and self.in_sight is not False
         if not due:
             self.displayed = marks.hidden(self.displayed)
         elif sight is not None:
             self.displayed = sight.cut(self.displayed, kitchen)
         self.violations += not marks.is_as_promised(self._spec.shown, self.displayed, due)
+
+    def _mislead(self, prediction: Sequence[Sequence[float]], decided: int | None) -> None:
+        """Put the most plausible wrong future in the place of the predicted one."""
+        rows = prediction[: self._spec.steps_shown]
+        actions = wrong_future(self._simulation, self._spec.watched_seat, rows, decided) if rows else ()
+        self.misleading = bool(actions)
+        if actions:
+            self.displayed = tuple(zip(actions, (opacity for _, opacity in self.displayed), strict=True))
 
     def welcome(self, person: int, episode: str, resumed: bool) -> messages.Welcome:
         """All that the page of one person needs to draw the game."""

@@ -4,6 +4,7 @@ from typing import Final
 
 PARTNER: Final = 1  # + seat: draws the agent's action
 MARKS: Final = 16  # + step: the random marks of the "random" condition
+MISLEAD: Final = 32  # at timestep 0: whether the marks of the episode mislead
 
 _MASK = (1 << 64) - 1
 _GOLDEN = 0x9E3779B97F4A7C15

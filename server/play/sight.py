@@ -6,17 +6,16 @@ The other chef is seen in view only. The agent is not concerned: it always sees 
 """
 
 from collections.abc import Sequence
-from typing import Final
+from itertools import accumulate
+from operator import and_
 
 from msgspec import structs
 
-from overcooked.constants import NORTH, NOTHING, STAY, STEP_X, STEP_Y
+from overcooked.constants import NORTH, NOTHING
 from overcooked.layout import Layout
 from server.play.marks import NOTHING_SHOWN, Displayed
 from server.play.messages import KitchenState
-
-Cell = tuple[int, int]
-_FLOOR: Final = 0
+from server.play.walked_path import Cell, walked
 
 
 class Sight:
@@ -68,12 +67,9 @@ class Sight:
         """The partner's marks up to the first step that leaves the view. Moves are followed as the page draws them: the
         own chef blocks the way where it stands now."""
         x, y, *_ = kitchen.players[1 - self._seat]
-        shown = []
-        for action, opacity in displayed:
-            inside = self.sees(x, y)
-            shown.append((action if inside else NOTHING_SHOWN, opacity))
-            if inside and action < STAY:
-                there = (x + int(STEP_X[action]), y + int(STEP_Y[action]))
-                if self._layout.tiles[there] == _FLOOR and there != self._own:
-                    x, y = there
-        return tuple(shown)
+        path = walked(self._layout, (x, y), self._own, (action for action, _ in displayed))
+        inside = list(accumulate((self.sees(*cell) for cell in [(x, y), *path]), and_))
+        return tuple(
+            (action if seen else NOTHING_SHOWN, opacity)
+            for (action, opacity), seen in zip(displayed, inside, strict=False)
+        )

@@ -27,6 +27,18 @@ class SimulatedStep:
     events: tuple[int, int]  # bits, overcooked.constants.EVENT_NAMES
 
 
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """A state that is only imagined: nothing of the episode changes with it."""
+
+    players: NDArray[np.int8]  # (1, 2, 4)
+    contents: NDArray[np.int8]  # (1, width, height)
+
+    def same_place(self, other: "Moment") -> bool:
+        """Whether both chefs stand, look and hold as in the other one, and have used nothing."""
+        return bool((self.players == other.players).all())
+
+
 class ReplayMismatch(Exception):
     """The stored actions do not lead to the stored state: the record is damaged and must not be played on."""
 
@@ -83,6 +95,19 @@ class Simulation:
             np.concatenate((array, np.zeros_like(array)))[: 2 * size]
             for array in (self._players, self._contents, self._actions, self._timesteps)
         )
+
+    def moment(self) -> Moment:
+        """The current state, to imagine what follows."""
+        here = slice(self.timestep, self.timestep + 1)
+        return Moment(self._players[here].copy(), self._contents[here].copy())
+
+    def imagine(self, moment: Moment, actions: tuple[int, int]) -> Moment:
+        """The state that would follow. The episode stays as it is."""
+        after = Moment(moment.players.copy(), moment.contents.copy())
+        layout, timestep, done = self.layout, self._timesteps[:1].copy(), np.array([actions], np.int8)
+        state = (after.players, after.contents, timestep)
+        rules.step(layout.tiles, layout.pots, layout.counters, *state, done, np.zeros_like(self._events))
+        return after
 
     @property
     def last_actions(self) -> tuple[int, int] | None:

@@ -209,6 +209,12 @@ ticks = Table(
         meaning="Whether the participant asked for the marks on state n; none: they are always drawn.",
     ),
     column(
+        "misleading",
+        Boolean,
+        nullable=True,
+        meaning="Whether the marks of state n are a wrong future; none: the episode does not mislead.",
+    ),
+    column(
         "in_sight",
         Boolean,
         nullable=True,

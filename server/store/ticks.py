@@ -85,6 +85,7 @@ def row_of(record: TickRecord) -> Values:
         *keys[1],
         record.made_unix_ms,
         record.asked,
+        record.misleading,
         record.in_sight,
     )
 
@@ -109,6 +110,7 @@ def record_of(row: "Row[Any]") -> TickRecord:
         late=row.late,
         made_unix_ms=row.made_unix_ms,
         asked=row.asked,
+        misleading=row.misleading,
         in_sight=row.in_sight,
     )
 

@@ -34,6 +34,7 @@ def problems(study: Study) -> Iterator[Problem]:
     yield from _names(study)
     yield from _flow(study)
     yield from _conditions(study)
+    yield from _debriefing(study)
     for key, questionnaire in study.questionnaires.items():
         yield from _questions(study, questionnaire, ("questionnaires", key))
     if study.quiz:
@@ -133,6 +134,30 @@ def _conditions(study: Study) -> Iterator[Problem]:
         if condition.show not in (None, "always") and not condition.shows_predictions:
             reason = f"`show: {condition.show}` in a condition without marks has no effect"
             yield Problem(("conditions", index, "show"), reason, "Remove it, or choose another `predictor`.")
+
+
+def _debriefing(study: Study) -> Iterator[Problem]:
+    """People who were misled are told so, after the rounds."""
+    misleading = [index for index, condition in enumerate(study.conditions) if condition.predictor == "misleading"]
+    for index, condition in enumerate(study.conditions):
+        if index not in misleading and "misleading" in condition.model_fields_set:
+            reason = "`misleading` has no effect with another predictor"
+            yield Problem(("conditions", index, "misleading"), reason, "Set `predictor: misleading`, or remove it.")
+        rounds = episodes_of(study)
+        if index in misleading and condition.misleading.from_round > rounds:
+            reason = f"there is no round {condition.misleading.from_round}: the study has {rounds}"
+            yield Problem(("conditions", index, "misleading", "from_round"), reason, f"Use 1 to {rounds}.")
+    if study.debriefing is None:
+        if misleading:
+            reason = "marks that mislead people need a debriefing that says so"
+            remedy = "Add a page to `pages` and `flow`, after episodes, and name it: `debriefing: KEY`."
+            yield Problem(("conditions", misleading[0], "predictor"), reason, remedy)
+    elif study.debriefing not in study.pages:
+        known = ", ".join(study.pages) or "none"
+        yield Problem(("debriefing",), f"there is no page {study.debriefing!r}", f"Known pages: {known}.")
+    elif study.debriefing not in study.flow[study.flow.index("episodes") + 1 :] if "episodes" in study.flow else True:
+        reason = "the debriefing does not follow the rounds"
+        yield Problem(("debriefing",), reason, f"Put {study.debriefing!r} after `episodes` in `flow`.")
 
 
 def _questions(study: Study, questionnaire: Questionnaire, path: Path) -> Iterator[Problem]:

@@ -260,6 +260,8 @@ class Study(StrictModel):
     breaks: Breaks = Breaks()
     primary: PrimaryTest | None = None
     smallest_effect: SmallestEffect | None = None
+    debriefing: str | None = None
+    """The key of the page in `pages` that tells participants about misleading marks. It follows the rounds."""
     pages: dict[Key, Section] = Field(default_factory=dict)
     flow: Annotated[tuple[str, ...], Field(min_length=1)]
     """The steps in order: introduction, quiz, tutorial, episodes, thanks, and keys of `pages` and `questionnaires`."""

@@ -64,9 +64,11 @@ async def withdraw(
         if leaving is None:
             status, wrong = (429, "wait") if outcome.left is None else (422, "code_wrong")
             return made.render("participant/withdraw.html", status, code=code, wrong=wrong)
+    debriefing = views.debriefing_of(made, leaving)
     await deletion.delete(web, control, leaving.id)
     gone = PageResponse(request, web, made.language, opened.study)
-    response = gone.render("participant/ended.html", kind="withdrawn", outcome=Exit(), back=None)
+    words = {"kind": "withdrawn", "outcome": Exit(), "debriefing": debriefing}
+    response = gone.render("participant/ended.html", **words, back=None)
     if participant is not None:
         forget_cookie(response, opened.study.name, secure=web.csrf.secure)
     return response

@@ -12,7 +12,7 @@ from server.participation.recruiter_links import WayBack, way_back
 from server.store import episodes, events, participants
 from server.store.participants import Participant
 from server.store.tables import RECRUITMENT_ID
-from server.study.definition import Study
+from server.study.definition import Section, Study
 from server.study.questionnaire import AnswerError, asked
 from server.study.recruitment import Exit
 from server.study.steps import PHASES, Kind, StudyStep, episodes_of
@@ -33,7 +33,8 @@ async def render_step(page: PageResponse, participant: Participant, filled: Fill
     """The page on which the participant is."""
     if participant.status not in ("active", "completed"):
         kind, outcome = await _ended(page, participant)
-        return page.render("participant/ended.html", kind=kind, outcome=outcome, back=await _back(page, outcome))
+        words = {"kind": kind, "outcome": outcome, "debriefing": debriefing_of(page, participant)}
+        return page.render("participant/ended.html", **words, back=await _back(page, outcome))
     way = page.web.studies.way(participant)
     step = page.web.studies.step(participant)
     shown = {one.phase for one in way} | {"consent"}
@@ -86,6 +87,13 @@ async def _ended(page: PageResponse, participant: Participant) -> tuple[str, Exi
         inattentive = await database.read(events.of_participant, participant.id, kind)
         return ("inattentive" if inattentive else "screened_out"), study.recruitment.screened_out
     return ("withdrawn" if participant.status == "withdrawn" else "timed_out"), Exit()
+
+
+def debriefing_of(page: PageResponse, participant: Participant) -> Section | None:
+    """The debriefing of somebody who leaves early and whose condition may have misled them."""
+    study = page.web.studies.of(participant)
+    misled = study.condition(participant.condition).predictor == "misleading"
+    return study.pages[study.debriefing] if misled and study.debriefing else None
 
 
 async def _back(page: PageResponse, outcome: Exit, code: str = "") -> WayBack | None:

@@ -108,7 +108,7 @@ function armBar(arm) {
 
 /** @param {string} kind of predictor */
 function armClass(kind) {
-  return kind === 'degraded' ? 'tom' : kind;
+  return ['degraded', 'misleading'].includes(kind) ? 'tom' : kind;
 }
 
 /** @param {Researcher.Arm[]} arms */

@@ -126,6 +126,7 @@ declare namespace Researcher {
     prediction: number[][];
     displayed: [number, number][];
     asked: boolean | null;
+    misleading: boolean | null;
     keys: [seat: number, seq: number, receivedMs: number][];
     late: boolean;
     late_ms: number;

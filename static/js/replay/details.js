@@ -50,7 +50,9 @@ export function showPrediction(table, place, record, t) {
   });
   const rows = NAMES.map((_, action) => predictionRow(record, t, action));
   const head = make('tr', {}, make('td'), ...heads);
-  const note = record.rows[t].asked === false ? 'Not shown: the participant did not ask for the marks.' : '';
+  const { asked, misleading } = record.rows[t];
+  const drawn = misleading ? 'The marks drawn are a wrong future, not these steps.' : '';
+  const note = asked === false ? 'Not shown: the participant did not ask for the marks.' : drawn;
   const caption = make('caption', { className: 'soft', text: note });
   table.replaceChildren(...(note ? [caption] : []), make('thead', {}, head), make('tbody', {}, ...rows));
 }
