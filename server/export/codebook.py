@@ -193,7 +193,7 @@ RELIANCE = ExportTable(
     "studies that mislead",
     (
         _EPISODE,
-        _text(
+        text(
             "phase",
             "before: the participant had seen no wrong mark in the study (`ticks.misleading`); after: from then on.",
         ),

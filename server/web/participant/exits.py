@@ -1,5 +1,7 @@
 """The routes of those who leave: declined, turned away by the entry checks, withdrawn. Thin, as study_pages.py is."""
 
+from typing import Any
+
 from fastapi import APIRouter, Request, Response
 
 from server.participation import progress
@@ -11,6 +13,7 @@ from server.web.admin.actions import ControlDep
 from server.web.auth import forget_cookie
 from server.web.dependencies import FormDep, OpenStudy, OpenStudyDep, PageResponse, ParticipantDep, Web, WebDep, page
 from server.web.forms import first
+from server.web.participant import views
 
 router = APIRouter(prefix="/s/{name}")
 
@@ -67,7 +70,7 @@ async def withdraw(
     debriefing = views.debriefing_of(made, leaving)
     await deletion.delete(web, control, leaving.id)
     gone = PageResponse(request, web, made.language, opened.study)
-    words = {"kind": "withdrawn", "outcome": Exit(), "debriefing": debriefing}
+    words: dict[str, Any] = {"kind": "withdrawn", "outcome": Exit(), "debriefing": debriefing}
     response = gone.render("participant/ended.html", **words, back=None)
     if participant is not None:
         forget_cookie(response, opened.study.name, secure=web.csrf.secure)

@@ -33,7 +33,7 @@ async def render_step(page: PageResponse, participant: Participant, filled: Fill
     """The page on which the participant is."""
     if participant.status not in ("active", "completed"):
         kind, outcome = await _ended(page, participant)
-        words = {"kind": kind, "outcome": outcome, "debriefing": debriefing_of(page, participant)}
+        words: dict[str, Any] = {"kind": kind, "outcome": outcome, "debriefing": debriefing_of(page, participant)}
         return page.render("participant/ended.html", **words, back=await _back(page, outcome))
     way = page.web.studies.way(participant)
     step = page.web.studies.step(participant)
