@@ -2,6 +2,7 @@
 
 import hashlib
 from collections import deque
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -93,14 +94,44 @@ def parse_layout(text: str, name: str = "layout", source: str | None = None) -> 
     """The layout drawn in `text`; `source` names it in errors. Raises LayoutError."""
     source = source or name
     rows = grid_rows(text, source)
-    starts = _check_grid(rows, source)
-    plain = [row.replace("1", " ").replace("2", " ") for row in rows]
-    tiles = np.array([[TILE_CHARACTERS.index(tile) for tile in row] for row in plain], np.int8).T.copy()
-    _check_reach(rows, tiles, starts, source)
+    for problem in _problems(rows, source):
+        raise problem
+    tiles, starts = _tiles(rows), _starts(rows)
     arrays = (tiles, np.array(starts, np.int8), _cells(tiles, POT), _cells(tiles, COUNTER))
     for array in arrays:
         array.setflags(write=False)
     return Layout(name, tuple(rows), *arrays)
+
+
+def layout_problems(text: str, source: str = "layout") -> list[LayoutError]:
+    """Return everything that is wrong with a layout; `parse_layout` raises the first. Empty: it can be played."""
+    try:
+        return list(_problems(grid_rows(text, source), source))
+    except LayoutError as error:
+        return [error]
+
+
+def _problems(rows: list[str], source: str) -> Iterator[LayoutError]:
+    """Yield what is wrong with a grid. Whether everything can be reached is only asked of one that is otherwise
+    sound."""
+    sound = True
+    for problem in _grid_problems(rows, source):
+        sound = False
+        yield problem
+    if sound:
+        yield from _reach_problems(rows, source)
+
+
+def _tiles(rows: list[str]) -> NDArray[np.int8]:
+    """Return the tiles (width, height) of a sound grid; start cells are floor."""
+    plain = [row.replace("1", " ").replace("2", " ") for row in rows]
+    return np.array([[TILE_CHARACTERS.index(tile) for tile in row] for row in plain], np.int8).T.copy()
+
+
+def _starts(rows: list[str]) -> list[tuple[int, int]]:
+    """Return the start cell (x, y) of each player of a sound grid."""
+    cells = {tile: (x, y) for y, row in enumerate(rows) for x, tile in enumerate(row) if tile in "12"}
+    return [cells[str(player)] for player in range(1, PLAYERS + 1)]
 
 
 def _cells(tiles: NDArray[np.int8], tile: int) -> NDArray[np.int8]:
@@ -109,17 +140,18 @@ def _cells(tiles: NDArray[np.int8], tile: int) -> NDArray[np.int8]:
     return np.ascontiguousarray(np.argwhere(tiles == tile), np.int8)
 
 
-def _check_grid(rows: list[str], source: str) -> list[tuple[int, int]]:
-    """Refuse anything that is not a closed rectangle of known tiles with all it needs; return the start cells."""
+def _grid_problems(rows: list[str], source: str) -> Iterator[LayoutError]:
+    """Yield what keeps a grid from being a closed rectangle of known tiles with all it needs."""
     if not rows or not rows[0]:
-        raise LayoutError(
+        yield LayoutError(
             source, "the grid is empty", "Draw at least 3 rows, e.g. the bundled coordination_ring.layout."
         )
+        return
     width, height = len(rows[0]), len(rows)
-    starts: dict[str, tuple[int, int]] = {}
+    starts: set[str] = set()
     for y, row in enumerate(rows):
         if len(row) != width:
-            raise LayoutError(
+            yield LayoutError(
                 source,
                 f"the row has {len(row)} cells, the first row has {width}",
                 "Make all rows equally long (spaces are floor).",
@@ -127,60 +159,67 @@ def _check_grid(rows: list[str], source: str) -> list[tuple[int, int]]:
                 min(len(row), width) + 1,
             )
         for x, tile in enumerate(row):
-            _check_cell(tile, (x, y), (width, height), starts, source)
+            yield from _cell_problems(tile, (x, y), (width, height), starts, source)
     if max(width, height) > _LARGEST_SIDE:
-        raise LayoutError(
+        yield LayoutError(
             source,
             f"the kitchen is {width} x {height} cells",
             f"At most {_LARGEST_SIDE} x {_LARGEST_SIDE} can be played.",
         )
     for player in range(1, PLAYERS + 1):
         if str(player) not in starts:
-            raise LayoutError(
+            yield LayoutError(
                 source, f"player {player} has no start cell", f"Write the digit {player} on a floor cell."
             )
     text = "".join(rows)
     for tile, meaning in _REQUIRED.items():
         if tile not in text:
-            raise LayoutError(
+            yield LayoutError(
                 source, f"there is no {meaning}", f"Write {tile} on a counter cell that a chef can stand next to."
             )
-    return [starts[str(player)] for player in range(1, PLAYERS + 1)]
 
 
-def _check_cell(
-    tile: str, cell: tuple[int, int], size: tuple[int, int], starts: dict[str, tuple[int, int]], source: str
-) -> None:
+def _cell_problems(
+    tile: str, cell: tuple[int, int], size: tuple[int, int], starts: set[str], source: str
+) -> Iterator[LayoutError]:
+    """Yield what is wrong with one cell; `starts`: the players whose start cell came before it."""
     (x, y), (width, height) = cell, size
     place = {"row": y + 1, "column": x + 1}
     if tile == "T":
-        raise LayoutError(source, "tomatoes (T) are not served in this kitchen", "Use O (onions).", **place)
-    if tile not in TILE_CHARACTERS + "12":
+        yield LayoutError(source, "tomatoes (T) are not served in this kitchen", "Use O (onions).", **place)
+    elif tile not in TILE_CHARACTERS + "12":
         remedy = "Use X counter, O onions, D dishes, P pot, S exit, a space for floor, 1 and 2 for the chefs."
-        raise LayoutError(source, f"unknown tile {tile!r}", remedy, **place)
+        yield LayoutError(source, f"unknown tile {tile!r}", remedy, **place)
     if tile in " 12" and (x in (0, width - 1) or y in (0, height - 1)):
-        raise LayoutError(source, "the border is open here", "Close it with X or a station.", **place)
+        yield LayoutError(source, "the border is open here", "Close it with X or a station.", **place)
     if tile in "12":
         if tile in starts:
-            raise LayoutError(source, f"player {tile} starts twice", "Leave one of the two digits.", **place)
-        starts[tile] = cell
+            yield LayoutError(source, f"player {tile} starts twice", "Leave one of the two digits.", **place)
+        starts.add(tile)
 
 
-def _check_reach(rows: list[str], tiles: NDArray[np.int8], starts: list[tuple[int, int]], source: str) -> None:
-    """Refuse a station that nobody can stand next to, however the chefs walk."""
-    reached = set(starts)
-    queue = deque(starts)
-    while queue:
-        x, y = queue.popleft()
-        for dx, dy in zip(STEP_X, STEP_Y, strict=True):
-            cell = (x + dx, y + dy)
-            if tiles[cell] == FLOOR and cell not in reached:
-                reached.add(cell)
-                queue.append(cell)
+def _reach_problems(rows: list[str], source: str) -> Iterator[LayoutError]:
+    """Yield each station that nobody can stand next to, however the chefs walk."""
+    reached = reached_floor(_tiles(rows), _starts(rows))
     for y, row in enumerate(rows):
         for x, tile in enumerate(row):
-            if tile in _REQUIRED and not any(
-                (x + dx, y + dy) in reached for dx, dy in zip(STEP_X, STEP_Y, strict=True)
-            ):
+            if tile in _REQUIRED and not reached & neighbours(x, y):
                 remedy = "Open a floor cell next to it that a chef can walk to, or remove it."
-                raise LayoutError(source, f"nobody can reach this {_REQUIRED[tile]}", remedy, y + 1, x + 1)
+                yield LayoutError(source, f"nobody can reach this {_REQUIRED[tile]}", remedy, y + 1, x + 1)
+
+
+def reached_floor(tiles: NDArray[np.int8], starts: Iterable[tuple[int, int]]) -> set[tuple[int, int]]:
+    """Return the floor cells (x, y) to which one can walk from `starts`. The border of `tiles` must be closed."""
+    reached = set(starts)
+    queue = deque(reached)
+    while queue:
+        for cell in neighbours(*queue.popleft()) - reached:
+            if tiles[cell] == FLOOR:
+                reached.add(cell)
+                queue.append(cell)
+    return reached
+
+
+def neighbours(x: int, y: int) -> set[tuple[int, int]]:
+    """Return the four cells beside a cell, also those outside of the grid."""
+    return {(x + dx, y + dy) for dx, dy in zip(STEP_X, STEP_Y, strict=True)}

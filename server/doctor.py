@@ -11,6 +11,7 @@ import stat
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final, Literal
 from urllib.parse import urlsplit
@@ -19,13 +20,15 @@ from sqlalchemy import inspect
 
 from models.networks.checkpoint import CheckpointError, load_checkpoint
 from server.commands.serve import listen
+from server.participation.own_kitchens import load_with_kitchens
 from server.required_models import folder_of, required_models
 from server.settings import Settings
 from server.store import engines
 from server.store.database import Database, DatabaseDown
 from server.store.engines import encoding_problem, normal_url
+from server.store.kitchens import grids_at
 from server.store.migrate import known_revisions, revision_of
-from server.study.loader import StudyError, StudyFile, load_study
+from server.study.loader import StudyError, StudyFile
 from server.study_check import stage_problems
 
 LEAST_FREE_GB: Final = 1.0
@@ -137,7 +140,7 @@ def _studies(settings: Settings) -> Iterator[HealthFinding]:
     sound: list[StudyFile] = []
     for path in settings.studies:
         try:
-            file = load_study(path, settings.models_folder)
+            file = load_with_kitchens(path, partial(grids_at, settings.database), settings.models_folder)
             problems = [(problem.warning, file.describe(problem)) for problem in stage_problems(file)]
         except StudyError as error:
             yield from (HealthFinding("study", "bad", line) for line in error.lines)

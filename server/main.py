@@ -27,6 +27,7 @@ from server.monitoring.data_quality import load_rules
 from server.monitoring.latency_history import LatencyHistory
 from server.monitoring.live_games import LiveGames
 from server.monitoring.peers import Process
+from server.participation.own_kitchens import load_with_kitchens
 from server.participation.seating import ConnectedPlayer, Seating
 from server.participation.served_studies import Studies
 from server.participation.study_versions import StudyVersions
@@ -36,12 +37,12 @@ from server.play.games import Games
 from server.play.recorder import EpisodeRecord, RecorderDown
 from server.required_models import required_models
 from server.settings import ROOT, Settings
-from server.store import episodes, events
+from server.store import episodes, events, kitchens
 from server.store.database import Database, DatabaseDown
 from server.store.engines import normal_url
 from server.store.episodes import StoreRecorder
 from server.store.migrate import migrate_shared, to_newest
-from server.study.loader import StudyError, StudyFile, load_study
+from server.study.loader import StudyError, StudyFile
 from server.study_check import missing_problems
 from server.version import code_version
 from server.web import health, protocol_document
@@ -220,7 +221,7 @@ def _served(settings: Settings) -> list[StudyFile]:
     of several studies in local mode only those without their models are left out."""
     served, reasons = [], []
     for path in settings.studies:
-        file = load_study(path, settings.models_folder)
+        file = load_with_kitchens(path, partial(kitchens.grids_at, settings.database), settings.models_folder)
         missing = [file.describe(problem) for problem in missing_problems(file, required_models([file]))]
         reasons += missing
         if not missing:

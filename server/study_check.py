@@ -28,9 +28,8 @@ def stage_problems(file: StudyFile) -> Iterator[Problem]:
             place = ", ".join(f"{word} {at}" for word, at in (("row", error.row), ("column", error.column)) if at)
             yield Problem((*path, "grid"), f"{place + ': ' if place else ''}{error.reason}", error.remedy)
         except FileNotFoundError as error:
-            yield Problem(
-                (*path, "name"), str(error).rstrip("."), "Correct the name, or draw the rows under `grid: |`."
-            )
+            remedy = "Correct the name, draw the rows under `grid: |`, or save this kitchen in the dashboard."
+            yield Problem((*path, "name"), str(error).rstrip("."), remedy)
     if len(sound) == len({kitchen.name for _, kitchen in places}):  # models need kitchens that are sound
         yield from _model_problems(file, sound)
 

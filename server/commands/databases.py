@@ -7,6 +7,8 @@ from sqlalchemy import inspect
 from server.settings import Settings
 from server.store.database import Database, DatabaseDown
 from server.store.engines import normal_url, shown
+from server.store.kitchens import grids_at
+from server.study.loader import StudyError
 
 
 def open_stored(url: str | None) -> Database:
@@ -25,3 +27,15 @@ def open_stored(url: str | None) -> Database:
         database.close()
         raise ValueError(f"{named} is not a kitchenmind database. Give the right one with --database.")
     return database
+
+
+def stored_kitchens() -> dict[str, str]:
+    """The grids of the kitchens that were drawn in the dashboard, from the database in the settings. Raises StudyError
+    where it cannot be read."""
+    url = Settings().database
+    try:
+        return grids_at(url)
+    except (DatabaseDown, ValueError) as error:
+        where = shown(normal_url(url))
+        reason = f"the kitchens of the dashboard cannot be read ({error})"
+        raise StudyError([f"{where}: {reason}. Set KITCHENMIND_DATABASE."]) from None

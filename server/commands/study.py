@@ -52,11 +52,13 @@ def _new(name: str, path: Path) -> int:
 
 
 def _check(path: Path) -> int:
-    from server.study.loader import StudyError, load_study
+    from server.commands.databases import stored_kitchens
+    from server.participation.own_kitchens import load_with_kitchens
+    from server.study.loader import StudyError
     from server.study_check import doubts, stage_problems
 
     try:
-        file = load_study(path)
+        file = load_with_kitchens(path, stored_kitchens)
     except StudyError as error:
         return _refuse(*error.lines)
     except OSError as error:

@@ -19,14 +19,16 @@ from sqlalchemy import Connection, select
 
 from models.inference.runner import ModelServer
 from models.inference.supervised_worker import ModelsDown
+from server.participation.own_kitchens import load_with_kitchens
 from server.participation.served_studies import Studies
 from server.participation.study_changes import ChangedStudy, ServedVersion, Serving
 from server.required_models import RequiredModels, required_models
 from server.settings import Settings
+from server.store import kitchens
 from server.store import studies as stored_studies
 from server.store.database import Database, DatabaseDown
 from server.store.tables import participants
-from server.study.loader import StudyError, StudyFile, load_study, parse_study
+from server.study.loader import StudyError, StudyFile, parse_study
 from server.study_check import missing_problems
 
 log = logging.getLogger(__name__)
@@ -133,10 +135,13 @@ class StudyVersions:
 
     def _checked(self, name: str, served: StudyFile) -> StudyFile:
         """The file as it is now. Raises StudyError, OSError."""
-        file = load_study(served.source, self._settings.models_folder)
+        file = load_with_kitchens(served.source, self._kitchens, self._settings.models_folder)
         if file.study.name != name:
             raise StudyError([f"{file.source}:1: the study is now called {file.study.name!r}, not {name!r}."])
         return self._usable(file)
+
+    def _kitchens(self) -> dict[str, str]:
+        return {} if self._database is None else self._database.read_now(kitchens.grids)
 
     def _usable(self, file: StudyFile) -> StudyFile:
         missing = [file.describe(problem) for problem in missing_problems(file, required_models([file]))]

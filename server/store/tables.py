@@ -34,6 +34,7 @@ from server.store.researcher_tables import (
     heartbeat,
     study_pauses,
 )
+from server.store.studio_tables import kitchens
 from server.store.table_base import (
     EPISODE,
     EPISODE_STATUSES,
@@ -65,6 +66,7 @@ __all__ = [
     "exclusions",
     "heartbeat",
     "inputs",
+    "kitchens",
     "metadata",
     "participants",
     "pauses",
