@@ -46,7 +46,7 @@ from server.study.loader import StudyError, StudyFile
 from server.study_check import missing_problems
 from server.version import code_version
 from server.web import health, protocol_document
-from server.web.admin import actions, downloads, live_boards, replay_page, researcher_pages
+from server.web.admin import routes as researcher_routes
 from server.web.auth import CsrfProtection, token_of
 from server.web.dependencies import Web, games_first, templates
 from server.web.error_pages import install_error_pages
@@ -72,11 +72,7 @@ _ROUTES = (
     exits,
     game_socket,
     watch_agents,
-    researcher_pages,
-    live_boards,
-    replay_page,
-    actions,
-    downloads,
+    researcher_routes,
     health,
     protocol_document,
 )

@@ -34,8 +34,7 @@ class KitchenConflict(Exception):
 def save(connection: Connection, name: str, grid: str | None, by: str, opened: int) -> StoredKitchen:
     """Add a version; `grid` None removes the kitchen. `opened`: the version that the change began with, 0 for a new
     kitchen. Raises KitchenConflict where that is not the newest any more; nothing is stored then."""
-    found = of_name(connection, name)
-    newest = found[0] if found else None
+    newest = next(iter(of_name(connection, name)), None)
     version = newest.version if newest is not None else 0
     is_new = opened == 0 and (newest is None or newest.grid is None)  # a name is free again after a removal
     if newest is not None and opened != version and not is_new:

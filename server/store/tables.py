@@ -297,4 +297,5 @@ TABLES = (
     attempts,
     exclusions,
     study_pauses,
+    kitchens,
 )

@@ -83,6 +83,7 @@ class PopulatedServer:
         method, _, path = route.partition(" ")
         action = "signed_out" if "account" in path else "extend"
         values = {"name": "short", "study": "short", "person": self.person, "episode": self.episode, "account": "watch"}
+        values |= {"kitchen": "nook"}
         path = path.format(**values, action=action)
         with self.client(self.cookies[role]) as client:
             if method == "GET":

@@ -32,6 +32,7 @@ SAID = {
     "removed": "The account is removed.",
     "deleted": "The participant is deleted. The audit log says so; only the count of those who left remains.",
     "nobody_found": "There is no participant with this id or code in this study.",
+    "kitchen_removed": "The kitchen is removed. Its history is kept.",
     "version_unchanged": "No action taken: the study file is already served as it is.",
     "gone": "No action taken: the game or visit has already ended, or its server process did not answer.",
 }

@@ -1,0 +1,110 @@
+"""What the kitchen editor is told of a grid: errors with their place, what can be reached, models, planners' points."""
+
+import asyncio
+import json
+import os
+import subprocess
+import sys
+from typing import Any, Final
+
+from fastapi import HTTPException
+
+from overcooked.layout import Layout, layout_problems, parse_layout
+from overcooked.layout_file import LayoutError, grid_rows
+from overcooked.reach import KitchenReach, kitchen_reach
+from server.participation.own_kitchens import trained_models
+from server.settings import ROOT
+
+EPISODES: Final = 5
+LONGEST_S: Final = 90
+MOST_KEPT: Final = 100
+_DRAWING: Final = "kitchen"  # what stands in errors for the name of a file
+_one_at_a_time = asyncio.Lock()
+_trials: dict[str, dict[str, Any]] = {}  # by the hash of the grid
+
+
+def findings(text: str, name: str) -> dict[str, Any]:
+    """Return what is known of a grid, or of the text of a `.layout` file, at once. `rows` is None if there are none."""
+    try:
+        rows: list[str] | None = grid_rows(text, _DRAWING)
+    except LayoutError:
+        rows = None
+    problems = [
+        {"row": one.row, "column": one.column, "text": f"{one.reason[:1].upper()}{one.reason[1:]}. {one.remedy}"}
+        for one in layout_problems(text, _DRAWING)
+    ]
+    found: dict[str, Any] = {"rows": rows, "problems": problems, "reach": None, "models": None}
+    if not problems:
+        layout = parse_layout(text, name or _DRAWING)
+        found |= {"reach": _reach(kitchen_reach(layout)), "models": _models(layout)}
+        found["trial"] = _trials.get(layout.sha256)
+    return found
+
+
+def _reach(reach: KitchenReach) -> dict[str, Any]:
+    return {
+        "stations": [sorted(cells) for cells in reach.stations],
+        "shared": sorted(reach.shared),
+        "alone": list(reach.alone),
+        "together": reach.together,
+        "unused": sorted(reach.unused),
+    }
+
+
+def _models(layout: Layout) -> dict[str, Any]:
+    found = trained_models(layout)
+    file = f"{layout.name}.layout"
+    return {
+        "layout": found.layout,
+        "scripted": list(found.scripted),
+        "agents": list(found.agents),
+        "predictors": list(found.predictors),
+        "commands": [
+            f"kitchenmind train agent --layout {file} --out {layout.name}_agent",
+            *(
+                f"kitchenmind train agent --layout {file} --seed {seed} --out {layout.name}_partners/partner_{seed}"
+                for seed in (2, 3, 4, 5)
+            ),
+            f"kitchenmind collect --layout {file} --agent ./{layout.name}_agent --partners {layout.name}_partners",
+            f"kitchenmind train predictor --layout {file} --agent ./{layout.name}_agent --out {layout.name}_predictor",
+        ],
+    }
+
+
+async def trial(text: str) -> dict[str, Any]:
+    """Return the points of two planners and how often they block each other. One at a time; the games do not notice,
+    as it runs in a process that waits for them. Answers 400 for a grid that is none, 503 if another one is tried."""
+    try:
+        layout = parse_layout(text, _DRAWING)
+    except LayoutError as error:
+        raise HTTPException(400, str(error)) from None
+    if (known := _trials.get(layout.sha256)) is not None:
+        return known
+    if _one_at_a_time.locked():
+        raise HTTPException(503, "another kitchen is being tried", {"Retry-After": "2"})
+    async with _one_at_a_time:  # taken before anything else is awaited
+        found = await asyncio.to_thread(_tried, layout.text)
+    while len(_trials) >= MOST_KEPT:
+        _trials.pop(next(iter(_trials)))
+    _trials[layout.sha256] = found
+    return found
+
+
+def _tried(grid: str) -> dict[str, Any]:
+    path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+    try:
+        done = subprocess.run(  # noqa: S603
+            [sys.executable, "-m", "server.commands.kitchen_trial", str(EPISODES)],
+            input=grid.encode(),
+            env={**os.environ, "PYTHONPATH": path, **one_thread},
+            capture_output=True,
+            timeout=LONGEST_S,
+            check=True,
+        )
+    except subprocess.TimeoutExpired:
+        raise HTTPException(503, f"the trial took longer than {LONGEST_S} s and was stopped") from None
+    except subprocess.CalledProcessError as error:
+        raise HTTPException(500, error.stderr.decode(errors="replace")[-300:]) from None
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found

@@ -1,0 +1,157 @@
+"""Routes of the kitchen editor: the list of own kitchens, one kitchen, what is wrong with it, saving. Owners only."""
+
+import asyncio
+import re
+from typing import Any, Final
+
+from fastapi import APIRouter, HTTPException, Request, Response
+from fastapi.responses import JSONResponse
+
+from overcooked.layout import layout_names, load_layout, parse_layout
+from overcooked.layout_file import LayoutError
+from overcooked.other_names import OTHER_NAMES
+from server.participation.episode_specs import layout_of
+from server.participation.own_kitchens import studies_with
+from server.store import audit, kitchens
+from server.store.kitchens import KitchenConflict, StoredKitchen
+from server.web.admin import kitchen_findings
+from server.web.admin.rendering import AdminPage, back_to
+from server.web.admin.researcher_auth import AdminFormDep, OwnDep
+from server.web.dependencies import Web, WebDep
+from server.web.forms import Form, first
+
+router = APIRouter(prefix="/admin")
+NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,39}")
+LARGEST_TEXT: Final = 20_000
+EMPTY: Final = ("XXXXXXX", "X1   2X", "X     X", "X     X", "XXXXXXX")
+
+
+@router.get("/kitchens")
+async def own_kitchens(request: Request, admin: OwnDep, web: WebDep) -> Response:
+    """The kitchens that were drawn here, and the bundled ones to begin with."""
+    rows = [
+        {"kitchen": one, "layout": parse_layout(one.grid or "", one.name), "studies": _studies(web, one.name)}
+        for one in await web.database.read(kitchens.newest)
+    ]
+    bundled = [load_layout(name) for name in layout_names()]
+    return AdminPage(request, admin).render("kitchens.html", tab="kitchens", rows=rows, bundled=bundled)
+
+
+@router.get("/kitchens/new")
+async def new_kitchen(request: Request, admin: OwnDep) -> Response:
+    """An empty kitchen, or a copy of a bundled one (`copy`)."""
+    copied = request.query_params.get("copy", "")
+    rows = list(load_layout(copied).grid) if copied in layout_names() else list(EMPTY)
+    return _editor(request, admin, "", rows, [], 0)
+
+
+@router.get("/kitchen/{kitchen}")
+async def edit_kitchen(request: Request, kitchen: str, admin: OwnDep, web: WebDep) -> Response:
+    """The newest version of a kitchen in the editor, or an earlier one (`version`)."""
+    history = await web.database.read(kitchens.of_name, kitchen)
+    wanted = request.query_params.get("version", "")
+    shown = next((one for one in history if str(one.version) == wanted and one.grid), None)
+    shown = shown or next((one for one in history[:1] if one.grid), None)
+    if shown is None or shown.grid is None:
+        raise HTTPException(404, f"there is no kitchen {kitchen!r} here")
+    return _editor(request, admin, kitchen, shown.grid.splitlines(), history, shown.version)
+
+
+def _editor(
+    request: Request, admin: OwnDep, name: str, rows: list[str], history: list[StoredKitchen], shown: int
+) -> Response:
+    newest = history[0].version if history else 0
+    page = AdminPage(request, admin)
+    start = {"name": name, "rows": rows, "version": newest, "token": page.form_token()}
+    return page.render(
+        "kitchen.html", tab="kitchens", name=name, start=start, history=history, shown=shown, newest=newest
+    )
+
+
+@router.post("/kitchens/check")
+async def check_kitchen(admin: OwnDep, form: AdminFormDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
+    """What is wrong with a grid and what can be reached in it; also for the text of a `.layout` file."""
+    return await asyncio.to_thread(kitchen_findings.findings, _grid(form), _name(form))
+
+
+@router.post("/kitchens/trial")
+async def try_kitchen(admin: OwnDep, form: AdminFormDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
+    """Points of two planners."""
+    return await kitchen_findings.trial(_grid(form))
+
+
+@router.post("/kitchens/save")
+async def save_kitchen(admin: OwnDep, web: WebDep, form: AdminFormDep) -> Response:
+    """Store a new version. Answers 409 where somebody else stored one in the meantime, or a study plays in it."""
+    name, opened = first(form, "name").strip(), first(form, "version")
+    if NAME.fullmatch(name) is None:
+        raise HTTPException(400, "A name has small letters, digits and _, begins with a letter and has at most 40")
+    if name in layout_names() or name in OTHER_NAMES:
+        raise HTTPException(400, f"{name} is the name of a bundled kitchen. Give your kitchen another name")
+    if not (opened.isascii() and opened.isdigit() and len(opened) < 10):
+        raise HTTPException(400, "the form lacks its version")
+    try:
+        layout = parse_layout(_grid(form), name)
+    except LayoutError as error:
+        raise HTTPException(400, str(error)) from None
+    if (busy := _bound(web, name, layout.text)) is not None:
+        return JSONResponse({"detail": f"{busy} Save the change under another name."}, 409)
+    try:
+        saved = await _stored(web, admin.name, name, layout.text, int(opened))
+    except KitchenConflict as conflict:
+        return JSONResponse({"detail": str(conflict), "newest": conflict.newest.version}, 409)
+    return JSONResponse({"name": saved.name, "version": saved.version})
+
+
+@router.post("/kitchen/{kitchen}/remove")
+async def remove_kitchen(kitchen: str, admin: OwnDep, web: WebDep, form: AdminFormDep) -> Response:  # noqa: ARG001 - checks the form
+    """Take a kitchen out of the list; its history stays."""
+    history = await web.database.read(kitchens.of_name, kitchen)
+    if not history or history[0].grid is None:
+        raise HTTPException(404, f"there is no kitchen {kitchen!r} here")
+    if (busy := _bound(web, kitchen, None)) is not None:
+        raise HTTPException(409, busy.rstrip("."))
+    try:
+        await _stored(web, admin.name, kitchen, None, history[0].version)
+    except KitchenConflict as conflict:
+        raise HTTPException(409, str(conflict)) from None
+    return back_to("/admin/kitchens", "kitchen_removed")
+
+
+async def _stored(web: Web, by: str, name: str, grid: str | None, opened: int) -> StoredKitchen:
+    """Store a version with its line in the audit log, in one transaction. Raises KitchenConflict."""
+
+    def store(connection: Any) -> StoredKitchen:
+        saved = kitchens.save(connection, name, grid, by, opened)
+        action = "save kitchen" if grid is not None else "remove kitchen"
+        audit.add(connection, by, action, {"kitchen": name, "version": saved.version})
+        return saved
+
+    return await asyncio.shield(web.database.write(store))
+
+
+def _bound(web: Web, kitchen: str, grid: str | None) -> str | None:
+    """Return why a kitchen cannot change to `grid`: data and models know it by its name. None: it can."""
+    for name in _studies(web, kitchen):
+        opened = web.studies.open(name)
+        places = [] if opened is None else [*opened[1].layouts, opened[1].tutorial.layout]
+        if any(one.name == kitchen and layout_of(one).text != grid for one in places):
+            return f"The study {name} is served with the kitchen {kitchen}."
+    return None
+
+
+def _studies(web: Web, kitchen: str) -> list[str]:
+    opened = {name: web.studies.open(name) for name in web.studies.names()}
+    return studies_with({name: found[1] for name, found in opened.items() if found is not None}, kitchen)
+
+
+def _grid(form: Form) -> str:
+    text = first(form, "grid")
+    if len(text) > LARGEST_TEXT:
+        raise HTTPException(400, f"a kitchen has at most {LARGEST_TEXT} characters")
+    return text
+
+
+def _name(form: Form) -> str:
+    name = first(form, "name").strip()
+    return name if NAME.fullmatch(name) else ""

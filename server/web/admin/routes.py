@@ -1,0 +1,9 @@
+"""All routes of researchers: everything below /admin."""
+
+from fastapi import APIRouter
+
+from server.web.admin import actions, downloads, kitchen_pages, live_boards, replay_page, researcher_pages
+
+router = APIRouter()
+for _module in (researcher_pages, live_boards, replay_page, actions, downloads, kitchen_pages):
+    router.include_router(_module.router)

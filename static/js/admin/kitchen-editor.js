@@ -1,0 +1,375 @@
+// The kitchen editor: drawing by pointer, touch and keyboard; checks while one draws; saving, import and export.
+
+/** @import { Cell, Grid } from '../board/kitchen.js' */
+/** @import { Findings, Trial } from './kitchen-findings.js' */
+
+import { STEP } from '../board/kitchen.js';
+import { Sprites } from '../board/sprites.js';
+import { SPRITES, root } from '../browser/addresses.js';
+import { find, findAll } from '../browser/dom.js';
+import { local, readJson } from '../browser/storage.js';
+import { make } from './elements.js';
+import { KitchenDrawing } from './kitchen-drawing.js';
+import { showModels, showProblems, showReach, showTrial } from './kitchen-findings.js';
+import { TILES, TILE_NAMES, UndoList, between, drawn, filledUp, resized } from './kitchen-grid.js';
+
+const CHECK_AFTER_MS = 150;
+const TRY_AFTER_MS = 1000;
+const RETRY_MS = 2000;
+/** @type {Record<string, number>} */
+const ARROWS = { ArrowUp: 0, ArrowDown: 1, ArrowRight: 2, ArrowLeft: 3 };
+
+/** @type {{ name: string, rows: Grid, version: number, token: string }} */
+const start = JSON.parse(find('#editor', HTMLElement).dataset.start ?? '');
+const nameField = find('#name', HTMLInputElement);
+const surface = find('#drawing', HTMLElement);
+const draftKey = `kitchen-draft/${start.name}`;
+
+let list = new UndoList(start.rows);
+let version = start.version;
+/** @type {Cell} */
+let cursor = [1, 1];
+let tile = 'X';
+/** @type {Findings | null} */
+let found = null;
+let checks = 0;
+/** @type {ReturnType<typeof setTimeout> | undefined} */
+let checkTimer;
+/** @type {ReturnType<typeof setTimeout> | undefined} */
+let trialTimer;
+/** @type {Cell | null} where the pointer was that draws */
+let pen = null;
+/** @type {KitchenDrawing} */
+let drawing;
+
+/**
+ * Send a form; return the answer's status and JSON. Status 0: no answer came.
+ * @param {string} path
+ * @param {Record<string, string>} fields
+ * @returns {Promise<{ status: number, data: any }>}
+ */
+async function post(path, fields) {
+  const body = new URLSearchParams({ form_token: start.token, ...fields });
+  try {
+    const answer = await fetch(`${root}${path}`, { method: 'POST', body, headers: { accept: 'application/json' } });
+    return { status: answer.status, data: await answer.json() };
+  } catch {
+    return { status: 0, data: { detail: 'The server does not answer. Your drawing is kept in this browser' } };
+  }
+}
+
+/**
+ * Show what the researcher should know; '' hides it.
+ * @param {string} text
+ * @param {boolean} bad
+ * @param {Node[]} more
+ */
+function note(text, bad = false, ...more) {
+  const place = find('#note', HTMLElement);
+  place.hidden = !text;
+  place.className = bad ? 'note bad' : 'note';
+  place.replaceChildren(text, ...more);
+}
+
+/** @param {number} status @param {any} data */
+function reasonOf(status, data) {
+  if (status === 401 || status === 403) return 'You are signed out. Sign in in another tab, then reload this page.';
+  const detail = typeof data.detail === 'string' ? data.detail : 'That did not work';
+  return detail.endsWith('.') ? detail : `${detail}.`;
+}
+
+function redraw() {
+  drawing.show(list.now);
+  find('#columns', HTMLInputElement).value = String(list.now[0].length);
+  find('#rows', HTMLInputElement).value = String(list.now.length);
+  find('#undo', HTMLButtonElement).disabled = !list.before.length;
+  find('#redo', HTMLButtonElement).disabled = !list.after.length;
+  moveTo(cursor);
+}
+
+function mark() {
+  /** @type {Cell[]} */
+  const problems = (found?.problems ?? []).flatMap(({ row, column }) =>
+    row !== null && column !== null ? [/** @type {Cell} */ ([column - 1, row - 1])] : [],
+  );
+  drawing.mark(cursor, problems, found?.reach ?? null);
+}
+
+/** @param {Cell} cell */
+function moveTo([x, y]) {
+  const grid = list.now;
+  cursor = [Math.min(grid[0].length - 1, Math.max(0, x)), Math.min(grid.length - 1, Math.max(0, y))];
+  const here = grid[cursor[1]][cursor[0]];
+  const wrong = found?.problems.find(({ row, column }) => row === cursor[1] + 1 && column === cursor[0] + 1);
+  const place = `Row ${cursor[1] + 1}, column ${cursor[0] + 1}: ${TILE_NAMES[here] ?? here}`;
+  find('#at', HTMLElement).textContent = wrong ? `${place}. ${wrong.text}` : place;
+  mark();
+}
+
+/** The grid is another one: draw it, keep it in this browser, and ask the server about it. */
+function changed() {
+  found = null;
+  redraw();
+  keep();
+  check();
+}
+
+function keep() {
+  local.setItem(draftKey, JSON.stringify({ rows: list.now, name: nameField.value, version }));
+  find('#saved', HTMLElement).textContent = 'Not saved';
+  showUse();
+}
+
+function check() {
+  clearTimeout(checkTimer);
+  clearTimeout(trialTimer);
+  const number = ++checks;
+  checkTimer = setTimeout(async () => {
+    const { status, data } = await post('/admin/kitchens/check', { grid: list.now.join('\n'), name: nameField.value });
+    if (number !== checks) return;
+    if (status !== 200) return note(reasonOf(status, data), true);
+    found = data;
+    showFindings(data);
+    if (!data.problems.length && !data.trial) trialTimer = setTimeout(() => tryOut(number), TRY_AFTER_MS);
+  }, CHECK_AFTER_MS);
+}
+
+/** @param {Findings} findings */
+function showFindings({ problems, reach, models, trial }) {
+  showProblems(problems, (cell) => {
+    surface.focus();
+    moveTo(cell);
+  });
+  showReach(reach, list.now);
+  showModels(models, nameField.value);
+  showTrial(trial ?? null, problems.length ? 'Known once there are no errors.' : 'Two planners play it ...');
+  moveTo(cursor);
+}
+
+/** @param {number} number of the check that found no errors */
+async function tryOut(number) {
+  const { status, data } = await post('/admin/kitchens/trial', { grid: list.now.join('\n') });
+  if (number !== checks) return;
+  if (status === 200) showTrial(/** @type {Trial} */ (data), '');
+  else if (status === 503) trialTimer = setTimeout(() => tryOut(number), RETRY_MS);
+  else showTrial(null, reasonOf(status, data));
+}
+
+/** @param {Cell[]} cells @param {string} what */
+function put(cells, what) {
+  if (list.add(drawn(list.now, cells, what))) changed();
+}
+
+/** @param {string} chosen */
+function choose(chosen) {
+  tile = chosen;
+  for (const button of findAll('#palette button', HTMLElement)) {
+    const isChosen = button.dataset.tile === chosen;
+    button.setAttribute('aria-checked', String(isChosen));
+    button.tabIndex = isChosen ? 0 : -1;
+  }
+}
+
+/** @param {KeyboardEvent} event */
+function onKey(event) {
+  const key = event.key.length === 1 ? event.key.toUpperCase() : event.key;
+  if (event.ctrlKey || event.metaKey) {
+    if (key === 'Z' ? (event.shiftKey ? list.redo() : list.undo()) : key === 'Y' && list.redo()) changed();
+    if (key !== 'Z' && key !== 'Y') return;
+  } else if (event.altKey || key === 'Tab') {
+    return;
+  } else if (key in ARROWS) {
+    const [dx, dy] = STEP[ARROWS[key]];
+    if (event.shiftKey) put([cursor], tile);
+    moveTo([cursor[0] + dx, cursor[1] + dy]);
+    if (event.shiftKey) put([cursor], tile);
+  } else if (TILES.includes(key)) {
+    put([cursor], key);
+  } else if (key === 'Delete' || key === 'Backspace') {
+    put([cursor], ' ');
+  } else if (key === 'Enter') {
+    put([cursor], tile);
+  } else {
+    return;
+  }
+  event.preventDefault();
+}
+
+/** One stroke of a pointer is taken back at once. */
+function listenToPointer() {
+  /** @type {Grid} */
+  let before = list.now;
+  surface.addEventListener('pointerdown', (event) => {
+    if (event.button !== 0 || pen) return;
+    surface.setPointerCapture(event.pointerId);
+    before = list.now;
+    pen = drawing.cellAt(event);
+    moveTo(pen);
+    stroke([pen]);
+  });
+  surface.addEventListener('pointermove', (event) => {
+    if (!pen) return;
+    const cell = drawing.cellAt(event);
+    const cells = between(pen, cell);
+    pen = cell;
+    moveTo(cell);
+    stroke(cells);
+  });
+  const end = () => {
+    if (!pen) return;
+    pen = null;
+    const after = list.now;
+    list.now = before;
+    if (list.add(after)) changed();
+  };
+  surface.addEventListener('pointerup', end);
+  surface.addEventListener('pointercancel', end);
+}
+
+/** @param {Cell[]} cells */
+function stroke(cells) {
+  list.now = drawn(list.now, cells, tile);
+  drawing.show(list.now);
+  mark();
+}
+
+function showUse() {
+  const name = nameField.value || 'NAME';
+  find('#use', HTMLElement).textContent = `layouts:\n  - {name: ${name}, title: {en: "${name}"}}`;
+}
+
+async function save() {
+  const button = find('#save', HTMLButtonElement);
+  const name = nameField.value.trim();
+  const rows = list.now.join('\n');
+  button.disabled = true;
+  const opened = name === start.name ? version : 0;
+  const { status, data } = await post('/admin/kitchens/save', { name, grid: rows, version: String(opened) });
+  button.disabled = false;
+  if (status === 200) {
+    local.removeItem(draftKey);
+    if (name !== start.name || rows !== list.now.join('\n')) window.location.assign(`${root}/admin/kitchen/${name}`);
+    version = data.version;
+    note('');
+    find('#saved', HTMLElement).textContent = `Saved as version ${version}`;
+  } else if (status === 409 && data.newest) {
+    const other = make('a', { text: `Look at version ${data.newest}`, href: `${root}/admin/kitchen/${name}` });
+    other.target = '_blank';
+    const replace = make('button', { className: 'btn tiny', type: 'button', text: 'Save mine as the newest' });
+    replace.addEventListener('click', () => {
+      start.name = name;
+      version = data.newest;
+      save();
+    });
+    note(`${reasonOf(status, data)} Nothing of yours is lost. `, true, other, replace);
+  } else {
+    note(reasonOf(status, data), true);
+    if (status === 400) nameField.focus();
+  }
+}
+
+/** @param {Blob | null} blob @param {string} name */
+function offer(blob, name) {
+  if (!blob) return note('The file could not be made.', true);
+  const link = make('a', { href: URL.createObjectURL(blob), download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}
+
+/** @param {string} text @param {string} name of the file */
+async function take(text, name = '') {
+  const { status, data } = await post('/admin/kitchens/check', { grid: text, name: '' });
+  if (status !== 200) return note(reasonOf(status, data), true);
+  /** @type {Findings} */
+  const findings = data;
+  if (!findings.rows?.some((row) => row.trim())) {
+    return note(`This cannot be imported. ${findings.problems.map((problem) => problem.text).join(' ')}`, true);
+  }
+  const plain = name.replace(/\.layout$/, '').toLowerCase();
+  if (!nameField.value && /^[a-z][a-z0-9_]{0,39}$/.test(plain)) nameField.value = plain;
+  const isRagged = new Set(findings.rows.map((row) => row.length)).size > 1;
+  note(isRagged ? 'The rows had different lengths. Short ones are filled up with counters.' : '');
+  if (list.add(filledUp(findings.rows))) changed();
+}
+
+function listen() {
+  surface.addEventListener('keydown', onKey);
+  listenToPointer();
+  for (const button of findAll('#palette button', HTMLElement)) {
+    button.addEventListener('click', () => choose(button.dataset.tile ?? 'X'));
+  }
+  find('#palette', HTMLElement).addEventListener('keydown', (event) => {
+    if (!(event.key in ARROWS)) return;
+    event.preventDefault();
+    const step = event.key === 'ArrowRight' || event.key === 'ArrowDown' ? 1 : TILES.length - 1;
+    choose(TILES[(TILES.indexOf(tile) + step) % TILES.length]);
+    find('#palette [aria-checked=true]', HTMLElement).focus();
+  });
+  find('#undo', HTMLElement).addEventListener('click', () => list.undo() && changed());
+  find('#redo', HTMLElement).addEventListener('click', () => list.redo() && changed());
+  for (const id of ['#columns', '#rows']) {
+    find(id, HTMLInputElement).addEventListener('change', () => {
+      const [columns, rows] = ['#columns', '#rows'].map((each) => find(each, HTMLInputElement));
+      if (columns.checkValidity() && rows.checkValidity()) {
+        if (list.add(resized(list.now, Number(columns.value), Number(rows.value)))) return changed();
+      }
+      redraw();
+    });
+  }
+  nameField.addEventListener('input', () => {
+    keep();
+    check();
+  });
+  find('#save', HTMLElement).addEventListener('click', save);
+  find('#export', HTMLElement).addEventListener('click', () => {
+    offer(new Blob([`${list.now.join('\n')}\n`], { type: 'text/plain' }), `${nameField.value || 'kitchen'}.layout`);
+  });
+  find('#picture', HTMLElement).addEventListener('click', async () => {
+    offer(await drawing.picture(), `${nameField.value || 'kitchen'}.png`);
+  });
+  find('#import', HTMLElement).addEventListener('click', () => take(find('#pasted', HTMLTextAreaElement).value));
+  find('#file', HTMLInputElement).addEventListener('change', async (event) => {
+    const field = /** @type {HTMLInputElement} */ (event.currentTarget);
+    const [file] = field.files ?? [];
+    if (file) await take(await file.text(), file.name);
+    field.value = '';
+  });
+  let width = 0;
+  new ResizeObserver(([{ contentRect }]) => {
+    if (contentRect.width !== width) redraw();
+    width = contentRect.width;
+  }).observe(find('#board', HTMLElement));
+}
+
+/** What was drawn here and never saved comes back after the browser was closed. */
+function restore() {
+  const draft = readJson(local, draftKey, null);
+  const isGrid =
+    Array.isArray(draft?.rows) && draft.rows.every((/** @type {unknown} */ row) => typeof row === 'string');
+  if (!isGrid || draft.rows.join('\n') === start.rows.join('\n') || window.location.search) return;
+  list.add(filledUp(draft.rows));
+  if (!start.name && typeof draft.name === 'string') nameField.value = draft.name;
+  if (Number.isInteger(draft.version)) version = draft.version;
+  const discard = make('button', { className: 'btn tiny', type: 'button', text: 'Discard it' });
+  discard.addEventListener('click', () => {
+    local.removeItem(draftKey);
+    window.location.reload();
+  });
+  note('This is what you drew in this browser and did not save. ', false, discard);
+  find('#saved', HTMLElement).textContent = 'Not saved';
+}
+
+async function begin() {
+  const sprites = await new Sprites(SPRITES).load();
+  const canvas = find('#kitchen', HTMLCanvasElement);
+  drawing = new KitchenDrawing(find('#board', HTMLElement), canvas, find('#overlay', SVGSVGElement), sprites);
+  restore();
+  choose(tile);
+  redraw();
+  listen();
+  showUse();
+  check();
+  find('#editor', HTMLElement).dataset.ready = 'yes';
+}
+
+begin();

@@ -1,0 +1,144 @@
+"""The kitchen editor's routes over real HTTP: errors with their place, saving, conflicts, what a study then plays in."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import httpx
+import pytest
+
+from overcooked.layout import load_layout
+from server.store import audit, kitchens
+from server.web.admin import kitchen_findings, kitchen_pages
+from tests.server.web.admin.test_admin import Researcher, signed_in
+from tests.server.web.admin.test_admin import site as admin_site
+from tests.support.page_site import Site
+
+site = admin_site
+GRID = "XXPXX\nO1 2O\nX   X\nXDXSX"
+DICTIONARY = '{"grid": """XXPXX\n   O1 2O\n   X   X\n   XDXSX""", "start_order_list": None, "cook_time": 20}'
+
+
+@pytest.fixture
+def owner(site: Site) -> Iterator[Researcher]:
+    site.app.include_router(kitchen_pages.router)
+    yield signed_in(site, "own")
+
+
+def ask(owner: Researcher, path: str, **fields: str) -> httpx.Response:
+    """Send a form as the editor does; the page with the form is asked for again."""
+    owner.client.headers["accept"] = "text/html"
+    owner.get("/admin/kitchens")
+    owner.get("/admin")
+    owner.client.headers["accept"] = "application/json"
+    token = owner.token()
+    return owner.post(f"/admin/kitchens/{path}", token, **fields)
+
+
+def test_errors_come_with_their_place_and_in_the_loaders_words(owner: Researcher) -> None:
+    found = ask(owner, "check", grid="XX X\nXT1X\nXXXX", name="nook").json()
+    assert found["rows"] == ["XX X", "XT1X", "XXXX"]
+    assert {"row": 1, "column": 3, "text": "The border is open here. Close it with X or a station."} in found["problems"]
+    assert any(one["text"].startswith("Tomatoes (T) are not served") for one in found["problems"])
+    assert found["reach"] is None
+
+
+def test_a_sound_grid_comes_with_reach_models_and_commands(owner: Researcher) -> None:
+    found = ask(owner, "check", grid=GRID, name="nook").json()
+    assert (found["problems"], found["reach"]["together"]) == ([], True)
+    assert found["models"]["agents"] == []
+    assert found["models"]["commands"][0] == "kitchenmind train agent --layout nook.layout --out nook_agent"
+    ring = ask(owner, "check", grid=load_layout("coordination_ring").text, name="mine").json()["models"]
+    assert ring["layout"] == "coordination_ring"
+    assert "sp_predictor_stream" in ring["predictors"]
+
+
+def test_a_file_of_overcooked_ai_is_read_and_another_rule_is_refused_with_its_reason(owner: Researcher) -> None:
+    found = ask(owner, "check", grid=DICTIONARY).json()
+    assert (found["rows"], found["problems"]) == (GRID.splitlines(), [])
+    refused = ask(owner, "check", grid=DICTIONARY.replace("20", "5")).json()
+    assert refused["rows"] is None
+    assert "cook_time = 5 is not supported" in refused["problems"][0]["text"].lower()
+
+
+def test_a_kitchen_is_saved_listed_and_changed_with_a_line_in_the_audit_log(owner: Researcher, site: Site) -> None:
+    assert ask(owner, "save", name="nook", grid=GRID, version="0").json() == {"name": "nook", "version": 1}
+    assert ask(owner, "save", name="nook", grid=GRID.replace("1 2", "2 1"), version="1").json()["version"] == 2
+    owner.client.headers["accept"] = "text/html"
+    assert "nook" in owner.get("/admin/kitchens").text
+    assert "Version 1</a>" in owner.get("/admin/kitchen/nook").text
+    noted = [(one.action, one.detail) for one in site.database.read_now(audit.entries)[-2:]]
+    assert noted == [("save kitchen", {"kitchen": "nook", "version": version}) for version in (1, 2)]
+
+
+def test_two_people_who_change_one_kitchen_see_the_conflict(owner: Researcher, site: Site) -> None:
+    ask(owner, "save", name="nook", grid=GRID, version="0")
+    site.database.write_now(kitchens.save, "nook", GRID.replace("1 2", "2 1"), "ben", 1)
+    refused = ask(owner, "save", name="nook", grid=GRID, version="1")
+    assert refused.status_code == 409
+    assert refused.json() == {"detail": "ben saved version 2 of nook in the meantime", "newest": 2}
+    assert ask(owner, "save", name="nook", grid=GRID, version="2").json()["version"] == 3
+
+
+@pytest.mark.parametrize(
+    ("fields", "reason"),
+    [
+        ({"name": "Nook!"}, "small letters"),
+        ({"name": "matrix"}, "bundled kitchen"),
+        ({"name": "random0"}, "bundled kitchen"),
+        ({"grid": GRID.replace("P", "X")}, "there is no pot"),
+        ({"version": "-1"}, "lacks its version"),
+        ({"grid": "X" * 30_000}, "at most"),
+    ],
+)
+def test_what_cannot_be_saved_is_refused_with_its_reason(
+    owner: Researcher, site: Site, fields: dict[str, str], reason: str
+) -> None:
+    refused = ask(owner, "save", **({"name": "nook", "grid": GRID, "version": "0"} | fields))
+    assert refused.status_code == 400
+    assert reason in refused.json()["detail"]
+    assert site.database.read_now(kitchens.newest) == []
+
+
+def test_a_kitchen_in_which_a_served_study_plays_is_neither_changed_nor_removed(
+    owner: Researcher, site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ask(owner, "save", name="nook", grid=GRID, version="0")
+    number, study = site.studies.open("small") or (0, None)
+    assert study is not None
+    own = study.layouts[0].model_copy(update={"name": "nook", "grid": GRID})
+    changed = study.model_copy(update={"layouts": (own, *study.layouts[1:])})
+    monkeypatch.setattr(site.studies, "open", lambda _: (number, changed))
+    refused = ask(owner, "save", name="nook", grid=GRID.replace("1 2", "2 1"), version="1")
+    assert (refused.status_code, "another name" in refused.json()["detail"]) == (409, True)
+    owner.client.headers["accept"] = "text/html"
+    owner.get("/admin/kitchens")
+    assert owner.post("/admin/kitchen/nook/remove").status_code == 409
+    monkeypatch.undo()
+    owner.get("/admin/kitchens")
+    owner.post("/admin/kitchen/nook/remove")
+    assert "The kitchen is removed." in owner.page.text
+    assert site.database.read_now(kitchens.grids) == {}
+
+
+def test_planners_play_a_kitchen_in_another_process_and_the_result_is_kept(
+    owner: Researcher, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = ask(owner, "trial", grid=GRID).json()
+    assert len(found["points"]) == kitchen_findings.EPISODES
+    assert 0 <= found["blocked"] <= 1
+
+    def nothing(_: str) -> Any:
+        raise AssertionError("played it again")
+
+    monkeypatch.setattr(kitchen_findings, "_tried", nothing)
+    assert ask(owner, "trial", grid=GRID).json() == found
+    assert ask(owner, "check", grid=GRID, name="nook").json()["trial"] == found
+    assert ask(owner, "trial", grid="XXX").status_code == 400
+
+
+@pytest.mark.parametrize("role", ["watch", "act"])
+def test_others_than_owners_see_no_kitchens(site: Site, role: str) -> None:
+    site.app.include_router(kitchen_pages.router)
+    visitor = signed_in(site, role)
+    assert visitor.get("/admin/kitchens").status_code == 403
+    assert "/admin/kitchens" not in visitor.get("/admin").text
