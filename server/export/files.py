@@ -68,6 +68,12 @@ def escaped(table: pa.Table) -> pa.Table:
     return table
 
 
+def escaped_text(text: str) -> str:
+    """Return one text as `escaped` writes it."""
+    is_formula = re.search(_FORMULA, text) is not None and re.fullmatch(_NUMBER, text) is None
+    return _ESCAPE.sub(r"\1'", text) if is_formula else text
+
+
 def unescaped(text: str) -> str:
     """The text before `escaped`."""
     return _UNESCAPE.sub(r"\1", text)

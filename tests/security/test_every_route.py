@@ -60,6 +60,8 @@ ROUTES = {
     "POST /admin/kitchen/{kitchen}/remove": "own",
     "GET /admin/s/{name}": "watch",
     "GET /admin/s/{name}/games": "watch",
+    "GET /admin/s/{name}/data": "act",
+    "POST /admin/s/{name}/data.csv": "act",
     "GET /admin/s/{name}/course.json": "watch",
     "GET /admin/s/{name}/verdicts.json": "watch",
     "GET /admin/s/{name}/person/{person}": "watch",

@@ -49,7 +49,7 @@ export function showProblems(problems, go) {
 export function showReach(reach, grid) {
   const place = find('#reach', HTMLElement);
   if (!reach) return place.replaceChildren(make('p', { className: 'soft', text: 'Known once there are no errors.' }));
-  const head = ['', 'Blue chef (1)', 'Green chef (2)'].map((text) => make('th', { scope: 'col', text }));
+  const head = ['Station', 'Blue chef (1)', 'Green chef (2)'].map((text) => make('th', { scope: 'col', text }));
   const rows = STATIONS.map(([tile, name]) => {
     const cells = cellsOf(grid, tile);
     const counts = reach.stations.map((reached) => {

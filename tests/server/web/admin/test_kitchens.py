@@ -1,6 +1,5 @@
-"""The kitchen editor's routes over real HTTP: errors with their place, saving, conflicts, what a study then plays in."""
+"""The kitchen editor's routes over real HTTP: errors with their place, saving, conflicts, planners."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import httpx
@@ -19,9 +18,9 @@ DICTIONARY = '{"grid": """XXPXX\n   O1 2O\n   X   X\n   XDXSX""", "start_order_l
 
 
 @pytest.fixture
-def owner(site: Site) -> Iterator[Researcher]:
+def owner(site: Site) -> Researcher:
     site.app.include_router(kitchen_pages.router)
-    yield signed_in(site, "own")
+    return signed_in(site, "own")
 
 
 def ask(owner: Researcher, path: str, **fields: str) -> httpx.Response:
@@ -37,7 +36,9 @@ def ask(owner: Researcher, path: str, **fields: str) -> httpx.Response:
 def test_errors_come_with_their_place_and_in_the_loaders_words(owner: Researcher) -> None:
     found = ask(owner, "check", grid="XX X\nXT1X\nXXXX", name="nook").json()
     assert found["rows"] == ["XX X", "XT1X", "XXXX"]
-    assert {"row": 1, "column": 3, "text": "The border is open here. Close it with X or a station."} in found["problems"]
+    assert {"row": 1, "column": 3, "text": "The border is open here. Close it with X or a station."} in found[
+        "problems"
+    ]
     assert any(one["text"].startswith("Tomatoes (T) are not served") for one in found["problems"])
     assert found["reach"] is None
 
