@@ -1,8 +1,12 @@
 """What a program needs of a participant's page: its forms, whether it is a game, the completion code."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from html.parser import HTMLParser
 from typing import Any
+
+import msgspec
+
+from server.play.step_page import StepField, StepPage
 
 Fields = dict[str, list["Field"]]
 
@@ -59,6 +63,44 @@ class ParsedPage(HTMLParser):
         """The key of the step that this page is; empty for one that is none."""
         fields = self.form(path) or {}
         return fields["step"][0].value if "step" in fields else ""
+
+
+def page_of_json(text: str | bytes) -> ParsedPage:
+    """Return the page that the server sent as JSON. Raises msgspec.DecodeError for anything else."""
+    step = msgspec.json.decode(text, type=StepPage)
+    page = ParsedPage("")
+    page.is_game = step.game is not None
+    if step.end is not None:
+        page.code = step.end.own_code or step.end.code or None
+    if step.form is not None:
+        page.forms = [(step.form.action, {name: found for one in step.form.fields for name, found in _inputs(one)})]
+        page.faults = frozenset(one.name for one in step.form.fields if one.fault and one.type != "check")
+    return page
+
+
+def _inputs(field: StepField) -> Iterator[tuple[str, list[Field]]]:
+    """Yield the inputs of one field, as an HTML form has them."""
+    needed = {"required": ""} if field.required else {}
+    low, high = ("" if one is None else f"{one:.15g}" for one in (field.low, field.high))
+    match field.type:
+        case "hidden":
+            yield field.name, [Field("hidden", field.value, {})]
+        case "check":
+            yield field.name, [Field("checkbox", field.value, needed)]
+        case "scale":
+            points = range(int(field.low or 1), int(field.high or 1) + 1)
+            yield field.name, [Field("radio", str(point), needed) for point in points]
+        case "choice" | "multiple":
+            kind = "radio" if field.type == "choice" else "checkbox"
+            yield field.name, [Field(kind, option.value, needed) for option in field.options]
+        case "ranking":
+            for option in field.options:
+                yield f"{field.name}.{option.value}", [Field("select", "", needed)]
+        case "number":
+            limits = {"inputmode": "numeric" if field.whole else "decimal", "data-low": low, "data-high": high}
+            yield field.name, [Field("text", "", needed | limits)]
+        case _:
+            yield field.name, [Field("text", "", needed)]
 
 
 def filled_in(fields: Fields, answers: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,9 +8,10 @@ from types import TracebackType
 from typing import Any, Final, Self, TypeVar
 
 import httpx
+import msgspec
 
 from kitchenmind.client.game_client import GameClient, origin_of
-from kitchenmind.client.pages import Fields, ParsedPage, filled_in
+from kitchenmind.client.pages import Fields, ParsedPage, filled_in, page_of_json
 from server.play import messages
 
 Game = TypeVar("Game", bound=GameClient)
@@ -25,10 +26,13 @@ class ClientFailed(RuntimeError):
 class StudyClient:
     """One participant of one study. Keeps the cookie; use it as `async with StudyClient(url, study) as client`."""
 
-    def __init__(self, base_url: str, study: str, arrival: str = "", secret: str = "") -> None:
+    def __init__(
+        self, base_url: str, study: str, arrival: str = "", secret: str = "", *, accept: str = "application/json"
+    ) -> None:
         """`base_url`: as the browser shows it; `arrival`: the parameters of a recruiter's link, `?PROLIFIC_PID=...`;
         `secret`: of a public server, which believes nobody else that a program takes part. The participant is stored
-        as simulated, so that no analysis takes it for a person."""
+        as simulated, so that no analysis takes it for a person. `accept`: how pages come; `text/html`: as a browser
+        gets them."""
         self.base_url, self.study = base_url.rstrip("/"), study
         self.arrival, self.secret = arrival, secret
         self.simulated = True
@@ -36,7 +40,7 @@ class StudyClient:
         self._http = httpx.AsyncClient(
             base_url=self.base_url,
             follow_redirects=True,
-            headers={"Accept": "text/html", "Origin": origin_of(self.base_url)},
+            headers={"Accept": accept, "Origin": origin_of(self.base_url)},
             timeout=60,
         )
 
@@ -145,7 +149,11 @@ class StudyClient:
 
 
 def _page(response: httpx.Response) -> ParsedPage:
-    page = ParsedPage(response.text)
+    is_json = response.headers.get("content-type", "").startswith("application/json")
+    try:
+        page = page_of_json(response.content) if is_json else ParsedPage(response.text)
+    except msgspec.DecodeError:  # an error: {"detail": ...}
+        page = ParsedPage("")
     if response.status_code >= 400 and not page.faults:
         raise ClientFailed(f"{response.request.method} {response.url.path} answered {response.status_code}")
     return page

@@ -41,7 +41,9 @@ class Bot:
         self._traits = Traits.drawn(seed)
         self._respondent = Respondent(self._traits, self._habits.known)
         self._chance = Random(f"habits {seed}")  # noqa: S311 - a seed makes a run repeatable
-        self._client = StudyClient(base_url, study, self._habits.arrival, self._habits.secret)
+        self._client = StudyClient(
+            base_url, study, self._habits.arrival, self._habits.secret, accept="text/html"
+        )  # what people get
         self._client.simulated = self._habits.simulated
         self._client.retry = self._lost
 

@@ -1,7 +1,8 @@
 """The game protocol as a JSON Schema, made from the message types: what the server has at `/protocol.json`.
 
-`$defs` has every message by its name, `FromBrowser` and `FromServer` are the messages of each direction. Close codes
-and limits, which a schema of messages cannot say, are under `x-close-codes` and `x-limits`.
+`$defs` has every message by its name, `FromBrowser` and `FromServer` are the messages of each direction, and `StepPage`
+is a participant's page as JSON. Close codes and limits, which a schema of messages cannot say, are under
+`x-close-codes` and `x-limits`.
 """
 
 import json
@@ -13,6 +14,7 @@ import msgspec
 
 from server.play import messages
 from server.play.close_codes import CAUSES, CloseCode
+from server.play.step_page import StepPage
 from server.play.token_bucket import BURST, PER_S
 
 DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
@@ -28,7 +30,7 @@ def protocol_json() -> bytes:
 def protocol_schema() -> dict[str, Any]:
     """Return the schema of every message, with close codes and limits."""
     sent, received = get_args(messages.Incoming), get_args(messages.Outgoing)
-    _, definitions = msgspec.json.schema_components((*sent, *received), ref_template=_REFERENCE)
+    _, definitions = msgspec.json.schema_components((*sent, *received, StepPage), ref_template=_REFERENCE)
     for kind in (*received, messages.KitchenState):
         definitions[kind.__name__]["required"] = list(definitions[kind.__name__]["properties"])  # nothing is left out
     unions = {"FromBrowser": _union(sent), "FromServer": _union(received)}

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 from urllib.parse import urlencode
 
 import jinja2
+import msgspec
 from fastapi import Depends, HTTPException, Request, Response
 from fastapi.responses import HTMLResponse
 from markdown_it import MarkdownIt
@@ -22,6 +23,7 @@ from server.study.definition import Study
 from server.study.locale import Locale, best_language, languages, locale
 from server.web.auth import FORM_FIELD, CsrfProtection, session_of, token_for, token_of
 from server.web.forms import Form, first, read_form
+from server.web.participant.step_json import step_page, wants_json
 from server.web.rate_limits import NewPlaces
 from server.web.security_headers import policy
 from server.web.services import services_of
@@ -156,8 +158,8 @@ class PageResponse:
     def words(self) -> Locale:
         return locale(self.language)
 
-    def render(self, template: str, status: int = 200, **context: Any) -> HTMLResponse:
-        """The page; never kept by a cache, as it shows where somebody is."""
+    def render(self, template: str, status: int = 200, **context: Any) -> Response:
+        """The page, for a program as JSON; never kept by a cache, as it shows where somebody is."""
         base: dict[str, Any] = {
             "t": self.words,
             "language": self.language,
@@ -171,8 +173,12 @@ class PageResponse:
             "phases": (),
             "phase": "",
         }
+        headers = {"Cache-Control": "no-store", "Vary": "Accept"}
+        if wants_json(self.request):
+            made = step_page(template, base | context, self._form_token())
+            return Response(msgspec.json.encode(made), status, headers, media_type="application/json")
         text = self.web.templates.get_template(template).render(base | context)
-        return HTMLResponse(text, status, {"Cache-Control": "no-store"})
+        return HTMLResponse(text, status, headers)
 
     def allow(self, response: Response, **more: str) -> None:
         """Let the page do more than others may (see headers.policy)."""
@@ -181,8 +187,10 @@ class PageResponse:
 
     def _token(self) -> Markup:
         """The hidden field that every form needs (auth.py)."""
-        token = self.web.csrf.form_token(session_of(self.request))
-        return Markup('<input type="hidden" name="{}" value="{}">').format(FORM_FIELD, token)
+        return Markup('<input type="hidden" name="{}" value="{}">').format(FORM_FIELD, self._form_token())
+
+    def _form_token(self) -> str:
+        return self.web.csrf.form_token(session_of(self.request))
 
     def _query_with_language(self, language: str) -> str:
         """The address's parameters with another language, so that a recruitment link stays whole."""

@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Callable, Mapping
 from urllib.parse import parse_qs
 
+import msgspec
 from fastapi import HTTPException, Request
 
 from server.study.questionnaire import CONTROL
@@ -36,10 +37,7 @@ async def read_form(
         raise HTTPException(408, f"a form has to arrive within {FORM_TIMEOUT_S:g} s", {"Connection": "close"}) from None
     # Not `Request.form()`: Starlette needs python-multipart even for this encoding, does not limit the time that a form
     # takes, and accepts bytes that are not UTF-8.
-    try:
-        form = parse_qs(body.decode("utf-8"), keep_blank_values=True, max_num_fields=MOST_FIELDS, errors="strict")
-    except ValueError:  # also UnicodeDecodeError
-        raise HTTPException(400, "The form body is not valid UTF-8.") from None
+    form = _json_fields(body) if _is_json(request) else _form_fields(body)
     sessions = [session_of(request) if session is None else session]
     if was_nobodys is not None and was_nobodys(form):
         sessions.append(NOBODY)
@@ -52,6 +50,49 @@ async def read_form(
                 400, f"the field {name!r} contains a control character. Delete it and send the form again."
             )
     return found
+
+
+def _is_json(request: Request) -> bool:
+    return request.headers.get("content-type", "").partition(";")[0].strip().lower() == "application/json"
+
+
+def _form_fields(body: bytes) -> dict[str, list[str]]:
+    try:
+        return parse_qs(body.decode("utf-8"), keep_blank_values=True, max_num_fields=MOST_FIELDS, errors="strict")
+    except ValueError:  # also UnicodeDecodeError
+        raise HTTPException(400, "this is no form in UTF-8") from None
+
+
+def _json_fields(body: bytes) -> dict[str, list[str]]:
+    """The fields of an object: texts, numbers, true (a ticked box), lists, and objects, whose fields get its name and a
+    dot before theirs. What is null or false was not filled in."""
+    try:
+        given = msgspec.json.decode(body)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        raise HTTPException(400, "the body is not JSON in UTF-8") from None
+    if not isinstance(given, dict):
+        raise HTTPException(400, "the body must be one JSON object with the fields of the form")
+    fields: dict[str, list[str]] = {}
+    for name, value in given.items():
+        inner = {f"{name}.{key}": one for key, one in value.items()} if isinstance(value, dict) else {name: value}
+        for key, one in inner.items():
+            values = one if isinstance(one, list) else [one]
+            texts = [_text(key, each) for each in values if each is not None and each is not False]
+            if texts:
+                fields[key] = texts
+    if sum(map(len, fields.values())) > MOST_FIELDS:
+        raise HTTPException(400, f"a form has at most {MOST_FIELDS} fields")
+    return fields
+
+
+def _text(name: str, value: object) -> str:
+    if value is True:
+        return "yes"
+    if isinstance(value, float):
+        return str(int(value)) if value.is_integer() else repr(value)
+    if not isinstance(value, str | int):
+        raise HTTPException(400, f"the field {name!r} is neither text nor a number")
+    return str(value)
 
 
 async def _body(request: Request) -> bytes:

@@ -43,7 +43,11 @@ class PopulatedServer:
 
     def enrol(self, role: str, study: str) -> None:
         with self.client("") as client:
-            fields = dict(re.findall(r'name="([^"]*)" value="([^"]*)"', client.get(f"/s/{study}").text))
+            fields = dict(
+                re.findall(
+                    r'name="([^"]*)" value="([^"]*)"', client.get(f"/s/{study}", headers={"accept": "text/html"}).text
+                )
+            )
             answer = client.post(f"/s/{study}/consent", data=fields | {"box_0": "yes"})
             token = answer.headers["set-cookie"].partition("=")[2].partition(";")[0]
         self.cookies[role] = f"{PARTICIPANT_COOKIE}={token}"
