@@ -114,7 +114,7 @@ def test_a_kitchen_is_drawn_by_keyboard_mended_saved_and_played(page: Page, serv
     assert saved.splitlines()[0] == "XPODSXX"
     open_editor(page, f"{server.url}/admin/kitchen/nook")
     page.focus("#drawing")
-    press(page, "ArrowRight", "x")
+    press(page, "ArrowDown", "ArrowDown", "ArrowRight", "x")
     page.click("#save")
     expect(page.locator("#note")).to_contain_text("The study short is served with the kitchen nook.")
 
