@@ -1,7 +1,7 @@
 """A participant's page as JSON, from what its template gets: the same steps, the same fields, the same texts."""
 
 from collections.abc import Callable, Mapping
-from typing import Any, cast, get_args
+from typing import Any, Literal, cast, get_args
 
 from starlette.requests import Request
 
@@ -164,7 +164,7 @@ def _question(question: AnyQuestion, language: str, faults: Mapping[str, str]) -
 def _game(made: StepPage, context: Context) -> None:
     game = context["game"]
     root = context["path"].removesuffix(f"/s/{made.study}")
-    kind = context["step"].kind if "step" in context else "episode"
+    kind: Literal["tutorial", "episode"] = context["step"].kind if "step" in context else "episode"
     made.game = StepGame(root + game["socket"], kind, list(game["lessons"]))
     if game.get("skip"):
         _now(made, context)
