@@ -96,9 +96,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         *questionnaires.tests(answers, conditions, agents),
         *accuracy.offline(_offline(export, options), layouts, agents),
         *accuracy.live(episodes, layouts, agents),
-        *on_demand.rows(export.ticks, episodes, conditions),
-        *limited_sight.rows(export.ticks, episodes, conditions),
-        *reliance.rows(export.reliance, episodes, conditions),
+        *display_rows(export, episodes, conditions),
         *robustness_rows(checked),
     ]
     powers = _powers(model, episodes, conditions, options)
@@ -116,6 +114,15 @@ def analyse(export: Export, options: Options) -> Analysis:
         (*rows, *_power_rows(powers)),
         declaration,
     )
+
+
+def display_rows(export: Export, episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result]:
+    """What was seen of the marks and the kitchen, and how people relied on the marks, where a study varies that."""
+    return [
+        *on_demand.rows(export.ticks, episodes, conditions),
+        *limited_sight.rows(export.ticks, episodes, conditions),
+        *reliance.rows(export.reliance, episodes, conditions),
+    ]
 
 
 def _questionnaire_layouts(options: Options, layouts: Sequence[str]) -> Sequence[str]:

@@ -15,7 +15,7 @@ class Misleading(StrictModel):
 
     from_round: Annotated[int, Field(ge=1, le=100)] = 1
     """The first round whose marks may be wrong, counted from 1."""
-    share: Annotated[float, Field(gt=0, le=1)] = 1
+    share: float = Field(default=1, gt=0, le=1, examples=[0.5])
     """The share of these rounds whose marks are wrong: each is drawn with this probability, by the study's seed."""
 
 

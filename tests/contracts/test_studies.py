@@ -14,7 +14,7 @@ from server.participation.episode_specs import episode_spec
 from server.required_models import required_models
 from server.study.definition import Study
 from server.study.loader import load_study, parse_study
-from server.study.steps import steps
+from server.study.steps import episodes_of, steps
 from server.study_check import stage_problems
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -236,7 +236,7 @@ def test_check_shows_how_often_each_layout_and_agent_comes_when(path: Path, caps
     study = load_study(path).study
     words = [line.split() for line in out.splitlines() if line.startswith("    ")]
     rows = {name: [int(cell) for cell in cells] for name, *cells in words}
-    episodes = len(study.layouts) * len(study.agents)
+    episodes = episodes_of(study)
     for part in (study.layouts, study.agents):
         table = [rows[one.name] for one in part]
         assert [sum(column) for column in zip(*table, strict=True)] == [60] * episodes

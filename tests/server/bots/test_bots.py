@@ -24,6 +24,7 @@ from server.store.database import Database
 from server.store.tables import answers, episodes, inputs, participants, ticks
 from server.study.loader import load_study
 from server.study.recruitment import Recruitment
+from server.study.steps import episodes_of
 from tests.support import command_line
 
 ROOT = Path(__file__).parents[3]
@@ -61,7 +62,7 @@ def test_every_shipped_study_is_walked_to_its_end_and_its_data_can_be_exported(s
     assert status == 0
     assert (outcome["started"], outcome["completed"], outcome["dropped"]) == (number, number, 0)
     assert sum(outcome["by_condition"].values()) == number
-    assert outcome["episodes"] == number * len(plan.layouts) * len(plan.agents)
+    assert outcome["episodes"] == number * episodes_of(plan)
     exported = command_line.run("export", "--database", database, "--out", str(tmp_path / "export"))
     assert exported.returncode == 0, exported.stderr
 

@@ -82,7 +82,7 @@ def test_imported_export_exports_to_the_same_files(export_of_database: Path, kep
     paths = [
         path.relative_to(export) for path in export.rglob("*") if path.parent.name in ("data", "parquet", "studies")
     ]
-    assert len(paths) == 12 + 12 + 3
+    assert len(paths) == 13 + 13 + 3
     same, different, missing = filecmp.cmpfiles(export, tmp_path / "second", map(str, paths), shallow=False)
     assert (different, missing) == ([], [])
     assert len(same) == len(paths)
