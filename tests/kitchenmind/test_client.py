@@ -136,7 +136,7 @@ async def test_what_is_no_message_is_an_error_of_the_server() -> None:
 
     async with serve(talk, "127.0.0.1", 0) as serving:
         port = next(iter(serving.sockets)).getsockname()[1]
-        with pytest.raises(ProtocolError, match=r"no message \(Invalid value 'unheard of'"):
+        with pytest.raises(ProtocolError, match=r"not a message \(Invalid value 'unheard of'"):
             await GameClient(f"ws://127.0.0.1:{port}/s/x/socket").play()
 
 

@@ -124,7 +124,7 @@ def test_the_schema_describes_question_and_answer(northward: AgentServer) -> Non
         ({"observations": [[[[0]]]]}, "have the shape"),
         ({"observations": []}, "have the shape"),
         ({"observations": [[[[300] * 26] * 5] * 5]}, "outside -128 to 127"),
-        ({"observations": [[[[0]], [[0], [0]]]]}, "no array"),
+        ({"observations": [[[[0]], [[0], [0]]]]}, "not an array"),
         ({"observations": "none"}, "observations"),
         ({"grid": ["X"]}, "layout|coordination_ring"),
     ],

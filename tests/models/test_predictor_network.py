@@ -136,5 +136,5 @@ def test_an_agent_is_no_predictor(tmp_path):
     from models.networks.checkpoint import load_checkpoint, save_checkpoint
 
     save_checkpoint(tmp_path / "a", {"format": "other"}, {"x": torch.zeros(1)}, "A card.")
-    with pytest.raises(CheckpointError, match="no predictor"):
+    with pytest.raises(CheckpointError, match="not a readable predictor"):
         predictor_network(load_checkpoint(tmp_path / "a"))

@@ -92,8 +92,8 @@ def test_dictionary_of_overcooked_ai_is_the_same_kitchen(settings: str) -> None:
         ('"start_all_orders": [{"ingredients": ["tomato"]}]', "only the order of three onions"),
         ('"start_all_orders": [{"ingredients": ["onion", "onion"]}]', "only the order of three onions"),
         ('"onion_value": 7', "onion_value = 7 is not supported"),
-        ('"cook_time": open("x")', "no readable dictionary"),
-        ('"cook_time": }', "no readable dictionary"),
+        ('"cook_time": open("x")', "not a readable dictionary"),
+        ('"cook_time": }', "not a readable dictionary"),
         ('"recipe_times": [5]', "recipe_times = [5] is not supported"),
         ('"recipe_values": [3]', "recipe_values = [3] is not supported"),
         ('"cook_time": True', "cook_time = True is not supported"),
@@ -109,8 +109,8 @@ def test_dictionary_of_overcooked_ai_is_the_same_kitchen(settings: str) -> None:
         ('"cooktime": 5', "unknown setting 'cooktime'"),
         ("7: 5", "unknown setting 7"),
         ('"cook_time": 5, "cook_time": 20', "a key is there twice"),
-        ('**{"cook_time": 5}', "no readable dictionary"),
-        ('"cook_time": ' + "[" * 10_000, "no readable dictionary"),
+        ('**{"cook_time": 5}', "not a readable dictionary"),
+        ('"cook_time": ' + "[" * 10_000, "not a readable dictionary"),
     ],
 )
 def test_dictionary_of_another_kitchen_is_refused(settings: str, reason: str) -> None:

@@ -105,7 +105,7 @@ def test_older_format_is_named_with_what_to_do(written: Path) -> None:
     written.write_text(json.dumps(columns))
     with pytest.raises(TrajectoryError, match=r"older format: ep_observations .* \.jsonl file") as refusal:
         list(read_trajectories(written))
-    assert "no trajectories of overcooked_ai" not in str(refusal.value)
+    assert "not trajectories of overcooked_ai" not in str(refusal.value)
 
 
 def test_layout_name_of_a_trajectory_is_no_path(written: Path, tmp_path: Path) -> None:

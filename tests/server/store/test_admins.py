@@ -21,7 +21,7 @@ def mara(database: Database) -> str:
 def test_a_name_is_given_once(database: Database, mara: str) -> None:
     with pytest.raises(admins.NameTaken):
         database.write_now(admins.create, mara, "another", "watch")
-    with pytest.raises(ValueError, match="no role"):
+    with pytest.raises(ValueError, match="not a role"):
         database.write_now(admins.create, "other", "a hash", "king")
 
 
