@@ -22,7 +22,7 @@ ROOM = load_layout("cramped_room")
 
 
 class FakeModel:
-    """An endpoint of chat completions. `hold`: it answers only once this is set; `status`, `goal`: what it answers."""
+    """An endpoint with chat completions: answers `goal` with `status`, once `hold` is set."""
 
     def __init__(self) -> None:
         self.hold = threading.Event()
