@@ -1,5 +1,6 @@
 """A study plays in kitchens of the dashboard that it only names, and keeps them as they were."""
 
+from argparse import Namespace
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -7,12 +8,17 @@ import pytest
 import yaml
 
 from overcooked.layout import load_layout, parse_layout
+from server.commands import bots
+from server.commands import study as study_command
 from server.participation.episode_specs import layout_of
 from server.participation.own_kitchens import load_with_kitchens, trained_models, with_own_kitchens
 from server.required_models import required_models
-from server.study.loader import parse_study
+from server.store import kitchens
+from server.store.database import Database
+from server.study.loader import load_study, parse_study
 from server.study.written_grids import with_grids
 from server.study_check import stage_problems
+from tests.support.databases import with_tables
 from tests.support.page_site import SMALL_STUDY
 
 GRID = "XXPXX\nO1 2O\nX   X\nXDXSX"
@@ -65,6 +71,25 @@ def test_an_unknown_kitchen_is_told_at_its_line(tmp_path: Path) -> None:
     other = load_with_kitchens(path, lambda: {"nook": GRID.replace("O1", "X1").replace("2O", "2X")})
     (problem,) = stage_problems(other)
     assert "there is no onion dispenser" in other.describe(problem)
+
+
+def test_commands_find_the_kitchens_of_the_dashboard_in_the_database(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    url, path = with_tables(tmp_path / "site.db"), tmp_path / "small.yaml"
+    path.write_text(NAMED, encoding="utf-8")
+    monkeypatch.setenv("KITCHENMIND_DATABASE", url)
+    assert study_command.run(Namespace(study_verb="check", file=path)) == 2
+    assert "there is no layout 'nook'" in capsys.readouterr().err
+    with Database(url) as database:
+        database.write_now(kitchens.save, "nook", GRID, "mara", 0)
+    assert study_command.run(Namespace(study_verb="check", file=path)) == 0
+    (tmp_path / "own").mkdir()
+    copy, environment = bots._with_kitchens(path, tmp_path / "own")
+    assert load_study(copy).study.layout("nook").grid == GRID
+    assert environment == {"KITCHENMIND_MODELS_FOLDER": str(tmp_path)}
+    path.write_text(SMALL_STUDY, encoding="utf-8")
+    assert bots._with_kitchens(path, tmp_path / "own") == (path, {})
 
 
 def test_models_are_found_by_the_grid_and_told_by_the_name_that_has_them() -> None:
