@@ -2,7 +2,7 @@
 
 import importlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -22,7 +22,15 @@ def forget_stale_code(folder: Path = _FOLDER) -> int:
 
     numba looks only at the file that a function is in. A changed rule would otherwise live on in `vector_env`.
     """
-    newest = max((folder / source).stat().st_mtime_ns for source in _KERNEL_SOURCES)
+    return forget_code_older_than([folder / source for source in _KERNEL_SOURCES], folder)
+
+
+def forget_code_older_than(sources: Iterable[Path], folder: Path) -> int:
+    """Delete the compiled code in `folder` that is older than any of the sources; return how many files.
+
+    For packages whose kernels call those of other modules.
+    """
+    newest = max(source.stat().st_mtime_ns for source in sources)
     stale = [file for file in (folder / "__pycache__").glob("*.nb[ic]") if file.stat().st_mtime_ns < newest]
     for file in stale:
         file.unlink(missing_ok=True)

@@ -1,13 +1,15 @@
-"""How a simulated participant cooks: like somebody with a reaction time, and some of them read the arrows.
+"""How a simulated participant cooks, as a planner or a behaviour-cloned human: with a reaction time; some read arrows.
 
 It sees its own chef at once and everything else some timesteps late. Who follows the arrows takes the partner to be
 where the first of them leads. All chance comes from seed and timestep: a repeat with the same states acts alike.
+`server.bots.foresight` has the cook that bots use by default.
 """
 
 from collections import deque
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from random import Random
-from typing import Final
+from typing import Final, Literal, get_args
 
 import numpy as np
 
@@ -18,6 +20,8 @@ from overcooked.layout import Layout
 from overcooked.state import Kitchens
 from server.play.randomness import uniform
 
+CookName = Literal["foresight", "credulous", "planner", "clone"]
+COOKS: Final[tuple[CookName, ...]] = get_args(CookName)
 CLONE: Final = "human_bc"
 _IDLE, _DRAW = 101, 102  # purposes of `uniform`
 
@@ -30,19 +34,19 @@ class Traits:
     delay: int  # timesteps until it notices what others do
     idle: float  # the share of timesteps in which it does nothing
     follows_arrows: bool
-    cloned: bool  # plays like recorded people where there is a clone of them, else plans
+    cook: CookName  # how it plays
     mood: float  # added to every rating
 
     @classmethod
-    def drawn(cls, seed: int, follow: float = 0.7) -> "Traits":
-        """`follow`: the share that reads the arrows."""
+    def drawn(cls, seed: int, cook: CookName = "foresight", follow: float = 0.7) -> "Traits":
+        """`follow`: the share of planners and clones that reads the arrows; the others judge them by experience."""
         chance = Random(f"traits {seed}")  # noqa: S311 - a seed makes a run repeatable
         return cls(
             seed=chance.getrandbits(62),
             delay=chance.choice((1, 1, 2, 3)),
             idle=chance.uniform(0.02, 0.12),
             follows_arrows=chance.random() < follow,
-            cloned=chance.random() < 0.4,
+            cook=cook,
             mood=chance.gauss(0, 0.7),
         )
 
@@ -72,24 +76,32 @@ class Cook:
     def __init__(self, layout: Layout, seat: int, traits: Traits, episode_seed: int) -> None:
         self._layout, self._seat, self._traits = layout, seat, traits
         self._seed = traits.seed ^ episode_seed
-        self._agent = _agent(layout, traits.cloned)
         self._seen: deque[Kitchens] = deque(maxlen=traits.delay + 1)
         self._before: Kitchens | None = None
         self._stuck = 0
         self._predicted: int | None = None
         self.impression = Impression()
 
-    def act(self, now: Kitchens, soups: int, actions: tuple[int, int], arrow: int | None, horizon: int) -> int:
-        """The action on this state. `actions`: what led to it; `arrow`: the first predicted action of the partner."""
+    def act(
+        self, now: Kitchens, soups: int, actions: tuple[int, int], arrows: Sequence[int], horizon: int
+    ) -> int:
+        """The action on this state. `actions`: what led to it; `arrows`: the predicted actions of the partner, empty
+        where none are shown."""
         self._judge(now, soups, actions)
-        self._predicted = arrow
+        self._predicted = arrows[0] if arrows else None
+        return self.choose(now, actions, arrows, horizon)
+
+    def choose(self, now: Kitchens, actions: tuple[int, int], arrows: Sequence[int], horizon: int) -> int:
+        """Plan on what was seen late, or act as the clone would."""
         self._seen.append(now)
+        arrow = arrows[0] if arrows else None
         timestep = int(now.timestep[0])
         if uniform(self._seed, timestep, _IDLE) < self._traits.idle:
             return STAY
         seen = self._view(now, arrow).encode(horizon=horizon)[:, self._seat]
         stuck = np.array([self._stuck])
-        action_distribution = distribution(self._agent.policy.probabilities(seen), stuck, self._agent.mode)
+        agent = _agent(self._layout, self._traits.cook)
+        action_distribution = distribution(agent.policy.probabilities(seen), stuck, agent.mode)
         return int(draw(action_distribution, np.array([uniform(self._seed, timestep, _DRAW)]))[0])
 
     def _view(self, now: Kitchens, arrow: int | None) -> Kitchens:
@@ -135,13 +147,19 @@ class Cook:
         return other == [x + int(STEP_X[action]), y + int(STEP_Y[action])]
 
 
-_agents: dict[tuple[str, bool], LoadedAgent] = {}
+def layouts_without_clone(layouts: Iterable[str]) -> list[str]:
+    """Return those of the bundled layouts that have no behaviour-cloned human."""
+    return [name for name in layouts if not (WEIGHTS / name / CLONE / "config.json").is_file()]
 
 
-def _agent(layout: Layout, cloned: bool) -> LoadedAgent:
-    """Shared by all simulated participants: policies remember nothing."""
-    is_there = cloned and (WEIGHTS / layout.name / CLONE / "config.json").is_file()
-    key = (layout.sha256, is_there)
+_agents: dict[tuple[str, str], LoadedAgent] = {}
+
+
+def _agent(layout: Layout, cook: CookName) -> LoadedAgent:
+    """Shared by all simulated participants: policies remember nothing. In a layout without a clone (the tutorial's),
+    clones plan."""
+    name = CLONE if cook == "clone" and not layouts_without_clone([layout.name]) else "planner"
+    key = (layout.sha256, name)
     if key not in _agents:
-        _agents[key] = load_agent(CLONE if is_there else "planner", layout)
+        _agents[key] = load_agent(name, layout)
     return _agents[key]

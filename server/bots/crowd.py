@@ -13,6 +13,8 @@ from sqlalchemy import Connection
 
 from kitchenmind.client.pages import ParsedPage
 from server.bots import invariants
+from server.bots.cook import CookName
+from server.bots.foresight.cook import prepare
 from server.bots.game_client import BrowserFault
 from server.bots.invariants import Claim
 from server.bots.participant import Bot, Habits
@@ -38,6 +40,7 @@ class Crowd:
     seed: int = 0
     browser_faults: tuple[BrowserFault, ...] = ()  # what happens to everybody in every game, on purpose
     secret: str = ""  # of the server, to which they prove with it that they are bots
+    cook: CookName = "foresight"  # how they play
 
 
 @dataclass
@@ -74,6 +77,8 @@ async def simulate(
         _One(Bot(url, crowd.study_name, derived_seed(crowd.seed, "bot", k), _habits(crowd, k)))
         for k in range(crowd.number)
     ]
+    if crowd.cook in ("foresight", "credulous"):
+        prepare()
     if meet is not None:
         meet([one.bot for one in everyone])
     turns = [asyncio.Event() for _ in range(crowd.number + 1)]
@@ -151,7 +156,12 @@ def _habits(crowd: Crowd, number: int) -> Habits:
     drop_after = chance.randrange(pages) if chance.random() < crowd.dropout else None
     known = dict(_right_answers(crowd.study)) if crowd.study is not None else {}
     return Habits(
-        known, drop_after, arrival=_arrival(crowd, number), browser_faults=crowd.browser_faults, secret=crowd.secret
+        known,
+        drop_after,
+        arrival=_arrival(crowd, number),
+        browser_faults=crowd.browser_faults,
+        secret=crowd.secret,
+        cook=crowd.cook,
     )
 
 

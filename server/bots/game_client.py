@@ -11,6 +11,7 @@ from websockets.exceptions import ConnectionClosed
 from kitchenmind.client.game_client import GameClient, SocketLeft
 from overcooked.constants import STAY
 from server.bots.cook import Cook, Impression, Traits
+from server.bots.foresight.cook import cook
 from server.play import messages
 from server.play.close_codes import CloseCode
 from server.play.marks import NOTHING_SHOWN, is_as_promised
@@ -94,7 +95,7 @@ class BotGame(GameClient):
         self._journal.games[welcome.episode] = welcome
         if welcome.seat >= 0:
             seed = derived_seed("bot", welcome.kind, welcome.number)
-            self._cook = Cook(self.kitchen.layout, welcome.seat, self._traits, seed)
+            self._cook = cook(self.kitchen.layout, welcome.seat, self._traits, seed)
 
     def _saw(self, state: messages.KitchenState) -> None:
         """A state never changes once it was shown."""
@@ -164,8 +165,8 @@ class BotGame(GameClient):
     def act(self, tick: messages.Tick) -> int | None:
         if self.kitchen is None or self._cook is None or self.welcome is None:
             return None
-        arrow = tick.prediction[0][0] if tick.prediction else NOTHING_SHOWN
-        shown = None if arrow == NOTHING_SHOWN or self.welcome.watched_seat == self.welcome.seat else arrow
+        about_partner = self.welcome.watched_seat != self.welcome.seat
+        shown = [action for action, _ in tick.prediction if about_partner and action != NOTHING_SHOWN]
         return self._cook.act(self.kitchen.now, tick.state.soups, tick.actions, shown, self.welcome.horizon)
 
 

@@ -8,7 +8,7 @@ from typing import Final
 from kitchenmind.client.pages import ParsedPage
 from kitchenmind.client.study_client import StudyClient
 from server.bots.answers import Respondent
-from server.bots.cook import Traits
+from server.bots.cook import CookName, Traits
 from server.bots.game_client import BotGame, BrowserFault, GameDropped, Journal
 
 MOST_PAGES: Final = 200
@@ -29,6 +29,7 @@ class Habits:
     arrival: str = ""  # the recruitment parameters of the link
     simulated: bool = True
     secret: str = ""  # of a public server, which believes nobody else that a bot comes
+    cook: CookName = "foresight"  # how it plays
 
 
 class Bot:
@@ -38,7 +39,7 @@ class Bot:
         self.journal = Journal()
         self.dropped = False
         self._habits = habits or Habits()
-        self._traits = Traits.drawn(seed)
+        self._traits = Traits.drawn(seed, self._habits.cook)
         self._respondent = Respondent(self._traits, self._habits.known)
         self._chance = Random(f"habits {seed}")  # noqa: S311 - a seed makes a run repeatable
         self._client = StudyClient(

@@ -32,6 +32,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", type=int, default=0, metavar="S", help="seed; the same seed gives the same participants (0)"
     )
+    parser.add_argument(
+        "--cook",
+        choices=("foresight", "credulous", "planner", "clone"),
+        default="foresight",
+        help="how they play: foresight (default) uses arrows that prove right, credulous believes all arrows, planner "
+        "follows a plan, clone imitates recorded people",
+    )
     parser.add_argument("--fast", action="store_true", help="play as fast as this machine can")
     parser.add_argument("--json", action="store_true", help="print the outcome as JSON")
     parser.add_argument(
@@ -144,6 +151,7 @@ def _try_out(arguments: argparse.Namespace) -> int:
 
 def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
     """Return the simulated participants. Raises StudyError, FileNotFoundError; ValueError if a server has no study."""
+    from server.bots.cook import layouts_without_clone
     from server.bots.crowd import Crowd
     from server.commands.databases import stored_kitchens
     from server.participation.own_kitchens import load_with_kitchens
@@ -152,8 +160,9 @@ def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
     from server.study_check import missing_problems
 
     if arguments.url and not arguments.study:
+        offered = offered_study(arguments.url)
         return Crowd(
-            arguments.number, offered_study(arguments.url), None, arguments.dropout, arguments.seed, secret=_secret()
+            arguments.number, offered, None, arguments.dropout, arguments.seed, secret=_secret(), cook=arguments.cook
         )
     file = load_with_kitchens(study_file, stored_kitchens)
     if not arguments.url:
@@ -161,8 +170,13 @@ def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
         if missing:
             raise StudyError(missing)
     study = file.study
+    if arguments.cook == "clone" and (lacking := layouts_without_clone(study.layouts)):
+        raise ValueError(
+            f"--cook clone: there is no behaviour-cloned human for {', '.join(lacking)}. Use --cook foresight, or train "
+            f"one: python -m training.behaviour_cloning."
+        )
     secret = _secret() if arguments.url else ""
-    return Crowd(arguments.number, study.name, study, arguments.dropout, arguments.seed, secret=secret)
+    return Crowd(arguments.number, study.name, study, arguments.dropout, arguments.seed, secret=secret, cook=arguments.cook)
 
 
 def _with_kitchens(study: Path, folder: Path) -> tuple[Path, dict[str, str]]:

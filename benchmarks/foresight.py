@@ -1,0 +1,408 @@
+"""Measure what foresight is worth to simulated participants: paired differences in every kitchen of the study.
+
+    python benchmarks/foresight.py            plays what is missing in --folder, prints the tables
+    python benchmarks/foresight.py --write    also writes foresight.json and the tables of docs/explanation/foresight.md
+
+The participants are programs that are built so that foresight can help: no evidence about people. They play with the
+bundled agents, without predictions, with random ones, with those of the bundled predictors (ToM) and with the agent's
+true next actions. Each episode has the same person, the same seat and the same chance in every condition. The agent's
+third action ahead depends on what the participant does meanwhile; "true" takes it from a game that is played ahead.
+"""
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
+# `training.py` beside this file bears a package's name: Python must look for that one elsewhere.
+sys.path[:] = [folder for folder in sys.path if Path(folder).resolve() != Path(__file__).resolve().parent]
+ROOT = Path(__file__).parent.parent
+
+import numpy as np  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
+from scipy import stats  # noqa: E402
+
+from models.acting import Stuck, distribution, draw  # noqa: E402
+from models.agents.catalogue import LoadedAgent, agent_sha256, load_agent  # noqa: E402
+from models.agents.predictors import load_predictor  # noqa: E402
+from models.protocols import Predictor  # noqa: E402
+from overcooked.constants import ACTIONS, FLOOR, HORIZON, PLAYERS, SOUP_DELIVERY, STAY, STEP_X, STEP_Y  # noqa: E402
+from overcooked.layout import Layout, load_layout  # noqa: E402
+from overcooked.state import Kitchens  # noqa: E402
+from server.bots.foresight.participants import NO_ARROW, SimulatedParticipants  # noqa: E402
+from server.bots.foresight.people import ARROWS, FITTED, Variant, described, person  # noqa: E402
+
+FIGURES, DOCUMENT = Path(__file__).with_suffix(".json"), ROOT / "docs" / "explanation" / "foresight.md"
+FITTED_FIGURES = Path(__file__).with_name("fit_simulated_participants.json")
+BEGIN, END = "<!-- tables of benchmarks/foresight.py -->", "<!-- end of the tables -->"
+LAYOUTS = ("coordination_ring", "double_rings", "double_counters", "matrix", "clear_division")
+POOLED = LAYOUTS[:4]
+AGENTS = ("sp", "fcp")
+NONE, RANDOM, TOM, TRUE = "none", "random", "tom", "true"
+ACCURACIES = (1.0, 0.89, 0.77, 0.67, 0.57, 0.48, 0.38, 0.29)
+VARIANTS: dict[str, Variant] = {
+    "all": Variant(),
+    "delay 1": Variant(delay=1),
+    "delay 2": Variant(delay=2),
+    "delay 3": Variant(delay=3),
+    "guess: repeats": Variant(repeats=True),
+    "guess: station": Variant(repeats=False),
+    "credulous": Variant(credulous=True),
+}
+SEED = 20_261_126
+AT_ONCE = 50  # episodes in a batch; batches alternate the participant's seat
+POINTS = 20
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Some episodes in one kitchen with one agent and one kind of arrows. `right`: with `true`, the share of arrows
+    that stay true; each of the others shows another action."""
+
+    layout: str
+    agent: str
+    shown: str
+    variant: str = "all"
+    right: float = 1.0
+
+    @property
+    def name(self) -> str:
+        words = (self.layout, self.agent, self.shown, self.variant.replace(": ", "_").replace(" ", "_"))
+        return "-".join((*words, f"{round(100 * self.right)}"))
+
+
+@dataclass
+class _Batch:
+    """Games that are played together, and everything that decides what happens in them."""
+
+    kitchens: Kitchens
+    seat: int  # of the participants
+    participants: SimulatedParticipants
+    agent: LoadedAgent
+    stuck: Stuck
+    uniforms: NDArray[np.float64]  # (HORIZON + ARROWS, games): the agent's chance
+    actions: NDArray[np.int64]  # (games, 2): what led to the state
+
+    def agent_actions(self, timestep: int) -> NDArray[np.int8]:
+        seen = self.kitchens.encode(horizon=HORIZON)[:, 1 - self.seat].copy()
+        chances = distribution(self.agent.policy.probabilities(seen), self.stuck.counts, self.agent.mode)
+        return draw(chances, self.uniforms[timestep])
+
+    def step(self, own: NDArray[np.int64], agents: NDArray[np.int8], events: NDArray[np.int32]) -> None:
+        self.actions = np.stack([own, agents] if self.seat == 0 else [agents, own], 1).astype(np.int64)
+        self.kitchens.step(self.actions, events)
+        self.stuck.update(self.kitchens.players[:, 1 - self.seat])
+
+    def fork(self) -> "_Batch":
+        stuck = Stuck(self.kitchens.players[:, 1 - self.seat])
+        stuck.counts[:] = self.stuck.counts
+        return _Batch(
+            self.kitchens.copy(), self.seat, self.participants.copy(), self.agent, stuck, self.uniforms, self.actions
+        )
+
+
+def played(cell: Cell, episodes: int, horizon: int = HORIZON) -> dict[str, list[float]]:
+    """Return figures of each episode: points, collisions, accuracy (NaN without arrows), soups of the participant."""
+    layout = load_layout(cell.layout)
+    found: dict[str, list[float]] = {"points": [], "collisions": [], "accuracy": []}
+    for number, first in enumerate(range(0, episodes, AT_ONCE)):
+        games = range(first, min(first + AT_ONCE, episodes))
+        for name, values in _play(layout, cell, games, number % PLAYERS, horizon).items():
+            found[name] += values.tolist()
+    return found
+
+
+def _play(layout: Layout, cell: Cell, games: range, seat: int, horizon: int) -> dict[str, NDArray[np.float64]]:
+    batch = _begun(layout, cell, games, seat)
+    predictor = load_predictor(f"{cell.agent}_predictor_stream", layout) if cell.shown == TOM else None
+    if predictor is not None:
+        predictor.begin(np.arange(len(games)))
+    chance = np.random.default_rng((SEED, games[0], round(1000 * cell.right)))
+    events = np.zeros((len(games), PLAYERS), np.int32)
+    points, collisions = np.zeros(len(games)), np.zeros(len(games))
+    shown, done = [], []
+    for timestep in range(horizon):
+        arrows = _arrows(batch, cell, predictor, timestep, chance)
+        own = batch.participants.act(batch.kitchens, batch.actions, arrows)
+        agents = batch.agent_actions(timestep)
+        before = batch.kitchens.players.copy()
+        batch.step(own, agents, events)
+        points += POINTS * ((events & SOUP_DELIVERY) != 0).sum(1)
+        collisions += _collided(layout, before, batch.kitchens.players, batch.actions)
+        shown.append(arrows)
+        done.append(agents)
+    return {"points": points, "collisions": collisions, "accuracy": _accuracy(np.array(shown), np.array(done))}
+
+
+def _begun(layout: Layout, cell: Cell, games: range, seat: int) -> _Batch:
+    variant = VARIANTS[cell.variant]
+    kitchens = Kitchens.start(layout, len(games))
+    uniforms = np.stack([np.random.default_rng((SEED, game)).random(HORIZON + ARROWS) for game in games], 1)
+    people = [person(SEED + game, seat, variant) for game in games]
+    still = np.full((len(games), PLAYERS), STAY, np.int64)
+    stuck = Stuck(kitchens.players[:, 1 - seat])
+    agent = load_agent(cell.agent, layout)
+    return _Batch(kitchens, seat, SimulatedParticipants(layout, people), agent, stuck, uniforms, still)
+
+
+def _arrows(
+    batch: _Batch, cell: Cell, predictor: Predictor | None, timestep: int, chance: np.random.Generator
+) -> NDArray[np.int64]:
+    """Return what is shown on this state, (games, 3)."""
+    games = len(batch.actions)
+    if cell.shown == NONE:
+        return np.full((games, ARROWS), NO_ARROW)
+    if cell.shown == RANDOM:
+        return chance.integers(ACTIONS, size=(games, ARROWS))
+    if predictor is not None:
+        seen = batch.kitchens.encode(horizon=HORIZON)[:, 1 - batch.seat].copy()
+        last = batch.actions[:, ::-1] if batch.seat == 0 else batch.actions
+        last = np.full_like(last, -1) if timestep == 0 else last
+        said = predictor.predict(np.arange(games), seen, np.ascontiguousarray(last, np.int8))
+        return said.argmax(2).astype(np.int64)
+    return _true_arrows(batch, timestep, _errors(cell.right, games, chance))
+
+
+def _errors(right: float, games: int, chance: np.random.Generator) -> NDArray[np.int64]:
+    """Return what is added to the true actions, modulo 6: 0 where the arrow stays true."""
+    wrong = chance.integers(1, ACTIONS, size=(games, ARROWS))
+    return np.where(chance.random((games, ARROWS)) < right, 0, wrong)
+
+
+def _true_arrows(batch: _Batch, timestep: int, errors: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Play ahead: a participant sees a frame at least a timestep late, so nothing that is shown now changes the next
+    two actions of the agent; the third one is asked with the first two shown."""
+    games, ahead = len(batch.actions), batch.fork()
+    arrows, events = np.full((games, ARROWS), NO_ARROW), np.zeros((games, PLAYERS), np.int32)
+    for step in range(ARROWS):
+        agents = ahead.agent_actions(timestep + step)
+        arrows[:, step] = (agents + errors[:, step]) % ACTIONS
+        if step == ARROWS - 1:
+            return arrows
+        if step > 0:
+            ahead.participants.show(timestep, arrows)
+        own = ahead.participants.act(ahead.kitchens, ahead.actions, arrows)
+        ahead.step(own, agents, events)
+    raise AssertionError
+
+
+def _collided(
+    layout: Layout, before: NDArray[np.int8], after: NDArray[np.int8], actions: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Return (games,): whether a chef walked into the other."""
+    x, y = np.array([*STEP_X, 0, 0])[actions], np.array([*STEP_Y, 0, 0])[actions]
+    free = layout.tiles[before[..., 0] + x, before[..., 1] + y] == FLOOR
+    stood = (before[..., :2] == after[..., :2]).all(-1)
+    return np.asarray(((actions < STAY) & free & stood).any(-1))
+
+
+def _accuracy(shown: NDArray[np.int64], done: NDArray[np.int8]) -> NDArray[np.float64]:
+    """Return (games,): the share of arrows that came true, all three steps."""
+    if (shown == NO_ARROW).all():
+        return np.full(shown.shape[1], np.nan)
+    last = len(done) - ARROWS + 1
+    right = [shown[:last, :, step] == done[step : last + step] for step in range(ARROWS)]
+    return np.asarray(np.mean(right, axis=(0, 1)), np.float64)
+
+
+def cells() -> Iterator[tuple[str, Cell]]:
+    """Yield (part, cell), the most important part first."""
+    for layout in LAYOUTS:
+        for agent in AGENTS:
+            for shown in (NONE, RANDOM, TOM, TRUE):
+                yield "main", Cell(layout, agent, shown)
+    for part, shown_variants in (
+        ("accuracy", [(TRUE, "all", right) for right in ACCURACIES[1:]]),
+        ("credulous", [(shown, "credulous", 1.0) for shown in (RANDOM, TOM)]),
+        ("sensitivity", [(s, v, 1.0) for v in VARIANTS if v not in ("all", "credulous") for s in (NONE, TOM)]),
+    ):
+        for shown, variant, right in shown_variants:
+            for layout in POOLED:
+                for agent in AGENTS:
+                    yield part, Cell(layout, agent, shown, variant, right)
+
+
+def measured(folder: Path, episodes: Mapping[str, int], horizon: int) -> dict[str, dict[str, list[float]]]:
+    """Play the cells that are not in the folder, and return all of them by name."""
+    folder.mkdir(parents=True, exist_ok=True)
+    found = {}
+    for part, cell in cells():
+        path = folder / f"{cell.name}.json"
+        settings = {
+            "cell": asdict(cell),
+            "episodes": episodes[part],
+            "horizon": horizon,
+            "seed": SEED,
+            "agent": agent_sha256(cell.agent, load_layout(cell.layout)),
+            "parameters": json.loads(json.dumps(described(FITTED))),
+        }
+        stored = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+        if stored.get("settings") != settings:
+            began = time.monotonic()
+            stored = {"settings": settings, "found": played(cell, episodes[part], horizon)}
+            path.write_text(json.dumps(stored), encoding="utf-8")
+            mean = np.mean(stored["found"]["points"])
+            print(f"{part}: {cell.name}: {mean:.1f} points, {time.monotonic() - began:.0f} s", file=sys.stderr)
+        found[cell.name] = stored["found"]
+    return found
+
+
+def difference(one: NDArray[np.float64], other: NDArray[np.float64]) -> dict[str, float]:
+    """Return the paired difference of two conditions with its 95 % interval (Student's t)."""
+    differences = one - other
+    half = stats.t.ppf(0.975, len(differences) - 1) * differences.std(ddof=1) / np.sqrt(len(differences))
+    mean = differences.mean()
+    return {"mean": float(mean), "low": float(mean - half), "high": float(mean + half), "episodes": len(differences)}
+
+
+class Summary:
+    """The figures of all cells, and what follows from them."""
+
+    def __init__(self, found: Mapping[str, Mapping[str, Sequence[float]]]) -> None:
+        self._found = found
+
+    def of(self, cell: Cell, figure: str = "points") -> NDArray[np.float64]:
+        return np.array(self._found[cell.name][figure], np.float64)
+
+    def pooled(self, shown: str, variant: str = "all", right: float = 1.0, figure: str = "points") -> Any:
+        """Return the mean over the first four kitchens and both agents, for each episode number: the same person."""
+        every = [self.of(Cell(one, agent, shown, variant, right), figure) for one in POOLED for agent in AGENTS]
+        return np.mean(every, 0)
+
+    def pooled_difference(self, one: tuple[Any, ...], other: tuple[Any, ...]) -> dict[str, float]:
+        first, second = self.pooled(*one), self.pooled(*other)
+        fewer = min(len(first), len(second))
+        return difference(first[:fewer], second[:fewer])
+
+    def figures(self) -> dict[str, Any]:
+        """Return everything that the document says, as plain data."""
+        main = []
+        for layout in LAYOUTS:
+            for agent in AGENTS:
+                none = self.of(Cell(layout, agent, NONE))
+                row: dict[str, Any] = {"layout": layout, "agent": agent}
+                for shown in (NONE, RANDOM, TOM, TRUE):
+                    cell = Cell(layout, agent, shown)
+                    row[shown] = {"points": float(self.of(cell).mean())}
+                    row[shown]["collisions"] = float(self.of(cell, "collisions").mean())
+                    if shown != NONE:
+                        row[shown]["accuracy"] = float(self.of(cell, "accuracy").mean())
+                        row[shown]["difference"] = difference(self.of(cell), none)
+                main.append(row)
+        return {
+            "main": main,
+            "pooled": {shown: self.pooled_difference((shown,), (NONE,)) for shown in (RANDOM, TOM, TRUE)},
+            "accuracy": [
+                {
+                    "kept": right,
+                    "measured": float(self.pooled(TRUE, "all", right, "accuracy").mean()),
+                    "gain": self.pooled_difference((TRUE, "all", right), (NONE,)),
+                }
+                for right in ACCURACIES
+            ],
+            "credulous": {
+                shown: self.pooled_difference((shown, "credulous"), (NONE,)) for shown in (RANDOM, TOM)
+            },
+            "sensitivity": {
+                variant: self.pooled_difference((TOM, variant), (NONE, variant))
+                for variant in VARIANTS
+                if variant not in ("all", "credulous")
+            },
+        }
+
+
+def _interval(found: Mapping[str, float]) -> str:
+    return f"{found['mean']:+.1f} [{found['low']:.1f}, {found['high']:.1f}]"
+
+
+def rendered(figures: Mapping[str, Any], fit: Mapping[str, Any]) -> str:
+    """Return the tables of the document, markers included."""
+    title = {name: name.replace("_", " ").title() for name in LAYOUTS}
+    main, pooled = figures["main"], figures["pooled"]
+    lines = [BEGIN, f"Measured on {figures['processor']}; seed {figures['seed']}.", ""]
+    lines += ["Points of 400 timesteps, and paired differences from no predictions with 95 % intervals:", ""]
+    head = ["kitchen", "agent", "none", "random - none", "ToM - none", "true - none", "ToM accuracy"]
+    rows = [
+        [
+            title[row["layout"]], row["agent"].upper(), f"{row[NONE]['points']:.0f}",
+            *(_interval(row[shown]["difference"]) for shown in (RANDOM, TOM, TRUE)),
+            f"{100 * row[TOM]['accuracy']:.0f} %",
+        ]
+        for row in main
+    ]  # fmt: skip
+    rows.append(["first four, pooled", "both", "", *(_interval(pooled[shown]) for shown in (RANDOM, TOM, TRUE)), ""])
+    lines += _table(head, rows)
+    lines += ["", "Collisions in 400 timesteps:", ""]
+    lines += _table(
+        ["kitchen", "agent", NONE, RANDOM, "ToM", TRUE],
+        [
+            [title[r["layout"]], r["agent"].upper(), *(f"{r[s]['collisions']:.1f}" for s in (NONE, RANDOM, TOM, TRUE))]
+            for r in main
+        ],
+    )
+    lines += ["", "Gain by accuracy: the true actions, mixed with wrong ones (first four kitchens, both agents):", ""]
+    lines += _table(
+        ["arrows kept true", "accuracy, measured", "gain over none"],
+        [[f"{100 * r['kept']:.0f} %", f"{100 * r['measured']:.0f} %", _interval(r["gain"])] for r in figures["accuracy"]],
+    )
+    lines += ["", "Sensitivity of ToM - none, and participants who believe every arrow (first four kitchens):", ""]
+    rows = [[f"{variant}: ToM - none", _interval(found)] for variant, found in figures["sensitivity"].items()]
+    rows += [[f"credulous: {shown} - none", _interval(found)] for shown, found in figures["credulous"].items()]
+    lines += [*_table(["", "points"], rows), "", *_fit_tables(fit), END]
+    return "\n".join(lines)
+
+
+def _fit_tables(fit: Mapping[str, Any]) -> list[str]:
+    """Simulated pairs against recorded pairs of people."""
+    head = ["kitchen", "games", "no key", "interactions", "collisions", "soups", "surprise (nats)"]
+    rows = []
+    for part in ("fitted games", "held-out games"):
+        for name, cell in fit[part].items():
+            pairs = [
+                [f"{cell[who][fact] * scale:.{digits}f}" for who in ("people", "simulated")]
+                for fact, scale, digits in (
+                    ("stay", 100, 0), ("interact", 100, 1), ("collisions", 1, 1), ("soups", 1, 1),
+                )
+            ]  # fmt: skip
+            cells = [" / ".join(pair) for pair in pairs]
+            rows.append([name.replace("_", " ").title(), part, *cells, f"{cell['likelihood']['nats']:.2f}"])
+    intro = "People / simulated pairs at 150 ms a timestep, without arrows (shares in %; numbers in 400 timesteps):"
+    return [intro, "", *_table(head, rows), ""]
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    return [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--folder", type=Path, default=ROOT / "runs" / "foresight", help="the cells played so far")
+    parser.add_argument("--write", action="store_true", help="write the figures and the tables")
+    parser.add_argument("--quick", action="store_true", help="two short episodes of each cell, not to be kept")
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+    arguments = parser.parse_args()
+    if arguments.quick and arguments.write:
+        parser.error("--quick measures too little to be kept: leave out --write.")
+    from processor import described as processor
+
+    number = {"main": 200, "accuracy": 50, "credulous": 50, "sensitivity": 50}
+    episodes, horizon = (dict.fromkeys(number, 2), 20) if arguments.quick else (number, HORIZON)
+    folder = arguments.folder / "quick" if arguments.quick else arguments.folder
+    figures = Summary(measured(folder, episodes, horizon)).figures() | {"processor": processor(), "seed": SEED}
+    fit = json.loads(FITTED_FIGURES.read_text(encoding="utf-8"))
+    print(json.dumps(figures, indent=1) if arguments.json else rendered(figures, fit))
+    if arguments.write:
+        FIGURES.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+        text = DOCUMENT.read_text(encoding="utf-8")
+        tables = rendered(figures, fit)
+        DOCUMENT.write_text(f"{text.partition(BEGIN)[0]}{tables}{text.partition(END)[2]}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,57 @@
+"""Many simulated participants of one layout at once, each in a game of its own: the minds and what they remember."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from overcooked.constants import ACTIONS, PLAYERS
+from overcooked.layout import Layout
+from overcooked.state import Kitchens
+from server.bots.foresight.beliefs import FRAMES, Memory
+from server.bots.foresight.kitchen_map import kitchen_map
+from server.bots.foresight.mind import think_all
+from server.bots.foresight.people import ARROWS
+
+NO_ARROW: Final = -1
+
+
+class SimulatedParticipants:
+    """One participant a game. What they do is a pure function of the frames they are given and of their seeds."""
+
+    def __init__(self, layout: Layout, people: Sequence[NDArray[np.void]]) -> None:
+        """`people`: as `person` draws them, one a game."""
+        self._layout, self._map = layout, kitchen_map(layout)
+        self.minds = np.concatenate(people)
+        games, size = len(self.minds), (layout.width, layout.height)
+        self._memory = Memory(
+            np.zeros((games, FRAMES, PLAYERS, 4), np.int8),
+            np.zeros((games, FRAMES, *size), np.int8),
+            np.zeros((games, FRAMES, PLAYERS), np.int64),
+            np.zeros((games, FRAMES, ARROWS), np.int64),
+        )
+        self.probabilities = np.zeros((games, ACTIONS))  # of the actions that were drawn last
+
+    def act(self, now: Kitchens, actions: NDArray[np.int64], arrows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the actions (games,) on these states, all at the same timestep.
+
+        `actions` (games, 2): what led to the states; `arrows` (games, 3): the partner's predicted actions that are
+        shown with them, `NO_ARROW` for none.
+        """
+        out = np.empty(len(self.minds), np.int64)
+        think_all(
+            self._map, self.minds, self._memory, now.players, now.contents, int(now.timestep[0]), actions, arrows,
+            self.probabilities, out,
+        )  # fmt: skip
+        return out
+
+    def show(self, timestep: int, arrows: NDArray[np.int64]) -> None:
+        """Replace the arrows that were shown at a timestep (nobody sees them before the next one)."""
+        self._memory.arrows[:, timestep % FRAMES] = arrows
+
+    def copy(self) -> "SimulatedParticipants":
+        """Return the same people with the same memories, to ask what they would do."""
+        other = SimulatedParticipants(self._layout, [self.minds.copy()])
+        other._memory = Memory(*(part.copy() for part in self._memory))
+        return other

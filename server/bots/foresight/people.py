@@ -1,0 +1,118 @@
+"""What a simulated participant is like: the fitted parameters of all, and one person drawn from them.
+
+All times are in milliseconds or per second, so that the same person plays at any length of a timestep.
+"""
+
+from dataclasses import dataclass, field, fields
+from random import Random
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+TICK_MS: Final = 200.0  # the platform's timestep; recorded games of people have 150 ms
+ARROWS: Final = 3  # how many predicted actions a page shows
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Describe everybody. Fitted by `benchmarks/fit_simulated_participants.py` or set by the recipe, as noted."""
+
+    # Fitted to recorded games of people, which had no arrows; see docs/explanation/foresight.md.
+    act_after_action: float = 3.03  # actions per second directly after an action
+    act_after_rest: float = 3.7  # actions per second after a timestep without one
+    spread: float = 0.15  # of the two between people: standard deviation of the logarithm
+    pause: float = 0.26  # chance to rest right after the hand changed
+    pause_s: float = 0.28  # how fast that chance falls
+    collision: float = 5.0  # timesteps that a collision is worth
+    in_the_way: float = 4.0  # timesteps that standing in the partner's way is worth
+    doubt: float = 0.25  # how much it minds that the partner may not be where it believes
+    still_there: float = 0.5  # chance that the partner is then where it was seen, and not in a cell beside that
+    bump_cost: float = 6.0  # timesteps that a cell in which one was just blocked is worth avoiding
+    detour: float = 0.43  # how much of a way around the partner is counted
+    caution_s: float = 0.95  # how long a cell in which one was blocked is avoided
+    temperature: float = 0.227  # timesteps: how much better a way must be to be taken
+    slip: tuple[float, float] = (0.01, 0.05)  # chance of a random key
+    # Set by the recipe.
+    delays_ms: tuple[float, ...] = (200.0, 200.0, 400.0, 600.0)  # until others are noticed, one drawn
+    effort: float = 0.12  # timesteps that pressing a key is worth
+    onion_ahead: float = 0.41  # value of an onion that is not needed yet; a needed one is 1
+    dish: float = 1.43  # value of a dish that is needed
+    dish_ahead: float = 0.22  # value of one that is not
+    keep: float = 0.79  # the old target stays while it has this share of the best one's value
+    yields: float = 0.41  # chance to make way while resting
+    patience_s: tuple[float, float] = (0.4, 0.8)  # blocked so long, it tries a random move
+    boredom_s: tuple[float, float] = (0.8, 1.4)  # without any effect so long, it walks elsewhere
+    forgetting: float = 0.97  # weight of the past at each hit or miss of arrows and own guesses
+
+
+FITTED: Final = Parameters()
+
+
+@dataclass(frozen=True)
+class Variant:
+    """Change people on purpose: for sensitivity checks and for `--cook credulous`."""
+
+    credulous: bool = False  # arrows are always believed
+    delay: int | None = None  # timesteps, for everybody
+    repeats: bool | None = None  # own guess: "repeats the last move" (True) or "walks to the inferred station" (False)
+    parameters: Parameters = field(default=FITTED)
+
+
+MIND: Final = np.dtype(
+    [
+        # the person
+        ("seed", "u8"), ("seat", "i8"), ("delay", "i8"), ("repeats", "i8"), ("credulous", "i8"),
+        ("act_after_action", "f8"), ("act_after_rest", "f8"), ("pause", "f8"), ("pause_kept", "f8"),
+        ("collision", "f8"), ("in_the_way", "f8"), ("caution", "i8"), ("bump_cost", "f8"), ("detour", "f8"), ("doubt", "f8"), ("still_there", "f8"), ("temperature", "f8"), ("slip", "f8"),
+        ("effort", "f8"), ("onion_ahead", "f8"), ("dish", "f8"), ("dish_ahead", "f8"), ("keep", "f8"),
+        ("yields", "f8"), ("patience", "i8"), ("boredom", "i8"), ("forgetting", "f8"),
+        # the game so far; times are timesteps
+        ("began", "i8"), ("now", "i8"), ("seen", "i8"), ("arrow_hits", "f8"), ("arrow_count", "f8"),
+        ("guess_hits", "f8"), ("guess_count", "f8"), ("guess", "i8"), ("partner_station", "i8"),
+        ("partner_hand_since", "i8"), ("target", "i8"), ("hand_since", "i8"), ("acted", "i8"), ("blocked", "i8"),
+        ("bump", "i8"), ("bump_until", "i8"), ("still", "i8"), ("wander", "i8"),
+        ("wander_until", "i8"),
+    ]
+)  # fmt: skip
+
+_AS_THEY_ARE: Final = (
+    "collision", "in_the_way", "temperature", "effort", "onion_ahead", "dish", "dish_ahead", "keep", "yields",
+    "forgetting", "pause", "bump_cost", "detour", "doubt",
+    "still_there",
+)  # fmt: skip
+
+
+def person(seed: int, seat: int, variant: Variant, tick_ms: float = TICK_MS) -> NDArray[np.void]:
+    """Draw the person of this seed at the start of a game: an array of one `MIND`."""
+    chance, made, mind = Random(f"person {seed}"), variant.parameters, np.zeros(1, MIND)  # noqa: S311
+    tick_s = tick_ms / 1000
+    delay = chance.choice(made.delays_ms)
+    pace = float(np.exp(chance.gauss(0, made.spread)))
+    drawn: dict[str, Any] = {
+        "seed": seed & (2**63 - 1),
+        "seat": seat,
+        "delay": variant.delay if variant.delay is not None else max(1, round(delay / tick_ms)),
+        "repeats": chance.random() < 0.5,
+        "credulous": variant.credulous,
+        "act_after_action": min(0.97, made.act_after_action * pace * tick_s),
+        "act_after_rest": min(0.97, made.act_after_rest * pace * tick_s),
+        "pause_kept": float(np.exp(-tick_s / max(made.pause_s, 1e-3))),
+        "caution": round(made.caution_s / tick_s),
+        "slip": chance.uniform(*made.slip),
+        "patience": max(2, round(chance.uniform(*made.patience_s) / tick_s)),
+        "boredom": max(2, round(chance.uniform(*made.boredom_s) / tick_s)),
+    }
+    if variant.repeats is not None:
+        drawn["repeats"] = variant.repeats
+    for name, value in drawn.items():
+        mind[name] = value
+    for name in _AS_THEY_ARE:
+        mind[name] = getattr(made, name)
+    mind["now"], mind["bump"] = -1, -1
+    return mind
+
+
+def described(parameters: Parameters) -> dict[str, Any]:
+    """Return the parameters by name, as plain data."""
+    return {one.name: getattr(parameters, one.name) for one in fields(parameters)}
