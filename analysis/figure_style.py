@@ -13,6 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from analysis.simulated import LABEL
+
 INK, SOFT, LINE, CARD = "#22303c", "#5b6873", "#e3d9c8", "#ffffff"
 ACCENT = "#b8501f"
 # condition -> edge, fill, hatch; conditions that are not in the published design take the others in turn
@@ -45,9 +47,12 @@ STYLE = {
 }
 
 
-def save(figure: Figure, folder: Path, name: str) -> str:
-    """Write name.svg and name.png (300 dpi) and return the SVG to put into a page, its ids made unique by name."""
+def save(figure: Figure, folder: Path, name: str, simulated: bool = False) -> str:
+    """Write name.svg and name.png (300 dpi) and return the SVG to put into a page, its ids made unique by name.
+    `simulated`: write into the figure that its participants are."""
     with rc_context({**STYLE, "svg.hashsalt": name}):  # type: ignore[arg-type, dict-item, unused-ignore]
+        if simulated:
+            figure.text(0.995, 0.995, LABEL, ha="right", va="top", color=ACCENT, fontsize=7)
         figure.savefig(folder / f"{name}.png", dpi=DPI, facecolor=CARD)
         stream = StringIO()
         figure.savefig(stream, format="svg", transparent=True, metadata={"Date": None, "Title": name})

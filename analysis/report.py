@@ -32,6 +32,7 @@ from analysis.compare import repeats
 from analysis.exclusions import versions_notice
 from analysis.results import Result, select, write_results
 from analysis.sensitivity import POPULATIONS
+from analysis.simulated import is_simulated
 from analysis.spreadsheet import safe_table
 from analysis.study import Analysis, Options, analyse, smallest_condition
 from analysis.table_files import COLUMNS, table_file
@@ -84,7 +85,8 @@ def _draw(analysis: Analysis, folder: Path) -> dict[str, str]:
         made["power"] = figures.power(analysis.powers, smallest_condition(analysis.episodes, conditions))
     if analysis.model.residuals.size:
         made["residuals"] = figures.quantiles(analysis.model.residuals)
-    return {name: figure_style.save(figure, folder, name) for name, figure in made.items()}
+    simulated = _simulated(analysis.export)
+    return {name: figure_style.save(figure, folder, name, simulated) for name, figure in made.items()}
 
 
 def _main_tests(analysis: Analysis) -> list[Result]:
@@ -157,6 +159,7 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
             own_grids=[name for name in analysis.layouts if name in LAYOUTS[1:]],
             provenance=_provenance(analysis, options),
             simulated=_simulated(analysis.export),
+            left_out=analysis.export.simulated_left_out,
             displays=_displays(analysis.export),
         )
     )
@@ -194,9 +197,8 @@ def _displays(export: Export) -> list[tuple[str, int, int, int]]:
 
 
 def _simulated(export: Export) -> bool:
-    """True where any participant is a bot or the export says that it was made up."""
-    bots = export.participants["simulated"].any() if "simulated" in export.participants.columns else False
-    return bool(export.about.get("simulated")) or bool(bots)
+    """True where the participants are simulated, or the export says that it was made up."""
+    return bool(export.about.get("simulated")) or bool(is_simulated(export.participants).any())
 
 
 def _provenance(analysis: Analysis, options: Options) -> dict[str, str]:

@@ -7,13 +7,14 @@ Seats become roles here: everything after this file speaks of the person and the
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 import yaml
 
+from analysis.simulated import without_pooling
 from analysis.table_files import COLUMNS, read_table
 from analysis.table_files import ExportError as ExportError
 
@@ -51,6 +52,7 @@ class Export:
     about: dict[str, Any] = field(default_factory=dict)  # name, title, revision, offline accuracy, ...
     version: int | None = None  # of the study file, if one was chosen
     reliance: pl.DataFrame = field(default_factory=pl.DataFrame)  # as exported; empty where a study does not mislead
+    simulated_left_out: int = 0  # simulated participants, where the export has people, too
 
     @property
     def versions(self) -> dict[int, int]:
@@ -81,16 +83,16 @@ def in_order(values: pl.Series, known: tuple[str, ...]) -> tuple[str, ...]:
 
 def read_export(folder: Path, study: str | None = None, version: int | None = None) -> Export:
     """Read the export in `folder` (tables as Parquet or CSV, also in a data/ folder below). `study` chooses one where
-    there are several, `version` one version of its file; without it all versions are read. Raises ExportError."""
+    there are several, `version` one version of its file. Bots do not count beside people. Raises ExportError."""
     if not folder.is_dir():
         raise ExportError(f"{folder} is not a folder. Give the folder that `kitchenmind export --out` wrote.")
     raw = {name: read_table(folder, name) for name in COLUMNS}
     study = _chosen_study(raw["participants"], study)
-    for name in ("participants", "withdrawals"):
-        raw[name] = raw[name].filter(pl.col("study") == study)
+    raw |= {name: raw[name].filter(pl.col("study") == study) for name in ("participants", "withdrawals")}
     if version is not None:
         raw |= _of_version(raw, version)
-    return export_of(raw, folder, study, version)
+    raw, left_out = without_pooling(raw)
+    return replace(export_of(raw, folder, study, version), simulated_left_out=left_out)
 
 
 def _of_version(raw: Mapping[str, pl.DataFrame], version: int) -> dict[str, pl.DataFrame]:
@@ -109,8 +111,7 @@ def _of_version(raw: Mapping[str, pl.DataFrame], version: int) -> dict[str, pl.D
 
 def export_of(raw: Mapping[str, pl.DataFrame], folder: Path, study: str, version: int | None = None) -> Export:
     """The tables of one study, as they are exported, in its roles. `folder` tells the rest, where it has anything."""
-    participants = raw["participants"]
-    participants = _with_default(participants, "excluded", "").with_columns(pl.col("excluded").fill_null(""))
+    participants = _with_default(raw["participants"], "excluded", "").with_columns(pl.col("excluded").fill_null(""))
     participants = _with_default(participants, "attention_failed", 0)
     episodes = _episodes(raw["episodes"]).join(participants.select("participant"), on="participant", how="semi")
     played = episodes.select("episode")
@@ -142,13 +143,12 @@ def _chosen_study(participants: pl.DataFrame, study: str | None) -> str:
         return present[0]
     if study in present:
         return str(study)
-    names = ", ".join(present)
     if not present:
         raise ExportError("Nobody has taken part yet: the table of participants is empty.")
     raise ExportError(
-        f"The export holds several studies. Choose one with --study: {names}."
+        f"The export holds several studies. Choose one with --study: {', '.join(present)}."
         if study is None
-        else f"The export holds no study {study}. It has: {names}."
+        else f"The export holds no study {study}. It has: {', '.join(present)}."
     )
 
 

@@ -21,9 +21,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).resolve().parent.parent
 # `training.py` beside this file bears a package's name: Python must look for that one elsewhere.
-sys.path[:] = [folder for folder in sys.path if Path(folder).resolve() != Path(__file__).resolve().parent]
+sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolve() != ROOT / "benchmarks")]
 
 import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
@@ -192,7 +192,7 @@ def tries(number: int, folder: Path) -> Iterator[tuple[float, Parameters]]:
     for count in range(len(kept), number):
         draws = np.random.default_rng(count)
         changed = best if count == 0 else changed_at_random(best, draws)
-        found = compared(changed, slice(0, None, 2), 10, 1000, 300)
+        found = compared(changed, slice(0, None, 2), 10, 1000, 150)
         value = loss(found)
         stored = {"loss": value, "parameters": described(changed), "found": found}
         (folder / f"{count:04}.json").write_text(json.dumps(stored, indent=1), encoding="utf-8")

@@ -21,13 +21,14 @@ from typing import Any
 
 os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
 # `training.py` beside this file bears a package's name: Python must look for that one elsewhere.
-sys.path[:] = [folder for folder in sys.path if Path(folder).resolve() != Path(__file__).resolve().parent]
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolve() != ROOT / "benchmarks")]
 
 import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 from scipy import stats  # noqa: E402
 
+from benchmarks.processor import described as processor  # noqa: E402
 from models.acting import Stuck, distribution, draw  # noqa: E402
 from models.agents.catalogue import LoadedAgent, agent_sha256, load_agent  # noqa: E402
 from models.agents.predictors import load_predictor  # noqa: E402
@@ -39,6 +40,7 @@ from server.bots.foresight.participants import NO_ARROW, SimulatedParticipants  
 from server.bots.foresight.people import ARROWS, FITTED, Variant, described, person  # noqa: E402
 
 FIGURES, DOCUMENT = Path(__file__).with_suffix(".json"), ROOT / "docs" / "explanation" / "foresight.md"
+EFFECT = ROOT / "analysis" / "simulated_effect.json"  # what `kitchenmind power --simulated-effect` reads
 FITTED_FIGURES = Path(__file__).with_name("fit_simulated_participants.json")
 BEGIN, END = "<!-- tables of benchmarks/foresight.py -->", "<!-- end of the tables -->"
 LAYOUTS = ("coordination_ring", "double_rings", "double_counters", "matrix", "clear_division")
@@ -306,9 +308,7 @@ class Summary:
                 }
                 for right in ACCURACIES
             ],
-            "credulous": {
-                shown: self.pooled_difference((shown, "credulous"), (NONE,)) for shown in (RANDOM, TOM)
-            },
+            "credulous": {shown: self.pooled_difference((shown, "credulous"), (NONE,)) for shown in (RANDOM, TOM)},
             "sensitivity": {
                 variant: self.pooled_difference((TOM, variant), (NONE, variant))
                 for variant in VARIANTS
@@ -349,7 +349,10 @@ def rendered(figures: Mapping[str, Any], fit: Mapping[str, Any]) -> str:
     lines += ["", "Gain by accuracy: the true actions, mixed with wrong ones (first four kitchens, both agents):", ""]
     lines += _table(
         ["arrows kept true", "accuracy, measured", "gain over none"],
-        [[f"{100 * r['kept']:.0f} %", f"{100 * r['measured']:.0f} %", _interval(r["gain"])] for r in figures["accuracy"]],
+        [
+            [f"{100 * r['kept']:.0f} %", f"{100 * r['measured']:.0f} %", _interval(r["gain"])]
+            for r in figures["accuracy"]
+        ],
     )
     lines += ["", "Sensitivity of ToM - none, and participants who believe every arrow (first four kitchens):", ""]
     rows = [[f"{variant}: ToM - none", _interval(found)] for variant, found in figures["sensitivity"].items()]
@@ -389,8 +392,6 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.quick and arguments.write:
         parser.error("--quick measures too little to be kept: leave out --write.")
-    from processor import described as processor
-
     number = {"main": 200, "accuracy": 50, "credulous": 50, "sensitivity": 50}
     episodes, horizon = (dict.fromkeys(number, 2), 20) if arguments.quick else (number, HORIZON)
     folder = arguments.folder / "quick" if arguments.quick else arguments.folder
@@ -399,6 +400,9 @@ def main() -> None:
     print(json.dumps(figures, indent=1) if arguments.json else rendered(figures, fit))
     if arguments.write:
         FIGURES.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+        effect = figures["pooled"][TOM] | {"layouts": POOLED, "agents": AGENTS, "seed": SEED}
+        effect["games"] = effect.pop("episodes") * len(POOLED) * len(AGENTS)
+        EFFECT.write_text(json.dumps(effect, indent=1) + "\n", encoding="utf-8")
         text = DOCUMENT.read_text(encoding="utf-8")
         tables = rendered(figures, fit)
         DOCUMENT.write_text(f"{text.partition(BEGIN)[0]}{tables}{text.partition(END)[2]}", encoding="utf-8")

@@ -33,9 +33,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--effect",
         type=float,
         nargs="+",
-        required=True,
+        default=[],
         metavar="POINTS",
         help="true differences of mean reward; tests are two-sided, so -5 needs as many participants as 5",
+    )
+    parser.add_argument(
+        "--simulated-effect",
+        action="store_true",
+        help="also the difference that predictions made for simulated participants: no evidence about people",
     )
     parser.add_argument(
         "--participants", type=int, help="participants in each condition (default: as in the export, else 29)"
@@ -67,9 +72,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print a sentence for every effect; write power.csv, power.svg and power.png; 2 with a reason for bad input."""
-    from analysis import figure_style, figures, power
+    from analysis import figure_style, figures, power, simulated_effect
 
     try:
+        if arguments.simulated_effect:
+            arguments.effect = [*arguments.effect, simulated_effect.points()]
+        if not arguments.effect:
+            raise ValueError("give --effect with the true differences to be found, or --simulated-effect.")
         design, plan, participants = _design(arguments)
     except ValueError as error:
         print(f"kitchenmind power: {error}", file=sys.stderr)
@@ -81,6 +90,8 @@ def run(arguments: argparse.Namespace) -> int:
     power.write_points(points, arguments.out / "power.csv")
     for effect in dict.fromkeys(arguments.effect):
         print(power.sentence(design, points, effect, participants))
+    if arguments.simulated_effect:
+        print(simulated_effect.source())
     for line in _primary_lines(design, plan, participants, arguments):
         print(line)
     print(f"The curve: {arguments.out / 'power.svg'}; its numbers: {arguments.out / 'power.csv'}")

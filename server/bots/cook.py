@@ -82,9 +82,7 @@ class Cook:
         self._predicted: int | None = None
         self.impression = Impression()
 
-    def act(
-        self, now: Kitchens, soups: int, actions: tuple[int, int], arrows: Sequence[int], horizon: int
-    ) -> int:
+    def act(self, now: Kitchens, soups: int, actions: tuple[int, int], arrows: Sequence[int], horizon: int) -> int:
         """The action on this state. `actions`: what led to it; `arrows`: the predicted actions of the partner, empty
         where none are shown."""
         self._judge(now, soups, actions)

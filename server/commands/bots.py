@@ -170,13 +170,15 @@ def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
         if missing:
             raise StudyError(missing)
     study = file.study
-    if arguments.cook == "clone" and (lacking := layouts_without_clone(study.layouts)):
+    if arguments.cook == "clone" and (lacking := layouts_without_clone([layout.name for layout in study.layouts])):
         raise ValueError(
-            f"--cook clone: there is no behaviour-cloned human for {', '.join(lacking)}. Use --cook foresight, or train "
-            f"one: python -m training.behaviour_cloning."
+            f"--cook clone: there is no behaviour-cloned human for {', '.join(lacking)}. Use --cook foresight; or train "
+            "one with recorded games of people: python -m training.behaviour_cloning --layout NAME."
         )
     secret = _secret() if arguments.url else ""
-    return Crowd(arguments.number, study.name, study, arguments.dropout, arguments.seed, secret=secret, cook=arguments.cook)
+    return Crowd(
+        arguments.number, study.name, study, arguments.dropout, arguments.seed, secret=secret, cook=arguments.cook
+    )
 
 
 def _with_kitchens(study: Path, folder: Path) -> tuple[Path, dict[str, str]]:

@@ -36,7 +36,11 @@ PARTICIPANTS = ExportTable(
         text("condition", "Arm of the study."),
         text("status", "One of: " + ", ".join(PARTICIPANT_STATUSES) + "."),
         text("language", "Language of the pages (BCP 47)."),
-        Column("simulated", "boolean", "True: a bot, not a person."),
+        Column(
+            "simulated",
+            "boolean",
+            "True: a bot, not a person. Bots are built so that foresight can help: never pool them with people.",
+        ),
         Column("seed", "integer", "Seed of all random choices for the participant."),
         Column("position", "integer", "Index of the step reached, from 0.", bits=32),
         time("started_at", "Consent."),

@@ -33,7 +33,7 @@ participants = Table(
     column("position", Integer, server_default="0", meaning="Index of the current step in the participant's plan."),
     column("status", String(16), server_default="active", meaning="One of: " + ", ".join(PARTICIPANT_STATUSES) + "."),
     column("language", String(16), server_default="en", meaning="Language of the pages (BCP 47)."),
-    column("simulated", Boolean, meaning="True: a bot, not a person."),
+    column("simulated", Boolean, meaning="True: a bot, not a person. Never pool bots with people."),
     time("started_at", "Consent."),
     time("last_seen_at", "Last request or message."),
     time("completed_at", "The last step was submitted.", nullable=True),

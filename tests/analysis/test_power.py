@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 import kitchenmind
+from analysis import simulated_effect
 from analysis.power import (
     SIZES,
     PowerDesign,
@@ -180,3 +181,21 @@ def test_one_of_two_studies_is_chosen_for_power(
     (tmp_path / "study.yaml").write_text("layouts: [a, b]\nagents: [c, d]\n")
     words += ["--pilot", str(folder), "--study", "simulated"]
     assert kitchenmind.main(["power", str(tmp_path / "study.yaml"), *words]) == 0
+
+
+def test_the_simulated_effect_is_a_source_that_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "study.yaml").write_text("layouts: [a, b]\nagents: [c, d]\n")
+    words = ["power", str(tmp_path / "study.yaml"), "--simulated-effect", *SPREAD, "--studies", "50"]
+    assert kitchenmind.main([*words, "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr().out
+    assert f"The effect of {simulated_effect.points():g} points comes from simulated participants" in said
+    assert f"a true difference of {simulated_effect.points():g} points is found" in said
+    assert "no evidence about people" in said
+
+
+def test_power_without_any_effect_is_refused_with_the_remedy(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "study.yaml").write_text("layouts: [a, b]\nagents: [c, d]\n")
+    assert kitchenmind.main(["power", str(tmp_path / "study.yaml"), *SPREAD]) == 2
+    assert "give --effect with the true differences to be found, or --simulated-effect" in capsys.readouterr().err

@@ -21,6 +21,8 @@ QUICK = {
     "engine": ["--quick", "--json"],
     "export": ["--people", "10", "--json"],
     "faults": ["--quick", "--json"],
+    "fit_simulated_participants": ["--quick"],
+    "foresight": ["--quick", "--json"],
     "gpu": ["--seconds", "1", "--json"],
     "limits": ["--states", "60", "--json"],
     "participant": ["--json"],

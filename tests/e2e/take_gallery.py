@@ -40,8 +40,8 @@ SCREEN = {"width": 1366, "height": 900}
 FIGURES = ("reward", "questionnaire", "accuracy", "effect_sizes")
 WIDEST = 1400
 NOTE = """**Everything on this page is simulated.** The participants are programs (`kitchenmind bots`) that follow the
-rules in `server/bots/cook.py` and `server/bots/answers.py`. Nothing about people follows from their data. The page
-shows what the tools produce, from the running dashboard to the report."""
+rules in `server/bots/foresight` and `server/bots/answers.py`, built so that foresight can help. Their data are no
+evidence about people. The page shows what the tools produce, from the running dashboard to the report."""
 
 
 @dataclass

@@ -15,5 +15,9 @@ _HERE = Path(__file__).parent
 # Its kernels call each other and the rules, and numba looks only at the file that a function is in.
 with suppress(OSError):
     compiled.forget_code_older_than(
-        [*(_HERE / f"{name}.py" for name in ("kitchen_map", "beliefs", "tasks", "route", "mind")), *(Path(source.__file__) for source in (compiled, constants, rules))], _HERE
+        [
+            *(_HERE / f"{name}.py" for name in ("kitchen_map", "beliefs", "tasks", "route", "mind")),
+            *(Path(source.__file__) for source in (compiled, constants, rules)),
+        ],
+        _HERE,
     )

@@ -65,7 +65,7 @@ def ticks_past(kitchen, mind, station, cell, facing, partner):
 def action_costs(kitchen, mind, me, target, wait, seen_cell, cells, sures, costs):
     """Fill `costs` (6,) with the cost of the best way that begins with each action.
 
-    `me`: (cell, facing); `target` -1: anywhere out of the way; `wait`: the ticks before which using the target has no
+    `me`: (cell, facing); `target` -1: none; `wait`: the ticks before which using the target has no
     effect; `seen_cell`, `cells`, `sures`: where the partner was seen, and its way as `imagine_ahead` gives it.
     """
     for action in range(ACTIONS):
@@ -82,10 +82,11 @@ def action_costs(kitchen, mind, me, target, wait, seen_cell, cells, sures, costs
             here, more = _step(ahead, mind, here, action, step, seen_cell, cells, sures)
             faced = action if action < STAY else faced
             cost += more
-        if target < 0:
+        if target < 0 or wait > AHEAD:  # nothing to do yet: wait where it blocks least
             cost += kitchen.crowded[here]
-        elif not used:
-            cost += max(ticks_past(kitchen, mind, target, here, faced, cells[AHEAD]), wait - AHEAD)
+        if target >= 0 and not used:
+            ticks = ticks_past(kitchen, mind, target, here, faced, cells[AHEAD])
+            cost += max(ticks, wait - AHEAD) + mind.effort * ticks
         costs[begins] = min(costs[begins], cost)
     if costs[INTERACT] < NEVER:  # using the target at once; a timestep later; or after a step away and back
         for action in range(INTERACT):

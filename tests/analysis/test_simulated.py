@@ -1,0 +1,62 @@
+"""Simulated participants are never pooled with people, and everything made from them says what they are."""
+
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from analysis.report import write_report
+from analysis.simulated import LABEL
+from analysis.study import Options
+from analysis.synthetic import Truth, write_export
+from analysis.tables import read_export
+
+QUICK = Options(draws=50, power_studies=10)
+
+
+@pytest.fixture(scope="module")
+def mixed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
+    """An export of people and simulated participants, and the ids of the people."""
+    folder = tmp_path_factory.mktemp("mixed")
+    write_export(Truth(participants=5, timesteps=20), folder)
+    (folder / "about.json").unlink()
+    path = folder / "participants.parquet"
+    table = pl.read_parquet(path)
+    people = table["participant"].gather_every(2).to_list()
+    table.with_columns(simulated=~pl.col("participant").is_in(people)).write_parquet(path)
+    return folder, people
+
+
+def test_simulated_participants_are_left_out_where_there_are_people(mixed: tuple[Path, list[str]]) -> None:
+    folder, people = mixed
+    export = read_export(folder)
+    assert sorted(export.participants["participant"]) == sorted(people)
+    assert set(export.episodes["participant"]) <= set(people)
+    assert export.simulated_left_out == 15 - len(people)
+
+
+def test_a_report_on_people_says_how_many_simulated_participants_it_leaves_out(
+    mixed: tuple[Path, list[str]], tmp_path: Path
+) -> None:
+    folder, people = mixed
+    report = write_report(folder, tmp_path, QUICK)
+    page = report.page.read_text(encoding="utf-8")
+    assert f"{15 - len(people)} simulated participants of this data set are left out" in page
+    assert LABEL not in page
+    assert set(report.analysis.episodes["participant"]) <= set(people)
+
+
+def test_every_figure_of_a_rehearsal_says_that_it_is_simulated(tmp_path: Path) -> None:
+    write_export(Truth(participants=5, timesteps=20), tmp_path / "export")
+    report = write_report(tmp_path / "export", tmp_path / "report", QUICK)
+    figures = list((tmp_path / "report" / "figures").glob("*.svg"))
+    assert len(figures) >= 4
+    assert [path.name for path in figures if LABEL not in path.read_text(encoding="utf-8")] == []
+    assert "built so that foresight can help" in report.page.read_text(encoding="utf-8")
+
+
+def test_csv_says_it_in_words(mixed: tuple[Path, list[str]], tmp_path: Path) -> None:
+    folder, people = mixed
+    for path in folder.glob("*.parquet"):
+        pl.read_parquet(path).write_csv(tmp_path / f"{path.stem}.csv")
+    assert sorted(read_export(tmp_path).participants["participant"]) == sorted(people)
