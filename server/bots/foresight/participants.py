@@ -40,8 +40,11 @@ class SimulatedParticipants:
         shown with them, `NO_ARROW` for none.
         """
         out = np.empty(len(self.minds), np.int64)
+        # One kind of array only: numba compiles everything again for each order in memory.
+        players, contents = np.ascontiguousarray(now.players), np.ascontiguousarray(now.contents)
+        did, shown = np.ascontiguousarray(actions, np.int64), np.ascontiguousarray(arrows, np.int64)
         think_all(
-            self._map, self.minds, self._memory, now.players, now.contents, int(now.timestep[0]), actions, arrows,
+            self._map, self.minds, self._memory, players, contents, int(now.timestep[0]), did, shown,
             self.probabilities, out,
         )  # fmt: skip
         return out
