@@ -221,9 +221,8 @@ def _about(folder: Path, study: str, version: int | None) -> dict[str, Any]:
     except ValueError as error:
         raise ExportError(f"{path} is not valid JSON: {error}. Export the study again.") from None
     about: dict[str, Any] = dict(said) if isinstance(said, dict) else {}
-    wanted = "*" if version is None else version
     plain = re.fullmatch(r"[\w-]+", study)  # never outside the folder
-    files = folder.glob(f"studies/{study}_version-{wanted}.yaml") if plain else ()
+    files = folder.glob(f"studies/{study}_version-{'*' if version is None else version}.yaml") if plain else ()
     versions = sorted(files, key=lambda file: (len(file.name), file.name))
     try:
         text = versions[-1].read_text(encoding="utf-8") if versions else "{}"

@@ -45,7 +45,8 @@ NATS = 0.02  # of the mean likelihood count one point
 SEARCHED = {
     "act_after_action": 0.1, "act_after_rest": 0.1, "pause": 0.3, "pause_s": 0.3, "collision": 0.4, "in_the_way": 0.4,
     "bump_cost": 0.4, "detour": 0.3, "caution_s": 0.3, "temperature": 0.25, "effort": 0.3, "onion_ahead": 0.3,
-    "doubt": 0.4, "still_there": 0.2, "slip": 0.4, "boredom_s": 0.3, "dish_ahead": 0.3, "dish": 0.15, "keep": 0.05, "yields": 0.3,
+    "doubt": 0.4, "still_there": 0.2, "slip": 0.4,
+    "boredom_s": 0.3, "dish_ahead": 0.3, "dish": 0.15, "keep": 0.05, "yields": 0.3,
 }  # fmt: skip
 AT_MOST = {"detour": 1.0, "doubt": 1.0, "still_there": 1.0, "keep": 1.0, "yields": 1.0, "pause": 0.95}
 

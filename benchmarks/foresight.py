@@ -215,10 +215,11 @@ def _accuracy(shown: NDArray[np.int64], done: NDArray[np.int8]) -> NDArray[np.fl
 
 def cells() -> Iterator[tuple[str, Cell]]:
     """Yield (part, cell), the most important part first."""
-    for layout in LAYOUTS:
-        for agent in AGENTS:
-            for shown in (NONE, RANDOM, TOM, TRUE):
-                yield "main", Cell(layout, agent, shown)
+    for kinds in ((NONE, RANDOM, TOM), (TRUE,)):
+        for layout in LAYOUTS:
+            for agent in AGENTS:
+                for shown in kinds:
+                    yield "main", Cell(layout, agent, shown)
     for part, shown_variants in (
         ("accuracy", [(TRUE, "all", right) for right in ACCURACIES[1:]]),
         ("credulous", [(shown, "credulous", 1.0) for shown in (RANDOM, TOM)]),
@@ -230,8 +231,10 @@ def cells() -> Iterator[tuple[str, Cell]]:
                     yield part, Cell(layout, agent, shown, variant, right)
 
 
-def measured(folder: Path, episodes: Mapping[str, int], horizon: int) -> dict[str, dict[str, list[float]]]:
-    """Play the cells that are not in the folder, and return all of them by name."""
+def measured(
+    folder: Path, episodes: Mapping[str, int], horizon: int, play: bool = True
+) -> dict[str, dict[str, list[float]]]:
+    """Play the cells that are not in the folder, unless told not to, and return all that there are by name."""
     folder.mkdir(parents=True, exist_ok=True)
     found = {}
     for part, cell in cells():
@@ -245,6 +248,8 @@ def measured(folder: Path, episodes: Mapping[str, int], horizon: int) -> dict[st
             "parameters": json.loads(json.dumps(described(FITTED))),
         }
         stored = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+        if stored.get("settings") != settings and not play:
+            continue
         if stored.get("settings") != settings:
             began = time.monotonic()
             stored = {"settings": settings, "found": played(cell, episodes[part], horizon)}
@@ -272,6 +277,11 @@ class Summary:
     def of(self, cell: Cell, figure: str = "points") -> NDArray[np.float64]:
         return np.array(self._found[cell.name][figure], np.float64)
 
+    def has(self, shown: str, variant: str = "all", right: float = 1.0, layouts: Sequence[str] = POOLED) -> bool:
+        """Return whether these cells were played."""
+        names = [Cell(layout, agent, shown, variant, right).name for layout in layouts for agent in AGENTS]
+        return all(name in self._found for name in names)
+
     def pooled(self, shown: str, variant: str = "all", right: float = 1.0, figure: str = "points") -> Any:
         """Return the mean over the first four kitchens and both agents, for each episode number: the same person."""
         every = [self.of(Cell(one, agent, shown, variant, right), figure) for one in POOLED for agent in AGENTS]
@@ -283,23 +293,13 @@ class Summary:
         return difference(first[:fewer], second[:fewer])
 
     def figures(self) -> dict[str, Any]:
-        """Return everything that the document says, as plain data."""
-        main = []
-        for layout in LAYOUTS:
-            for agent in AGENTS:
-                none = self.of(Cell(layout, agent, NONE))
-                row: dict[str, Any] = {"layout": layout, "agent": agent}
-                for shown in (NONE, RANDOM, TOM, TRUE):
-                    cell = Cell(layout, agent, shown)
-                    row[shown] = {"points": float(self.of(cell).mean())}
-                    row[shown]["collisions"] = float(self.of(cell, "collisions").mean())
-                    if shown != NONE:
-                        row[shown]["accuracy"] = float(self.of(cell, "accuracy").mean())
-                        row[shown]["difference"] = difference(self.of(cell), none)
-                main.append(row)
+        """Return everything that the document says, as plain data: of all cells that were played."""
+        played_here = [name for name in (RANDOM, TOM, TRUE) if self.has(name)] if self.has(NONE) else []
+        sensitive = [name for name in VARIANTS if name not in ("all", "credulous")]
         return {
-            "main": main,
-            "pooled": {shown: self.pooled_difference((shown,), (NONE,)) for shown in (RANDOM, TOM, TRUE)},
+            "missing": sum(cell.name not in self._found for _, cell in cells()),
+            "main": [self._row(layout, agent) for layout in LAYOUTS for agent in AGENTS],
+            "pooled": {shown: self.pooled_difference((shown,), (NONE,)) for shown in played_here},
             "accuracy": [
                 {
                     "kept": right,
@@ -307,45 +307,69 @@ class Summary:
                     "gain": self.pooled_difference((TRUE, "all", right), (NONE,)),
                 }
                 for right in ACCURACIES
+                if self.has(TRUE, "all", right)
             ],
-            "credulous": {shown: self.pooled_difference((shown, "credulous"), (NONE,)) for shown in (RANDOM, TOM)},
+            "credulous": {
+                shown: self.pooled_difference((shown, "credulous"), (NONE,))
+                for shown in (RANDOM, TOM)
+                if self.has(shown, "credulous")
+            },
             "sensitivity": {
                 variant: self.pooled_difference((TOM, variant), (NONE, variant))
-                for variant in VARIANTS
-                if variant not in ("all", "credulous")
+                for variant in sensitive
+                if self.has(TOM, variant) and self.has(NONE, variant)
             },
         }
 
+    def _row(self, layout: str, agent: str) -> dict[str, Any]:
+        """One kitchen with one agent."""
+        row: dict[str, Any] = {"layout": layout, "agent": agent}
+        played_here = [
+            cell for kind in (NONE, RANDOM, TOM, TRUE) if (cell := Cell(layout, agent, kind)).name in self._found
+        ]
+        for cell in played_here:
+            found = {figure: float(self.of(cell, figure).mean()) for figure in ("points", "collisions")}
+            row[cell.shown] = found
+            if cell.shown != NONE:
+                against = difference(self.of(cell), self.of(Cell(layout, agent, NONE)))
+                row[cell.shown] |= {"accuracy": float(self.of(cell, "accuracy").mean()), "difference": against}
+        return row
 
-def _interval(found: Mapping[str, float]) -> str:
+
+def _interval(found: Mapping[str, float] | None) -> str:
+    if found is None:
+        return "not yet played"
     return f"{found['mean']:+.1f} [{found['low']:.1f}, {found['high']:.1f}]"
 
 
 def rendered(figures: Mapping[str, Any], fit: Mapping[str, Any]) -> str:
     """Return the tables of the document, markers included."""
     title = {name: name.replace("_", " ").title() for name in LAYOUTS}
-    main, pooled = figures["main"], figures["pooled"]
+    main, pooled, kinds = figures["main"], figures["pooled"], (RANDOM, TOM, TRUE)
     lines = [BEGIN, f"Measured on {figures['processor']}; seed {figures['seed']}.", ""]
+    if figures["missing"]:
+        lines += [f"{figures['missing']} of {len(list(cells()))} cells are not yet played.", ""]
     lines += ["Points of 400 timesteps, and paired differences from no predictions with 95 % intervals:", ""]
     head = ["kitchen", "agent", "none", "random - none", "ToM - none", "true - none", "ToM accuracy"]
     rows = [
         [
-            title[row["layout"]], row["agent"].upper(), f"{row[NONE]['points']:.0f}",
-            *(_interval(row[shown]["difference"]) for shown in (RANDOM, TOM, TRUE)),
-            f"{100 * row[TOM]['accuracy']:.0f} %",
+            title[row["layout"]], row["agent"].upper(), _number(row, NONE, "points", ".0f"),
+            *(_interval(row.get(shown, {}).get("difference")) for shown in kinds), _number(row, TOM, "accuracy", ".0%"),
         ]
         for row in main
     ]  # fmt: skip
-    rows.append(["first four, pooled", "both", "", *(_interval(pooled[shown]) for shown in (RANDOM, TOM, TRUE)), ""])
+    rows.append(["first four, pooled", "both", "", *(_interval(pooled.get(shown)) for shown in kinds), ""])
     lines += _table(head, rows)
     lines += ["", "Collisions in 400 timesteps:", ""]
-    lines += _table(
-        ["kitchen", "agent", NONE, RANDOM, "ToM", TRUE],
+    rows = [
         [
-            [title[r["layout"]], r["agent"].upper(), *(f"{r[s]['collisions']:.1f}" for s in (NONE, RANDOM, TOM, TRUE))]
-            for r in main
-        ],
-    )
+            title[row["layout"]],
+            row["agent"].upper(),
+            *(_number(row, one, "collisions", ".1f") for one in (NONE, *kinds)),
+        ]
+        for row in main
+    ]
+    lines += _table(["kitchen", "agent", NONE, RANDOM, "ToM", TRUE], rows)
     lines += ["", "Gain by accuracy: the true actions, mixed with wrong ones (first four kitchens, both agents):", ""]
     lines += _table(
         ["arrows kept true", "accuracy, measured", "gain over none"],
@@ -359,6 +383,10 @@ def rendered(figures: Mapping[str, Any], fit: Mapping[str, Any]) -> str:
     rows += [[f"credulous: {shown} - none", _interval(found)] for shown, found in figures["credulous"].items()]
     lines += [*_table(["", "points"], rows), "", *_fit_tables(fit), END]
     return "\n".join(lines)
+
+
+def _number(row: Mapping[str, Any], shown: str, figure: str, how: str) -> str:
+    return format(row[shown][figure], how) if shown in row else "not yet played"
 
 
 def _fit_tables(fit: Mapping[str, Any]) -> list[str]:
@@ -386,6 +414,7 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--folder", type=Path, default=ROOT / "runs" / "foresight", help="the cells played so far")
+    parser.add_argument("--tables", action="store_true", help="play nothing: the tables of what the folder has")
     parser.add_argument("--write", action="store_true", help="write the figures and the tables")
     parser.add_argument("--quick", action="store_true", help="two short episodes of each cell, not to be kept")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
@@ -395,14 +424,16 @@ def main() -> None:
     number = {"main": 200, "accuracy": 50, "credulous": 50, "sensitivity": 50}
     episodes, horizon = (dict.fromkeys(number, 2), 20) if arguments.quick else (number, HORIZON)
     folder = arguments.folder / "quick" if arguments.quick else arguments.folder
-    figures = Summary(measured(folder, episodes, horizon)).figures() | {"processor": processor(), "seed": SEED}
+    found = measured(folder, episodes, horizon, not arguments.tables)
+    figures = Summary(found).figures() | {"processor": processor(), "seed": SEED}
     fit = json.loads(FITTED_FIGURES.read_text(encoding="utf-8"))
     print(json.dumps(figures, indent=1) if arguments.json else rendered(figures, fit))
     if arguments.write:
         FIGURES.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
-        effect = figures["pooled"][TOM] | {"layouts": POOLED, "agents": AGENTS, "seed": SEED}
-        effect["games"] = effect.pop("episodes") * len(POOLED) * len(AGENTS)
-        EFFECT.write_text(json.dumps(effect, indent=1) + "\n", encoding="utf-8")
+        if TOM in figures["pooled"]:
+            effect = figures["pooled"][TOM] | {"layouts": POOLED, "agents": AGENTS, "seed": SEED}
+            effect["games"] = effect.pop("episodes") * len(POOLED) * len(AGENTS)
+            EFFECT.write_text(json.dumps(effect, indent=1) + "\n", encoding="utf-8")
         text = DOCUMENT.read_text(encoding="utf-8")
         tables = rendered(figures, fit)
         DOCUMENT.write_text(f"{text.partition(BEGIN)[0]}{tables}{text.partition(END)[2]}", encoding="utf-8")

@@ -89,7 +89,7 @@ class Cook:
         self._predicted = arrows[0] if arrows else None
         return self.choose(now, actions, arrows, horizon)
 
-    def choose(self, now: Kitchens, actions: tuple[int, int], arrows: Sequence[int], horizon: int) -> int:
+    def choose(self, now: Kitchens, actions: tuple[int, int], arrows: Sequence[int], horizon: int) -> int:  # noqa: ARG002
         """Plan on what was seen late, or act as the clone would."""
         self._seen.append(now)
         arrow = arrows[0] if arrows else None

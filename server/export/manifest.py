@@ -209,7 +209,7 @@ Each table is {files}:
 - `inputs` has every key message that arrived in an episode, with the timestep in which it counted or the reason why it
   did not (`outcome`). `ticks` names only the one that decided the action (`key_seq_S`).
 - What was predicted is recorded in every condition, also where nothing was shown (`episodes.shown`).
-- Participants with `simulated` true are bots, and so are their episodes and answers. They are built so that foresight can
+- Participants with `simulated` true are bots: so are their episodes and answers. They are built so that foresight can
   help. They are no evidence about people: never pool the two.
 - An episode's states are not stored: `kitchenmind verify` simulates them from `spec` and the actions, and compares the
   hashes.

@@ -22,7 +22,7 @@ class ForesightCook(Cook):
         self._participant = SimulatedParticipants(layout, [mind])
         self._last = (-1, STAY)  # timestep, action
 
-    def choose(self, now: Kitchens, actions: tuple[int, int], arrows: Sequence[int], horizon: int) -> int:
+    def choose(self, now: Kitchens, actions: tuple[int, int], arrows: Sequence[int], horizon: int) -> int:  # noqa: ARG002
         """Return the action on this state."""
         timestep = int(now.timestep[0])
         if timestep != self._last[0]:

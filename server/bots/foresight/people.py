@@ -22,7 +22,6 @@ class Parameters:
     # al. 2019; five kitchens, every second game).
     act_after_action: float = 3.49  # actions per second directly after an action
     act_after_rest: float = 3.83  # actions per second after a timestep without one
-    spread: float = 0.15  # of the two between people: standard deviation of the logarithm
     pause: float = 0.46  # chance to rest right after the hand changed
     pause_s: float = 0.151  # how fast that chance falls
     collision: float = 4.7  # timesteps that a collision is worth
@@ -34,16 +33,17 @@ class Parameters:
     caution_s: float = 0.921  # how long a cell in which one was blocked is avoided
     temperature: float = 0.316  # timesteps: how much better a way must be to be taken
     slip: tuple[float, float] = (0.0204, 0.0815)  # chance of a random key
-    # The others are set by hand, not fitted.
-    delays_ms: tuple[float, ...] = (200.0, 200.0, 400.0, 600.0)  # until others are noticed, one drawn
     effort: float = 0.225  # timesteps that pressing a key is worth
     onion_ahead: float = 0.36  # value of an onion that is not needed yet; a needed one is 1
     dish: float = 1.63  # value of a dish that is needed
     dish_ahead: float = 0.0796  # value of one that is not
     keep: float = 0.736  # the old target stays while it has this share of the best one's value
     yields: float = 0.518  # chance to make way while resting
-    patience_s: tuple[float, float] = (0.4, 0.8)  # blocked so long, it tries a random move
     boredom_s: tuple[float, float] = (0.785, 1.37)  # without any effect so long, it walks elsewhere
+    # Set by hand, not fitted.
+    spread: float = 0.15  # of the rates of keys between people: standard deviation of the logarithm
+    delays_ms: tuple[float, ...] = (200.0, 200.0, 400.0, 600.0)  # until others are noticed, one drawn
+    patience_s: tuple[float, float] = (0.4, 0.8)  # blocked so long, it tries a random move
     forgetting: float = 0.97  # weight of the past at each hit or miss of arrows and own guesses
 
 
@@ -65,7 +65,8 @@ MIND: Final = np.dtype(
         # the person
         ("seed", "u8"), ("seat", "i8"), ("delay", "i8"), ("repeats", "i8"), ("credulous", "i8"),
         ("act_after_action", "f8"), ("act_after_rest", "f8"), ("pause", "f8"), ("pause_kept", "f8"),
-        ("collision", "f8"), ("in_the_way", "f8"), ("caution", "i8"), ("bump_cost", "f8"), ("detour", "f8"), ("doubt", "f8"), ("still_there", "f8"), ("temperature", "f8"), ("slip", "f8"),
+        ("collision", "f8"), ("in_the_way", "f8"), ("caution", "i8"), ("bump_cost", "f8"),
+        ("detour", "f8"), ("doubt", "f8"), ("still_there", "f8"), ("temperature", "f8"), ("slip", "f8"),
         ("effort", "f8"), ("onion_ahead", "f8"), ("dish", "f8"), ("dish_ahead", "f8"), ("keep", "f8"),
         ("yields", "f8"), ("patience", "i8"), ("boredom", "i8"), ("forgetting", "f8"),
         # the game so far; times are timesteps
@@ -79,8 +80,7 @@ MIND: Final = np.dtype(
 
 _AS_THEY_ARE: Final = (
     "collision", "in_the_way", "temperature", "effort", "onion_ahead", "dish", "dish_ahead", "keep", "yields",
-    "forgetting", "pause", "bump_cost", "detour", "doubt",
-    "still_there",
+    "forgetting", "pause", "bump_cost", "detour", "doubt", "still_there",
 )  # fmt: skip
 
 

@@ -2,12 +2,26 @@
 
 import inspect
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from overcooked.constants import FACING, HELD, INTERACT, NOTHING, ONION, PLAYERS, READY, STAY, STEP_X, STEP_Y
+import kitchenmind
+from overcooked.constants import (
+    FACING,
+    INTERACT,
+    NOTHING,
+    ONION,
+    ONION_DROP,
+    PLAYERS,
+    POTTING_ONION,
+    READY,
+    STAY,
+    STEP_X,
+    STEP_Y,
+)
 from overcooked.layout import Layout, layout_names, load_layout
 from overcooked.state import Kitchens
 from server.bots.cook import COOKS, Cook, Traits
@@ -19,6 +33,7 @@ from server.bots.foresight.participants import NO_ARROW, SimulatedParticipants
 from server.bots.foresight.people import ARROWS, FITTED, MIND, Variant, person
 from server.play.randomness import uniform
 
+STUDY = Path(__file__).parents[3] / "studies" / "external_predictor.yaml"
 RING = load_layout("coordination_ring")
 STILL = (STAY, STAY)
 # Somebody who never rests, slips or hesitates: what it does shows what it believes.
@@ -94,18 +109,19 @@ def test_a_lost_connection_loses_only_what_was_not_seen() -> None:
 
 
 @pytest.mark.parametrize("name", layout_names())
-def test_somebody_alone_cooks_soups_in_every_kitchen_where_one_can(name: str) -> None:
-    layout = load_layout(name)
+def test_somebody_alone_cooks_in_every_kitchen(name: str) -> None:
+    """Onions get into pots; in Forced Coordination, where there is no way to one, onto counters within reach."""
+    layout, seat = load_layout(name), int(name == "forced_coordination")
     kitchens, events = Kitchens.start(layout), np.zeros((1, PLAYERS), np.int32)
-    one, actions, onions = alone(layout), np.array([STILL]), 0
+    if seat == 0:
+        kitchens.players[0, 1, :2] = (0, 0)  # out of the way
+    one, actions, used = alone(layout, seat=seat), np.array([STILL]), 0
     for _ in range(200):
-        action = one.act(kitchens, actions, np.full((1, ARROWS), NO_ARROW))
-        actions = np.array([[int(action[0]), STAY]])
+        action = int(one.act(kitchens, actions, np.full((1, ARROWS), NO_ARROW))[0])
+        actions = np.array([[action, STAY] if seat == 0 else [STAY, action]])
         kitchens.step(actions, events)
-        onions += kitchens.players[0, 0, HELD] == ONION
-    pots = max(kitchens.contents[0, x, y] for x, y in layout.pots)
-    assert onions > 0
-    assert pots > NOTHING or kitchens.contents.any()  # without a way to a pot, things are handed over
+        used += bool(events[0, seat] & (ONION_DROP if seat else POTTING_ONION))
+    assert used >= 3
 
 
 def test_the_map_counts_the_ticks_that_the_rules_need() -> None:
@@ -230,3 +246,11 @@ def test_the_mind_is_given_no_condition() -> None:
         "kitchen", "mind", "memory", "players", "contents", "now", "actions", "arrows", "out",
     ]  # fmt: skip
     assert not {"condition", "agent"} & set(MIND.names or ())
+
+
+def test_a_clone_where_there_is_none_is_refused_with_the_remedy(capsys: pytest.CaptureFixture[str]) -> None:
+    """Double Rings has no recorded games of people."""
+    assert kitchenmind.main(["bots", "2", "--cook", "clone", "--study", str(STUDY)]) == 2
+    said = capsys.readouterr().err
+    assert "no behaviour-cloned human for double_rings, double_counters, matrix, clear_division" in said
+    assert "--cook foresight" in said
