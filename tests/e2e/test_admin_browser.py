@@ -14,11 +14,11 @@ from pathlib import Path
 
 import httpx
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
 from playwright.sync_api import Browser, Page, Route, WebSocketRoute, expect
 
 from server.bots.participant import Bot
+from tests.support.browser.game_page import draw_less_often, violations
 from tests.support.real_server import ROOT, SHORT_STUDY, RealServer
 
 STUDY = SHORT_STUDY.replace("horizon: 60", "horizon: 600").replace(", {name: matrix, title: {en: Matrix}}", "")
@@ -74,7 +74,7 @@ def password(server: RealServer) -> str:
 @pytest.fixture
 def page(chromium: Browser, server: RealServer, password: str) -> Iterator[Page]:
     """Signed in, at the dashboard; errors on the console fail the test."""
-    context = chromium.new_context(viewport={"width": 1366, "height": 768})
+    context = draw_less_often(chromium.new_context(viewport={"width": 1366, "height": 768}))
     opened = context.new_page()
     opened.set_default_timeout(PATIENCE_MS)
     expect.set_options(timeout=PATIENCE_MS)
@@ -92,8 +92,7 @@ def page(chromium: Browser, server: RealServer, password: str) -> Iterator[Page]
 
 
 def is_accessible(page: Page) -> None:
-    found = Axe().run(page).response["violations"]
-    assert [(one["id"], [node["html"][:200] for node in one["nodes"]]) for one in found] == []
+    assert violations(page) == []
 
 
 def played(page: Page, film: bytes) -> float:

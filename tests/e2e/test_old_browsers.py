@@ -87,15 +87,16 @@ def is_refused(page: Page, words: str) -> None:
 
 
 def test_a_browser_without_what_the_game_needs_is_told_before_consent(site: Site, chromium: Browser) -> None:
-    for count, missing in enumerate(NEEDED, start=1):
-        context = chromium.new_context(viewport=DESKTOP, locale="en-GB")  # type: ignore[arg-type]
+    context = chromium.new_context(viewport=DESKTOP, locale="en-GB")  # type: ignore[arg-type]
+    for missing in NEEDED:
         page = context.new_page()
         page.add_init_script(without(missing))
         page.goto(f"{site.url}/s/unchecked")
         is_refused(page, "This browser is too old for the game")
-        if count == 1:
+        if missing == NEEDED[0]:
             screenshot(page, "entry-old-browser")
-        context.close()
+        page.close()
+    context.close()
     assert site.everybody("unchecked") == []
 
 

@@ -1,21 +1,19 @@
 """The participant's pages in a real Chromium: looks, keys, drafts, languages, small screens, and what axe finds."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
 from sqlalchemy import Connection
 
 from server.store import attempts, participants
 from server.store.participants import Participant
 from server.store.tables import participants as table
+from tests.support.browser.game_page import draw_less_often, screenshot, violations
 from tests.support.page_site import SMALL_STUDY, Site
 
 pytestmark = pytest.mark.browser
-SHOTS = Path(__file__).parents[2] / "screenshots"
 DESK = {"width": 1366, "height": 768}
 PHONE = {"width": 390, "height": 844}
 NARROW = {"width": 320, "height": 640}
@@ -73,24 +71,17 @@ class Person:
         return self
 
     def shot(self, name: str) -> None:
-        SHOTS.mkdir(exist_ok=True)
-        self.page.screenshot(path=SHOTS / f"page-{name}.png", full_page=True)
+        screenshot(self.page, f"page-{name}", full_page=True)
 
 
 @pytest.fixture
 def person(site: Site, chromium: Browser) -> Iterator[Person]:
-    context = chromium.new_context(viewport=DESK, locale="en-GB")
+    context = draw_less_often(chromium.new_context(viewport=DESK, locale="en-GB"))
     somebody = Person(site, context)
     yield somebody
     context.close()
     assert somebody.troubles == []
     assert [url for url in somebody.asked if not url.startswith((site.url, "blob:", "data:"))] == []
-
-
-def violations(page: Page) -> list[Any]:
-    options = {"runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]}
-    found = Axe().run(page, options=options).response["violations"]
-    return [(one["id"], [node["html"][:200] for node in one["nodes"]]) for one in found]
 
 
 def answer_everything(page: Page) -> None:
@@ -113,7 +104,7 @@ def test_axe_finds_nothing_on_any_page(
     site: Site, chromium: Browser, size: dict[str, int], language: str, request: pytest.FixtureRequest
 ) -> None:
     context = chromium.new_context(viewport=size, has_touch=size is PHONE, locale=language, reduced_motion="reduce")  # type: ignore[arg-type]
-    person, name = Person(site, context), request.node.callspec.id
+    person, name = Person(site, draw_less_often(context)), request.node.callspec.id
     page = person.page
     found: dict[str, list[Any]] = {}
 

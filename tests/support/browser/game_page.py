@@ -1,25 +1,33 @@
 """The game's page in a browser, as the tests handle it: open, start, look at pixels."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, BrowserContext, Page
 
 from server.play.messages import ClientError, Countdown, KitchenState, Ready
 from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick
 
 SCREENSHOTS = Path(__file__).resolve().parents[3] / "screenshots"
+WANTS_PICTURES = bool(os.environ.get("SCREENSHOTS"))  # for people to look at: they take a tenth of the browser's time
 DESKTOP = {"width": 1366, "height": 768}
 PHONE = {"width": 390, "height": 844}
 
 
 @contextmanager
-def opened(chromium: Browser, server: FakeGameServer, **context: Any) -> Iterator[Page]:
+def opened(chromium: Browser, server: FakeGameServer, in_full: bool = False, **context: Any) -> Iterator[Page]:
     """The game's page, opened again: for a visitor of its own where `context` says something of them, else for the one
-    whom the tests of a module share. Errors on the page fail the test."""
-    visitor = chromium.new_context(**{"viewport": DESKTOP, **context}) if context else shared(chromium, server)
+    whom the tests of a module share. It draws less often unless `in_full`. Errors on the page fail the test."""
+    if in_full or context:
+        visitor = chromium.new_context(**{"viewport": DESKTOP, **context})
+        if not in_full:
+            draw_less_often(visitor)
+    else:
+        visitor = shared(chromium, server)
     page = visitor.new_page()
     page.set_default_timeout(30_000)
     errors: list[str] = []
@@ -30,7 +38,7 @@ def opened(chromium: Browser, server: FakeGameServer, **context: Any) -> Iterato
         yield page
         assert not errors, errors
     finally:
-        if context:
+        if in_full or context:
             visitor.close()
         else:
             page.close()
@@ -39,7 +47,7 @@ def opened(chromium: Browser, server: FakeGameServer, **context: Any) -> Iterato
 def shared(chromium: Browser, server: FakeGameServer) -> BrowserContext:
     """The visitor who has the scripts and drawings already."""
     if server.visitor is None:
-        server.visitor = chromium.new_context(viewport=DESKTOP)
+        server.visitor = draw_less_often(chromium.new_context(viewport=DESKTOP))
     visitor: BrowserContext = server.visitor
     return visitor
 
@@ -95,9 +103,19 @@ def at_rest(page: Page) -> None:
     )
 
 
-def screenshot(page: Page, name: str) -> None:
-    SCREENSHOTS.mkdir(exist_ok=True)
-    page.screenshot(path=SCREENSHOTS / f"{name}.png")
+def screenshot(page: Page, name: str, full_page: bool = False) -> None:
+    """Keep a picture if `SCREENSHOTS=1` asks for them."""
+    if WANTS_PICTURES:
+        SCREENSHOTS.mkdir(exist_ok=True)
+        page.screenshot(path=SCREENSHOTS / f"{name}.png", full_page=full_page)
+
+
+def violations(page: Page) -> list[tuple[str, list[str]]]:
+    """What axe finds against WCAG 2.2 AA and good practice: the rule, and where."""
+    rules = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
+    options = {"runOnly": {"type": "tag", "values": rules}, "resultTypes": ["violations"]}
+    found = Axe().run(page, options=options).response["violations"]
+    return [(one["id"], [node["html"][:200] for node in one["nodes"]]) for one in found]
 
 
 def pixel(page: Page, column: float, row: float) -> tuple[int, int, int]:
