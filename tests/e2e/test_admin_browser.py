@@ -5,8 +5,6 @@ import base64
 import contextlib
 import json
 import re
-import subprocess
-import sys
 import threading
 from collections import Counter
 from collections.abc import Iterator
@@ -18,8 +16,10 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, Route, WebSocketRoute, expect
 
 from server.bots.participant import Bot
+from tests.support import command_line
 from tests.support.browser.game_page import draw_less_often, violations
-from tests.support.real_server import ROOT, SHORT_STUDY, RealServer
+from tests.support.live_server import LiveServer
+from tests.support.real_server import SHORT_STUDY
 
 STUDY = SHORT_STUDY.replace("horizon: 60", "horizon: 600").replace(", {name: matrix, title: {en: Matrix}}", "")
 PATIENCE_MS = 60_000
@@ -45,34 +45,24 @@ def play_along(url: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealServer]:
-    with RealServer(tmp_path_factory.mktemp("admin"), speed=2.0, study=STUDY) as running:
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
+    with LiveServer(tmp_path_factory.mktemp("admin"), speed=2.0, study=STUDY) as running:
         threading.Thread(target=play_along, args=(running.url,), daemon=True).start()
         yield running
 
 
 @pytest.fixture(scope="module")
-def password(server: RealServer) -> str:
+def password(server: LiveServer) -> str:
     """The account is made while the server runs."""
-    line = [
-        sys.executable,
-        str(ROOT / "kitchenmind"),
-        "admin",
-        "--database",
-        server.database,
-        "create",
-        "mara",
-        "--role",
-        "own",
-    ]
-    made = subprocess.run(line, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL)
+    made = command_line.run("admin", "--database", server.database, "create", "mara", "--role", "own")
+    assert made.returncode == 0, made.stderr
     found = re.search(r"password: (\S+)", made.stdout)
     assert found, made.stdout
     return found.group(1)
 
 
 @pytest.fixture
-def page(chromium: Browser, server: RealServer, password: str) -> Iterator[Page]:
+def page(chromium: Browser, server: LiveServer, password: str) -> Iterator[Page]:
     """Signed in, at the dashboard; errors on the console fail the test."""
     context = draw_less_often(chromium.new_context(viewport={"width": 1366, "height": 768}))
     opened = context.new_page()
@@ -160,7 +150,7 @@ def with_marks(route: Route) -> None:
     route.fulfill(json=record)
 
 
-def test_a_game_is_looked_at_again_and_taken_along(page: Page, server: RealServer) -> None:
+def test_a_game_is_looked_at_again_and_taken_along(page: Page, server: LiveServer) -> None:
     page.route("**/record.json", with_marks)
     page.goto(f"{server.url}/admin/s/short/games")
     page.click("table a:has-text('Tutorial')")
@@ -189,7 +179,7 @@ def test_a_game_is_looked_at_again_and_taken_along(page: Page, server: RealServe
     assert played(page, Path(video.value.path()).read_bytes()) == 3.0, "15 timesteps of 200 ms"
 
 
-def test_the_live_page_is_not_called_calm_while_an_alert_is_open(page: Page, server: RealServer) -> None:
+def test_the_live_page_is_not_called_calm_while_an_alert_is_open(page: Page, server: LiveServer) -> None:
     text = "Timesteps come late: 61 ms at the 99th percentile."
 
     def with_alert(socket: WebSocketRoute) -> None:
@@ -210,7 +200,7 @@ def test_the_live_page_is_not_called_calm_while_an_alert_is_open(page: Page, ser
     expect(page.locator("#attention")).not_to_contain_text("calm")
 
 
-def test_the_live_page_fits_a_phone_also_one_that_is_turned(page: Page, server: RealServer) -> None:
+def test_the_live_page_fits_a_phone_also_one_that_is_turned(page: Page, server: LiveServer) -> None:
     page.goto(f"{server.url}/admin/s/short")
     expect(page.locator(".chart canvas").first).to_be_visible()
     page.set_viewport_size({"width": 390, "height": 844})
@@ -224,7 +214,7 @@ def test_the_live_page_fits_a_phone_also_one_that_is_turned(page: Page, server: 
     page.set_viewport_size({"width": 1366, "height": 768})
 
 
-def test_every_page_of_a_researcher_is_accessible(page: Page, server: RealServer) -> None:
+def test_every_page_of_a_researcher_is_accessible(page: Page, server: LiveServer) -> None:
     def look(path: str) -> None:
         answer = page.goto(f"{server.url}/admin{path}")
         assert answer is not None

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from server.settings import ROOT
 from server.store import answers
+from tests.support.browser.game_page import screenshot
 from tests.support.page_site import Site
 from tests.support.study_text import study_head
 from tests.support.written_numbers import WRITTEN
@@ -82,30 +82,44 @@ def test_digits_answer_a_scale_while_a_choice_has_the_focus(page: Page) -> None:
     assert (chosen(page, "mood"), chosen(page, "pick")) == ("3", None)
 
 
-@pytest.mark.parametrize(
-    ("code", "key"),
-    [("Digit3", '"'), ("Digit3", "٣"), ("Digit3", "３"), ("Numpad3", "3"), ("", "3"), ("KeyX", "3")],
-    ids=["azerty", "arabic", "wide", "pad", "phone", "other layout"],
-)
-def test_digit_keys_of_every_keyboard_answer(page: Page, code: str, key: str) -> None:
+def unanswered(page: Page) -> None:
+    """Take all answers back and let nothing have the focus, as on a page that has just been loaded."""
+    page.evaluate("document.querySelector('#questions').reset(), document.activeElement.blur()")
+    assert chosen(page, "mood") is None
+
+
+def test_digit_keys_of_every_keyboard_answer(page: Page) -> None:
+    keyboards = {
+        "azerty": ("Digit3", '"'),
+        "arabic": ("Digit3", "٣"),
+        "wide": ("Digit3", "３"),
+        "pad": ("Numpad3", "3"),
+        "phone": ("", "3"),
+        "other layout": ("KeyX", "3"),
+    }
     event = "new KeyboardEvent('keydown', { bubbles: true, cancelable: true, code, key })"
-    page.evaluate(f"([code, key]) => document.body.dispatchEvent({event})", [code, key])
-    assert chosen(page, "mood") == "3"
+    for name, (code, key) in keyboards.items():
+        unanswered(page)
+        page.evaluate(f"([code, key]) => document.body.dispatchEvent({event})", [code, key])
+        assert chosen(page, "mood") == "3", name
 
 
-@pytest.mark.parametrize(
-    ("code", "key", "virtual"),
-    [("Digit1", "&", 49), ("Digit6", "-", 54), ("Numpad1", "1", 97), ("Numpad1", "End", 35)],
-    ids=["azerty 1", "azerty 6", "pad", "pad without NumLock"],
-)
-def test_keys_as_the_machine_sends_them_answer(page: Page, code: str, key: str, virtual: int) -> None:
+def test_keys_as_the_machine_sends_them_answer(page: Page) -> None:
+    keyboards = {
+        "azerty 1": ("Digit1", "&", 49),
+        "azerty 6": ("Digit6", "-", 54),
+        "pad": ("Numpad1", "1", 97),
+        "pad without NumLock": ("Numpad1", "End", 35),
+    }
     keyboard = page.context.new_cdp_session(page)
-    pressed = {"code": code, "key": key, "windowsVirtualKeyCode": virtual, "isKeypad": code.startswith("Numpad")}
-    written = {"text": key} if len(key) == 1 else {}
-    keyboard.send("Input.dispatchKeyEvent", {"type": "keyDown", **pressed, **written})
-    keyboard.send("Input.dispatchKeyEvent", {"type": "keyUp", **pressed})
-    assert chosen(page, "mood") == (None if key == "End" else code[-1])
-    assert chosen(page, "pace") is None
+    for name, (code, key, virtual) in keyboards.items():
+        unanswered(page)
+        pressed = {"code": code, "key": key, "windowsVirtualKeyCode": virtual, "isKeypad": code.startswith("Numpad")}
+        written = {"text": key} if len(key) == 1 else {}
+        keyboard.send("Input.dispatchKeyEvent", {"type": "keyDown", **pressed, **written})
+        keyboard.send("Input.dispatchKeyEvent", {"type": "keyUp", **pressed})
+        assert chosen(page, "mood") == (None if key == "End" else code[-1]), name
+        assert chosen(page, "pace") is None, name
 
 
 def test_a_digit_that_is_held_down_answers_once(page: Page) -> None:
@@ -136,25 +150,25 @@ def test_a_number_in_wide_digits_is_stored(site: Site, page: Page) -> None:
     assert (stored(site)["years"], stored(site)["share"]) == (25, 1.5)
 
 
-@pytest.mark.parametrize(
-    ("field", "text", "words"),
-    [
+def test_a_number_that_is_not_taken_says_why_before_it_is_sent(page: Page) -> None:
+    fill_in(page)
+    for field, text, words in (
         ("share", "1,200", "“1,200” can be read in two ways."),
         ("years", "1.200", "“1.200” can be read in two ways."),
         ("years", "1 200", "leave out thousands separators"),
         ("years", "30.5", "Please enter a whole number."),
         ("years", "6000", "Please enter a number from 0 to 5000."),
-    ],
-)
-def test_a_number_that_is_not_taken_says_why_before_it_is_sent(page: Page, field: str, text: str, words: str) -> None:
-    fill_in(page, **{field: text})
+    ):
+        page.focus("[name=word]")
+        page.fill(f"[name={field}]", text)
+        page.click("#go")
+        expect(page.locator(f"#q-{field} .msg")).to_contain_text(words)
+        expect(page.locator(f"[name={field}]")).to_be_focused()
+        screenshot(page, f"number-{field}")
+        page.fill(f"[name={field}]", "12")
+        expect(page.locator(f"#q-{field} .msg")).to_be_hidden()
     page.click("#go")
-    expect(page.locator(f"#q-{field} .msg")).to_contain_text(words)
-    expect(page.locator(f"[name={field}]")).to_be_focused()
-    page.screenshot(path=ROOT / "screenshots" / f"number-{field}.png")
-    page.fill(f"[name={field}]", "12")
-    page.click("#go")
-    page.wait_for_selector("#slides")
+    expect(page.locator("#slides")).to_be_visible()
 
 
 def test_words_reach_the_database_as_they_were_written(site: Site, page: Page) -> None:

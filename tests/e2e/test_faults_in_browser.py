@@ -3,12 +3,14 @@
 import signal
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page
 
 from tests.support.browser.game_page import DESKTOP, draw_less_often, screenshot
 from tests.support.faults.crowd import LONG_STUDY
+from tests.support.live_server import LiveServer
 from tests.support.real_server import RealServer
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(240)]
@@ -21,6 +23,13 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealServer]:
 
 
 @pytest.fixture
+def live(tmp_path: Path) -> Iterator[LiveServer]:
+    """For a test that does not stop it."""
+    with LiveServer(tmp_path, speed=4.0, study=LONG_STUDY) as running:
+        yield running
+
+
+@pytest.fixture
 def visitor(chromium: Browser) -> Iterator[BrowserContext]:
     context = chromium.new_context(viewport=DESKTOP)
     context.set_default_timeout(60_000)
@@ -28,7 +37,7 @@ def visitor(chromium: Browser) -> Iterator[BrowserContext]:
     context.close()
 
 
-def playing(visitor: BrowserContext, server: RealServer) -> Page:
+def playing(visitor: BrowserContext, server: RealServer | LiveServer) -> Page:
     """A page whose game runs."""
     page = visitor.new_page()
     page.goto(f"{server.url}/s/short")
@@ -98,12 +107,12 @@ def test_the_way_back_and_a_page_that_slept_lead_to_the_same_timestep(
     page.close()
 
 
-def test_a_foreign_page_reaches_neither_the_socket_nor_a_form(visitor: BrowserContext, server: RealServer) -> None:
+def test_a_foreign_page_reaches_neither_the_socket_nor_a_form(visitor: BrowserContext, live: LiveServer) -> None:
     """Another name of this machine is another site to a browser."""
-    page = playing(visitor, server)
+    page = playing(visitor, live)
     foreign = visitor.new_page()
-    foreign.goto(server.url.replace("127.0.0.1", "localhost") + "/nowhere")
-    address = server.url.replace("http", "ws") + "/s/short/socket"
+    foreign.goto(live.url.replace("127.0.0.1", "localhost") + "/nowhere")
+    address = live.url.replace("http", "ws") + "/s/short/socket"
     opened = foreign.evaluate(
         """address => new Promise((done) => {
           let socket;
@@ -114,9 +123,7 @@ def test_a_foreign_page_reaches_neither_the_socket_nor_a_form(visitor: BrowserCo
         address,
     )
     assert opened == "refused"
-    answer = foreign.request.post(
-        f"{server.url}/s/short/now", form={"step": "x"}, headers={"origin": "http://localhost"}
-    )
+    answer = foreign.request.post(f"{live.url}/s/short/now", form={"step": "x"}, headers={"origin": "http://localhost"})
     assert answer.status == 403
     wait_until_past(page, timestep(page))
     foreign.close()

@@ -7,8 +7,10 @@ from playwright.sync_api import Browser, BrowserContext, Page
 
 from server.store.database import Database
 from server.store.tables import episodes, events, ticks
+from tests.support import command_line
 from tests.support.browser.browser_cook import BrowserCook
 from tests.support.browser.game_page import DESKTOP, draw_less_often, screenshot
+from tests.support.live_server import LiveServer
 from tests.support.real_server import SHORT_STUDY, RealServer
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(240)]
@@ -71,7 +73,7 @@ def go_on(page: Page) -> None:
             page.locator("main .btn:not(.quiet):visible").first.click()
 
 
-def go_to_game(page: Page, server: RealServer) -> None:
+def go_to_game(page: Page, server: RealServer | LiveServer) -> None:
     """From the consent page to the next game."""
     if page.url == "about:blank":
         page.goto(f"{server.url}/s/short")
@@ -188,7 +190,8 @@ def test_a_round_at_five_ticks_a_second(
     visitor: BrowserContext, tmp_path_factory: pytest.TempPathFactory, horizon: int
 ) -> None:
     text = study(horizon, ("flow: [introduction, tutorial, episodes, thanks]", "flow: [episodes, thanks]"))
-    with RealServer(tmp_path_factory.mktemp("full"), speed=1.0, study=text) as server:
+    kind = RealServer if horizon == 400 else LiveServer
+    with kind(tmp_path_factory.mktemp("full"), speed=1.0, study=text) as server:
         page = visitor.new_page()
         cook = BrowserCook(page)
         go_to_game(page, server)
@@ -206,4 +209,4 @@ def test_a_round_at_five_ticks_a_second(
             stored = database.read_now(lambda connection: len(connection.execute(ticks.select()).all()))
         assert (row.status, row.score) == ("done", cook.ended[-1].score)
         assert stored == horizon + 1
-        assert server.command("verify").returncode == 0
+        assert command_line.run("verify", "--database", server.database).returncode == 0

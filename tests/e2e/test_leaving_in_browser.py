@@ -10,8 +10,8 @@ from server.store.database import Database
 from server.store.tables import metadata
 from tests.e2e.test_game_browser_real import go_to_game, study
 from tests.support.browser.browser_cook import BrowserCook
-from tests.support.browser.game_page import PHONE, draw_less_often, screenshot
-from tests.support.real_server import RealServer
+from tests.support.browser.game_page import DESKTOP, PHONE, draw_less_often, screenshot
+from tests.support.live_server import LiveServer
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(240)]
 # What says nothing about anybody: arrivals count opened links, a tombstone is the salted hash of a random id, the audit
@@ -20,13 +20,13 @@ KEPT = {"studies", "withdrawals", "tombstones", "audit", "audit_head", "arrivals
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealServer]:
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
     text = study(400, ("flow: [introduction, tutorial, episodes, thanks]", "flow: [episodes, thanks]"))
-    with RealServer(tmp_path_factory.mktemp("left"), speed=4.0, study=text) as running:
+    with LiveServer(tmp_path_factory.mktemp("left"), speed=4.0, study=text) as running:
         yield running
 
 
-def rows(server: RealServer) -> dict[str, int]:
+def rows(server: LiveServer) -> dict[str, int]:
     def count(connection):  # type: ignore[no-untyped-def]
         tables = [table.name for table in metadata.sorted_tables]
         return {name: connection.execute(sql(f"select count(*) from {name}")).scalar() for name in tables}
@@ -35,7 +35,9 @@ def rows(server: RealServer) -> dict[str, int]:
         return {name: number for name, number in database.read_now(count).items() if number and name not in KEPT}
 
 
-def test_who_leaves_in_the_middle_of_a_game_leaves_nothing_behind(chromium: Browser, server: RealServer) -> None:
+def test_who_leaves_in_the_middle_of_a_game_leaves_nothing_behind(
+    chromium: Browser, server: LiveServer, caplog: pytest.LogCaptureFixture
+) -> None:
     context = chromium.new_context(viewport=PHONE, has_touch=True, reduced_motion="reduce")
     page = draw_less_often(context).new_page()
     cook = BrowserCook(page)
@@ -53,12 +55,12 @@ def test_who_leaves_in_the_middle_of_a_game_leaves_nothing_behind(chromium: Brow
     second.goto(f"{server.url}/s/short/now")
     assert second.url.endswith("/s/short"), "a stranger again"
     context.close()
-    assert "Traceback" not in server.log.read_text()
-    assert "could not be stored" not in server.log.read_text()
+    assert "Traceback" not in caplog.text
+    assert "could not be stored" not in caplog.text
 
 
-def test_the_way_out_is_on_the_game_s_page_and_asks_first(chromium: Browser, server: RealServer) -> None:
-    page = chromium.new_page(viewport={"width": 1366, "height": 768}, reduced_motion="reduce")
+def test_the_way_out_is_on_the_game_s_page_and_asks_first(chromium: Browser, server: LiveServer) -> None:
+    page = draw_less_often(chromium.new_context(viewport=DESKTOP, reduced_motion="reduce")).new_page()
     cook = BrowserCook(page)
     go_to_game(page, server)
     cook.play(until_timestep=6)
