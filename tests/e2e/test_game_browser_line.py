@@ -3,11 +3,11 @@
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, expect
 
 from server.play.messages import ClientError, Countdown, Hello, Notice, Paused, Ping, Pong, Ready, Superseded
 from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick, welcome
-from tests.support.browser.game_page import opened, start
+from tests.support.browser.game_page import opened, settled, start
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
 
@@ -31,7 +31,7 @@ def test_a_lost_line_comes_back_by_itself_at_the_same_timestep(
         server.send(Paused("lost", 20.0), Countdown(3))
         page.wait_for_selector("#count:visible")
         server.send(tick(kitchen(t=121)))
-        page.wait_for_selector("[data-timestep='121'][data-view=none]")
+        expect(page.locator("[data-timestep='121'][data-view=none]")).to_be_visible()
 
 
 def test_a_line_that_was_cut_without_a_word_comes_back(chromium: Browser, server: FakeGameServer) -> None:
@@ -39,6 +39,7 @@ def test_a_line_that_was_cut_without_a_word_comes_back(chromium: Browser, server
         start(page, server)
         server.cut()
         server.wait_for(lambda server: server.hellos == 2)
+        expect(page.locator(".game")).to_have_attribute("data-link", "open")
 
 
 def test_a_reloaded_page_waits_for_the_participant_to_go_on(chromium: Browser, server: FakeGameServer) -> None:
@@ -51,13 +52,17 @@ def test_a_reloaded_page_waits_for_the_participant_to_go_on(chromium: Browser, s
         assert page.evaluate("document.activeElement.id") == "start-button"
         assert len({hello.tab for hello in server.of(Hello)}) == 1, "a reload is no other tab"
         page.keyboard.press("Enter")
-        server.wait_for(lambda server: len(server.of(Ready)) == 2)
+        server.wait_for(lambda server: len(server.of(Ready)) >= 2)
+        settled(page, server)
+        assert len(server.of(Ready)) == 2
 
 
 def test_the_start_pressed_on_the_page_before_counts(chromium: Browser, server: FakeGameServer) -> None:
     server.page["ready_page"] = True
-    with opened(chromium, server):
-        server.wait_for(lambda server: len(server.of(Ready)) == 1)
+    with opened(chromium, server) as page:
+        server.wait_for(lambda server: bool(server.of(Ready)))
+        settled(page, server)
+        assert len(server.of(Ready)) == 1
 
 
 def test_another_tab_takes_over_and_this_one_offers_the_choice(chromium: Browser, server: FakeGameServer) -> None:
@@ -72,7 +77,7 @@ def test_another_tab_takes_over_and_this_one_offers_the_choice(chromium: Browser
         assert "close this tab" in page.inner_text("#other-note")
         page.click("#other-here")
         server.wait_for(lambda server: server.hellos == 2)
-        page.wait_for_selector(".game:visible")
+        expect(page.locator(".game")).to_be_visible()
 
 
 def test_a_line_closed_for_abuse_is_not_opened_again(chromium: Browser, server: FakeGameServer) -> None:
@@ -91,14 +96,16 @@ def test_a_page_whose_game_is_gone_is_loaded_again_once(chromium: Browser, serve
         server.wait_for(lambda server: server.hellos == 2)
         page.wait_for_selector("[data-phase=ready]")
         server.drop(4004)
-        page.wait_for_selector("#closed:visible")
+        expect(page.locator("#closed")).to_be_visible()
+        assert server.hellos == 2, "it is not loaded a third time"
 
 
 def test_a_ping_is_answered_at_once(chromium: Browser, server: FakeGameServer) -> None:
     with opened(chromium, server) as page:
         page.wait_for_selector("[data-phase=ready]")
         server.send(Ping(77))
-        server.wait_for(lambda server: server.of(Pong) == [Pong(77)])
+        server.wait_for(lambda server: bool(server.of(Pong)))
+        assert server.of(Pong) == [Pong(77)]
 
 
 def test_a_server_that_falls_silent_is_noticed(chromium: Browser, server: FakeGameServer) -> None:
@@ -107,7 +114,7 @@ def test_a_server_that_falls_silent_is_noticed(chromium: Browser, server: FakeGa
         page.wait_for_selector("#banner:visible", timeout=4000)
         assert page.inner_text("#banner-title") == "Waiting for the server"
         server.send(tick(kitchen(t=2)))
-        page.wait_for_selector("#banner", state="hidden")
+        expect(page.locator("#banner")).to_be_hidden()
 
 
 @pytest.mark.parametrize(
@@ -136,7 +143,7 @@ def test_a_pause_says_what_happens_when_it_lasts_too_long(
     with opened(chromium, server) as page:
         start(page, server)
         server.send(Paused(reason, left_s))
-        page.wait_for_function("words => document.querySelector('#pause-left').textContent === words", arg=words)
+        expect(page.locator("#pause-left")).to_have_text(words)
 
 
 def test_a_message_of_the_researcher_is_shown_as_text(chromium: Browser, server: FakeGameServer) -> None:
@@ -175,4 +182,4 @@ def test_a_frame_that_is_no_message_is_reported_and_the_game_goes_on(chromium: B
         server.wait_for(lambda server: bool(server.of(ClientError)))
         assert "unknown message dance" in server.of(ClientError)[0].text
         server.send(tick(kitchen(t=2)))
-        page.wait_for_selector("[data-timestep='2']")
+        expect(page.locator(".game")).to_have_attribute("data-timestep", "2")

@@ -4,7 +4,7 @@ import re
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Page, expect
 
 from server.play.messages import Countdown, Ended, Lesson, Paused, Ready, Superseded, Welcome
 from tests.support.browser.fake_game_server import NONE, PRACTICE, RINGS, FakeGameServer, kitchen, tick, welcome
@@ -344,7 +344,7 @@ def test_sound_is_off_until_it_is_wanted_and_the_wish_is_kept(chromium: Browser,
         page.click("#sound")
         assert page.evaluate("document.activeElement.className") == "stage", "the game has the keys again"
         page.reload()
-        page.wait_for_selector("#sound[aria-pressed=true]")
+        expect(page.locator("#sound")).to_have_attribute("aria-pressed", "true")
 
 
 @pytest.mark.parametrize(

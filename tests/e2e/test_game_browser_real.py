@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page
+from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from server.store.database import Database
 from server.store.tables import episodes, events, ticks
@@ -120,6 +120,7 @@ def test_somebody_who_hammers_on_the_keys_is_taken_for_no_attacker(visitor: Brow
     page.evaluate(HAMMER)
     assert page.get_attribute(".game", "data-link") == "open"
     page.wait_for_function("(t) => Number(document.querySelector('.game').dataset.timestep) > t", arg=before)
+    assert page.is_visible(".game"), "the game goes on"
 
 
 def test_a_reload_and_a_second_tab_go_on_at_the_same_timestep(visitor: BrowserContext, server: RealServer) -> None:
@@ -148,7 +149,7 @@ def test_a_reload_and_a_second_tab_go_on_at_the_same_timestep(visitor: BrowserCo
     assert in_order(together), "the game continues where it stood, in whichever tab"
     second.close()
     page.click("#other-here")
-    page.wait_for_selector("[data-phase=playing]")
+    expect(page.locator(".game")).to_have_attribute("data-phase", "playing")
 
 
 def test_leaving_the_page_pauses_and_coming_back_goes_on(visitor: BrowserContext, server: RealServer) -> None:

@@ -247,7 +247,7 @@ def test_a_refused_quiz_that_is_loaded_again_costs_no_attempt(person: Person) ->
     assert person.me.status == "active"
     page.get_by_label("3", exact=True).check()
     page.click("#go")
-    page.wait_for_selector(".game")
+    expect(page.locator(".game")).to_be_visible()
 
 
 def set_status(connection: Connection, participant_id: str, status: str) -> None:
