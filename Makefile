@@ -4,7 +4,7 @@ BIN := .venv/bin
 # --no-compile: Python compiles what it imports; compiling every file of every dependency would delay the first page.
 PIP := $(BIN)/python -m pip install --quiet --no-compile
 # More than the cores of a small machine: much of the time the tests wait for browsers and servers.
-PYTEST_WORKERS ?= 3
+PYTEST_WORKERS ?= 4
 # What keeps its words: past releases, the page about these words, and tests, whose names grew with them.
 NOT_WORDS := .ci/words.txt,./CHANGELOG.md,./docs/decisions/0021*,./tests,./training/kept,$(shell sed -n '/^\[tool.codespell\]/,/^$$/s/^skip = "\(.*\)"/\1/p' pyproject.toml)
 # Set on some machines and in many images, it makes every process compile its imports again: 10 s instead of 2.

@@ -39,14 +39,32 @@ http_transport.create_ssl_context = lambda *given, **named: _certificates(
     os.environ.get("SSL_CERT_FILE"), *given, **named
 )
 
-# Files are handed out whole, in this order: what takes minutes first, so that no worker is left with it at the end,
-# then the rest well mixed, so that the browsers of several files do not run at the same time.
+# Files are handed out whole, in this order: what takes long first, so that no worker is left with it at the end, with
+# browsers and others in turn, so that those of several files do not run at the same time; then the rest well mixed.
 LONG_FIRST = (
-    "test_game_browser_real.py",
-    "test_study_run.py",
     "test_bots.py",
-    "test_whole_study_in_browser.py",
+    "test_game_browser_looks.py",
+    "test_runner.py",
+    "test_pages_in_browser.py",
+    "test_study_run.py",
+    "test_game_browser_real.py",
     "test_several_workers.py",
+    "test_game_browser_keys.py",
+    "test_database.py",
+    "test_whole_study_in_browser.py",
+    "test_report.py",
+    "test_admin_browser.py",
+    "test_one_episode.py",
+    "test_answers_in_browser.py",
+    "test_episodes.py",
+    "test_game_browser_line.py",
+    "test_people_faults.py",
+    "test_old_browsers.py",
+    "test_wheel.py",
+    "test_third_language_in_browser.py",
+    "test_bundle.py",
+    "test_predictor_training.py",
+    "test_behind_a_path.py",
 )
 
 
