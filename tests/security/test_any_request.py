@@ -13,7 +13,8 @@ from tests.support.faults.invariants import Holdings
 WORDS = {"type": "string"}
 FIELDS = (
     "step", "visit", "language", "code", "name", "password", "next", "blind", "text", "note", "reason", "minutes",
-    "exclusion", "kind", "box_0", "satisfied", "simulated", "PROLIFIC_PID",
+    "exclusion", "kind", "box_0", "satisfied", "simulated", "PROLIFIC_PID", "grid", "version", "table", "contains",
+    "column", "sort",
 )  # fmt: skip
 QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None, "derandomize": True}
 
@@ -24,6 +25,7 @@ def schema_of(server: Any) -> dict[str, Any]:
     form = {"type": "object", "properties": dict.fromkeys(FIELDS, WORDS), "additionalProperties": True}
     known = {
         "name": ["short", "other"], "person": [server.person], "episode": [server.episode], "account": ["watch"],
+        "kitchen": ["nook"],
         "action": ["pause", "resume", "end", "message", "extend", "exclude", "restore", "release", "removed"],
     }  # fmt: skip
     for operations in schema["paths"].values():
