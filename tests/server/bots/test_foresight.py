@@ -144,7 +144,7 @@ def test_the_map_counts_the_ticks_that_the_rules_need() -> None:
 
 
 def trust(shown_right: bool, timesteps: int = 60) -> tuple[float, float]:
-    """(how far arrows are trusted, how far the own guess) after a game in which the partner walks to and fro."""
+    """(how far arrows are trusted, how far the own guess) after a game in which the partner walks back and forth."""
     kitchens, one = Kitchens.start(RING), alone(RING)
     actions = np.array([STILL])
     for timestep in range(timesteps):
