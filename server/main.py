@@ -27,6 +27,7 @@ from server.monitoring.data_quality import load_rules
 from server.monitoring.latency_history import LatencyHistory
 from server.monitoring.live_games import LiveGames
 from server.monitoring.peers import Process
+from server.monitoring.rehearsals import Rehearsals
 from server.participation.own_kitchens import load_with_kitchens
 from server.participation.seating import ConnectedPlayer, Seating
 from server.participation.served_studies import Studies
@@ -104,8 +105,7 @@ async def wired(
     """The application with all its parts running, as long as the context lasts. `ahead`: a model worker's process,
     launched already. `joins`: other processes of this server run already.
 
-    Raises StudyError, ModelsDown, DatabaseInUse, DatabaseDown, DatabaseTooNew.
-    """
+    Raises StudyError, ModelsDown, DatabaseInUse, DatabaseDown, DatabaseTooNew."""
     files, csrf = _served(settings), _csrf(settings)
     async with AsyncExitStack() as stack:
         several = settings.redis is not None
@@ -172,6 +172,7 @@ async def _services(
         rates=Rates(),
         hashing=Hashing(),
         commits=Commits(),
+        rehearsals=Rehearsals(stack),
     )
     running = (alerts, services.latency_history, versions, hook)
     stack.push_async_callback(ended, *(asyncio.create_task(work.run()) for work in running if work is not None))

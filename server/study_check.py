@@ -15,8 +15,9 @@ from server.study.definition import KitchenChoice, PartnerSettings, Study
 from server.study.loader import StudyFile
 
 
-def stage_problems(file: StudyFile) -> Iterator[Problem]:
-    """Kitchens that are none, and agents and predictors that are not there, cannot be loaded or do not fit."""
+def stage_problems(file: StudyFile, loads: bool = True) -> Iterator[Problem]:
+    """Kitchens that are none, and agents and predictors that are not there, cannot be loaded or do not fit. `loads`
+    False: those that are there are not tried, which takes seconds."""
     study = file.study
     places: list[tuple[Path, KitchenChoice]] = [(("layouts", index), one) for index, one in enumerate(study.layouts)]
     places.append((("tutorial", "layout"), study.tutorial.layout))
@@ -31,7 +32,7 @@ def stage_problems(file: StudyFile) -> Iterator[Problem]:
             remedy = "Correct the name, draw the rows under `grid: |`, or save this kitchen in the dashboard."
             yield Problem((*path, "name"), str(error).rstrip("."), remedy)
     if len(sound) == len({kitchen.name for _, kitchen in places}):  # models need kitchens that are sound
-        yield from _model_problems(file, sound)
+        yield from _model_problems(file, sound, loads)
 
 
 def _variant_problems(study: Study) -> Iterator[Problem]:
@@ -51,14 +52,14 @@ def missing_problems(file: StudyFile, required: RequiredModels) -> Iterator[Prob
     file."""
     yield from _variant_problems(file.study)
     told = set()
-    for place, layout, model in _models(file.study):
+    for place, layout, model in models_named(file.study):
         reason = required.lacks(layout, model)
         if reason is not None and reason not in told:
             told.add(reason)
             yield Problem(place, reason, _remedy(place, layout, model, required))
 
 
-def _models(study: Study) -> Iterator[tuple[Path, str, str]]:
+def models_named(study: Study) -> Iterator[tuple[Path, str, str]]:
     """Every model that the study's games ask: place in the file, layout, name; each name as often as it is asked."""
     asked = set().union(*models_of(study))
     places: list[tuple[Path, PartnerSettings]] = [(("agents", index), one) for index, one in enumerate(study.agents)]
@@ -87,12 +88,12 @@ def _remedy(place: Path, layout: str, model: str, required: RequiredModels) -> s
     return f"{guess}Train it (`kitchenmind train --help`), or name one that is there: {', '.join(known)}."
 
 
-def _model_problems(file: StudyFile, layouts: dict[str, Layout]) -> Iterator[Problem]:
+def _model_problems(file: StudyFile, layouts: dict[str, Layout], loads: bool) -> Iterator[Problem]:
     required = required_models([file])
     yield from missing_problems(file, required)
     yield from _degraded_problems(required)
     told: set[str] = set()
-    for place, layout, model in _models(file.study):
+    for place, layout, model in models_named(file.study) if loads else ():
         if (layout, model) in required.missing or layout not in layouts:
             continue
         problem = _grid_problem(file.study, layouts[layout], model, required) or _unfit(

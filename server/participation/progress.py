@@ -1,7 +1,6 @@
 """How a participant moves through a study, as functions on one database transaction.
 
-Every function may be called again: what is done stays done, and what comes too late changes nothing.
-"""
+Every function may be called again: what is done stays done, and what comes too late changes nothing."""
 
 import secrets
 from collections.abc import Mapping, Sequence
@@ -12,7 +11,7 @@ from typing import Any
 from sqlalchemy import Connection
 
 from server.participation.served_studies import Studies
-from server.store import answers, decisions, episodes, events, new_places, participants, studies
+from server.store import answers, decisions, episodes, events, new_places, participants, studies, study_openings
 from server.store.events import ATTENTION_SCREENED_OUT
 from server.store.new_places import PlaceBudget
 from server.store.participants import NewParticipant, Participant
@@ -93,8 +92,8 @@ def has_news(connection: Connection, participant_id: str, extra: Mapping[str, st
 
 def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival) -> Participant:
     """The participant who consents now, in the condition whose turn it is; or the one that the person already is, who
-    continues with the new cookie and the link's newest parameters. Raises StudyFullError, StudyPaused, AlreadyFinished,
-    KeyError (the study is not open)."""
+    continues with the new cookie and the link's newest parameters. Raises StudyFullError, StudyPaused, StudyClosed,
+    AlreadyFinished, KeyError (the study is not open)."""
     same_page = participants.by_token(connection, arrival.token)
     if same_page is not None:
         return same_page
@@ -105,6 +104,7 @@ def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival)
         participants.replace_token(connection, before.id, arrival.token)
         participants.renew_personal(connection, before.id, before.study_id, arrival.extra)
         return before
+    study_openings.check_open(connection, arrival.study)
     opened = all_studies.open(arrival.study)
     if opened is None:
         raise KeyError(arrival.study)

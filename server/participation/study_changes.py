@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 from server.store.database import Database
+from server.study.loader import StudyFile
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,20 @@ class Versions(Protocol):
 
     def open(self, version: ServedVersion) -> bool:
         """Serve a version that was prepared; False if it was not."""
+        ...
+
+    @property
+    def folder(self) -> Path:
+        """Where relative paths of models start in a study that was written in the dashboard."""
+        ...
+
+    def of_files(self) -> tuple[StudyFile, ...]:
+        """The studies that are served from files."""
+        ...
+
+    async def prepare_draft(self, database: Database, file: StudyFile) -> tuple[ServedVersion, int]:
+        """Store a study that was written in the dashboard as a version, and have its models; return what is to be
+        opened and the number of the version. Raises StudyError, DatabaseDown."""
         ...
 
 

@@ -24,7 +24,7 @@ from server.participation.served_studies import Studies
 from server.participation.study_changes import ChangedStudy, ServedVersion, Serving
 from server.required_models import RequiredModels, required_models
 from server.settings import Settings
-from server.store import kitchens
+from server.store import kitchens, study_openings
 from server.store import studies as stored_studies
 from server.store.database import Database, DatabaseDown
 from server.store.tables import participants
@@ -55,6 +55,8 @@ class StudyVersions:
         self._database: Database | None = None
         self._files = list(files)  # every one that was ever served here: participants may still be in it
         self._served = {file.study.name: file for file in files}
+        self._from_files = frozenset(self._served)
+        self._refused: set[str] = set()  # SHA-256 of versions from drafts that cannot be served
         self._stamps = {name: _stamp(Path(file.source)) for name, file in self._served.items()}
         self._required = required_models(files)
         self._opened_at = dict.fromkeys(self._served, NEVER_CHOSEN)
@@ -76,6 +78,7 @@ class StudyVersions:
         if joins:
             self._opened_at = dict.fromkeys(self._served, _JOINED)
             await self._follow()
+        await self.serve_opened(database)
         await self.load_earlier(database)
 
     async def run(self) -> None:
@@ -95,13 +98,14 @@ class StudyVersions:
         database = self._database
         if self._other_processes is None or database is None:
             return
+        await self.serve_opened(database)
         known = self._studies.every_version()
         await database.read(self._studies.learn)
         if self._studies.every_version() != known:
             await self.load_earlier(database)
         theirs = [version for process in await self._other_processes() for version in process.served]
         for version in sorted(theirs, key=lambda one: one.opened_at):
-            if version.opened_at <= self._opened_at.get(version.study, version.opened_at):
+            if version.opened_at <= self._opened_at.get(version.study, version.opened_at):  # also one from a draft
                 continue
             try:
                 await self.prepare(database, version.study, version.sha256)
@@ -112,7 +116,8 @@ class StudyVersions:
 
     def look(self) -> None:
         """Find the files that are not as they are served."""
-        for name, file in self._served.items():
+        for name in self._from_files:
+            file = self._served[name]
             stamp = _stamp(Path(file.source))
             if stamp == self._stamps[name]:
                 continue
@@ -160,14 +165,13 @@ class StudyVersions:
     async def prepare(self, database: Database, name: str, sha256: str) -> None:
         """Do the same for a version that another process has stored. Raises StudyError, DatabaseDown."""
         served = self._served.get(name)
-        if served is None:
-            raise StudyError([f"there is no study {name!r} here"])
-        if served.sha256 == sha256:
+        if served is not None and served.sha256 == sha256:
             return
         row = next((row for row in await database.read(stored_studies.every, name) if row.sha256 == sha256), None)
         if row is None:
             raise StudyError([f"{name} has no version {sha256[:12]}"])
-        file = replace(parse_study(row.source, served.source), folder=served.folder)
+        source, folder = (served.source, served.folder) if served is not None else (f"the draft of {name}", self.folder)
+        file = replace(parse_study(row.source, source), folder=folder)
         await self._have(database, await asyncio.to_thread(self._usable, file))
 
     async def _have(self, database: Database, file: StudyFile) -> None:
@@ -184,7 +188,7 @@ class StudyVersions:
         """Serve a version that was prepared to those who come from now on. False: it was not prepared here."""
         name, served = version.study, self._served.get(version.study)
         found = self._prepared.pop(version.sha256, None)
-        if served is None or (found is None and served.sha256 != version.sha256):
+        if found is None and (served is None or served.sha256 != version.sha256):
             return False
         self._opened_at[name] = version.opened_at
         if found is not None:
@@ -193,6 +197,41 @@ class StudyVersions:
             self.changed.pop(name, None)
             self._stamps[name] = _NOT_LOOKED  # the file may be another one again
         return True
+
+    @property
+    def folder(self) -> Path:
+        """Where relative paths of models start in a study that was written in the dashboard."""
+        return self._settings.models_folder or self._files[0].folder
+
+    def of_files(self) -> tuple[StudyFile, ...]:
+        """The studies that are served from files."""
+        return tuple(self._served[name] for name in self._from_files)
+
+    async def prepare_draft(self, database: Database, file: StudyFile) -> tuple[ServedVersion, int]:
+        """Store a study that was written in the dashboard as a version, and have its models; return what is to be
+        opened and the number of the version. Raises StudyError, DatabaseDown."""
+        if file.study.name in self._from_files:
+            reason = f"{file.study.name!r} is served from a file of this server"
+            raise StudyError([f"{file.source}:1: {reason}. Choose another name."])
+        if self._other_processes is not None and any(agent.human for agent in file.study.agents):
+            reason = "two people of one round must reach the same process, and this server has several"
+            raise StudyError([f"{file.source}:1: {reason}. Serve the study with one worker."])
+        await self._have(database, await asyncio.to_thread(self._usable, file))
+        return ServedVersion(file.study.name, file.sha256, time.time()), self._prepared[file.sha256][0]
+
+    async def serve_opened(self, database: Database) -> None:
+        """Serve the studies that were opened in the dashboard. One that cannot be served is said in the log."""
+        for one in await database.read(study_openings.needed):
+            served = self._served.get(one.study)
+            if one.study in self._from_files or one.sha256 in self._refused or (served and served.sha256 == one.sha256):
+                continue
+            try:
+                await self.prepare(database, one.study, one.sha256)
+            except (ValueError, OSError) as error:  # StudyError; a layout that a later version does not have any more
+                self._refused.add(one.sha256)
+                log.warning("%s, which %s opened, is not served: %s", one.study, one.opened_by, error)
+            else:
+                self.open(ServedVersion(one.study, one.sha256, one.opened_at.timestamp()))
 
     async def load_earlier(self, database: Database) -> None:
         """Load what participants of earlier versions need, who are still in the study. What cannot be loaded is said

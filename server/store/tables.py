@@ -34,7 +34,7 @@ from server.store.researcher_tables import (
     heartbeat,
     study_pauses,
 )
-from server.store.studio_tables import kitchens
+from server.store.studio_tables import kitchens, study_draft_versions, study_drafts, study_openings
 from server.store.table_base import (
     EPISODE,
     EPISODE_STATUSES,
@@ -72,6 +72,9 @@ __all__ = [
     "pauses",
     "personal",
     "studies",
+    "study_draft_versions",
+    "study_drafts",
+    "study_openings",
     "study_pauses",
     "ticks",
     "tombstones",
@@ -298,4 +301,7 @@ TABLES = (
     exclusions,
     study_pauses,
     kitchens,
+    study_drafts,
+    study_draft_versions,
+    study_openings,
 )

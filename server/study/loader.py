@@ -23,11 +23,22 @@ _SCALARS = frozenset({"str", "int", "float", "bool", "null", "timestamp"})
 _NULLS = frozenset({"", "~", "null", "Null", "NULL"})
 
 
-class StudyError(ValueError):
-    """A study file that cannot be used. `lines` has one sentence a problem, each naming its place and remedy."""
+@dataclass(frozen=True)
+class PlacedProblem:
+    """Something wrong (or, a warning, doubtful) in a text: where, and what to do. `path`: as far as the text has it."""
 
-    def __init__(self, lines: Sequence[str]) -> None:
-        self.lines = tuple(lines)
+    line: int
+    path: Path
+    text: str
+    warning: bool = False
+
+
+class StudyError(ValueError):
+    """A study file that cannot be used. `lines` has one sentence a problem, each naming its place and remedy; `placed`
+    has the same for an editor, where the places are known."""
+
+    def __init__(self, lines: Sequence[str], placed: Sequence[PlacedProblem] = ()) -> None:
+        self.lines, self.placed = tuple(lines), tuple(placed)
         super().__init__("\n".join(self.lines))
 
 
@@ -43,6 +54,8 @@ class StudyFile:
     warnings: tuple[str, ...] = ()
     folder: FilePath = field(default_factory=FilePath.cwd)
     """Where relative paths of models start."""
+    doubts: tuple[PlacedProblem, ...] = ()
+    """The warnings with their places."""
 
     def describe(self, problem: Problem) -> str:
         """`file:line: reason. remedy`, as all errors read."""
@@ -77,7 +90,20 @@ class LineNumbers:
         path = self.nearest(problem.path)
         place = ".".join(str(piece) for piece in path)
         where = f"{self.source}:{self.line(path)}: "
-        return f"{where}{place + ': ' if place else ''}{problem.reason.rstrip('.')}. {problem.remedy}".rstrip()
+        return f"{where}{place + ': ' if place else ''}{self._sentence(problem)}"
+
+    def placed(self, problem: Problem) -> PlacedProblem:
+        """The same for an editor."""
+        path = self.nearest(problem.path)
+        return PlacedProblem(self.line(path), path, self._sentence(problem), problem.warning)
+
+    def error(self, found: Sequence[Problem]) -> StudyError:
+        """All of these as one error."""
+        return StudyError([self.describe(one) for one in found], [self.placed(one) for one in found])
+
+    @staticmethod
+    def _sentence(problem: Problem) -> str:
+        return f"{problem.reason.rstrip('.')}. {problem.remedy}".rstrip()
 
 
 def load_study(path: str | FilePath, models_folder: FilePath | None = None) -> StudyFile:
@@ -102,33 +128,52 @@ def parse_study(text: str, source: str = "study.yaml") -> StudyFile:
         study = Study.model_validate(data)
     except ValidationError as error:
         found = sorted(mistakes(error, places.nearest), key=lambda one: places.line(one.path))
-        raise StudyError([places.describe(problem) for problem in found]) from None
+        raise places.error(found) from None
     together = (*problems(study), *plan_problems(study))
     found = sorted(together, key=lambda one: places.line(places.nearest(one.path)))
-    wrong = [places.describe(problem) for problem in found if not problem.warning]
+    wrong = [problem for problem in found if not problem.warning]
     if wrong:
-        raise StudyError(wrong)
+        raise places.error(wrong)
     warnings = tuple(places.describe(problem) for problem in found if problem.warning)
-    return StudyFile(study, source, text, hashlib.sha256(text.encode()).hexdigest(), places, warnings)
+    doubts = tuple(places.placed(problem) for problem in found if problem.warning)
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    return StudyFile(study, source, text, digest, places, warnings, doubts=doubts)
+
+
+def values_of(text: str | yaml.Node) -> Any:
+    """The values that stand in a text (or below a node of it): texts, lists and blocks, not yet checked. Raises
+    StudyError."""
+    places = LineNumbers("study.yaml")
+    return _read(text, places) if isinstance(text, str) else _Reader(places).value(text, ())
 
 
 def _read(text: str, places: LineNumbers) -> Any:
+    return _Reader(places).value(compose(text, places.source), ())
+
+
+def compose(text: str, source: str, loader: "type[StudyComposer] | None" = None) -> yaml.MappingNode:
+    """The nodes of a text. Raises StudyError."""
     try:
-        root = yaml.compose(text, Loader=_Composer)
+        root = yaml.compose(text, Loader=loader or StudyComposer)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark else 1
-        raise StudyError(
-            [f"{places.source}:{line}: this is no YAML: {error.problem}. {_yaml_remedy(error.problem or '')}"]
-        ) from None
+        reason = f"this is no YAML: {error.problem}. {_yaml_remedy(error.problem or '')}"
+        raise _unplaced(source, line, reason) from None
     except yaml.YAMLError as error:
-        raise StudyError([f"{places.source}:1: this is no YAML: {error}. Save the file as plain UTF-8 text."]) from None
+        reason = f"this is no YAML: {error}. Save the file as plain UTF-8 text."
+        raise _unplaced(source, 1, reason) from None
     if not isinstance(root, yaml.MappingNode):
-        raise StudyError([f"{places.source}:1: a study is a mapping of keys. Start from `kitchenmind study new NAME`."])
-    return _Reader(places).value(root, ())
+        reason = "a study is a mapping of keys. Start from `kitchenmind study new NAME`."
+        raise _unplaced(source, 1, reason)
+    return root
 
 
-class _Composer(yaml.BaseLoader):
+def _unplaced(source: str, line: int, reason: str) -> StudyError:
+    return StudyError([f"{source}:{line}: {reason}"], [PlacedProblem(line, (), reason)])
+
+
+class StudyComposer(yaml.BaseLoader):
     """Nodes with their text as written (the field decides the type of a value), within limits on depth and size."""
 
     def __init__(self, stream: Any) -> None:
@@ -195,4 +240,4 @@ class _Reader:
         return result
 
     def _refuse(self, line: int, reason: str, remedy: str) -> Any:
-        raise StudyError([f"{self._places.source}:{line}: {reason}. {remedy}"])
+        raise _unplaced(self._places.source, line, f"{reason}. {remedy}")

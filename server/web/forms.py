@@ -23,16 +23,17 @@ async def read_form(
     session: str | None = None,
     was_nobodys: Callable[[Form], bool] | None = None,
     controls: bool = False,
+    largest: int = LARGEST_FORM_BYTES,
 ) -> Form:
     """All values by field name, with line ends as one newline and otherwise as they were written. Refuses (413, 400,
     403) what is too large, unreadable, or not from our own pages. `session`: what the form was made for; None: the
     participant's. `was_nobodys`: whether the form may have been made before there was a session. `controls`: the caller
-    deals with control characters itself."""
+    deals with control characters itself. `largest`: how many bytes the form may have."""
     if not csrf.is_own_origin(request):
         raise HTTPException(403, "this form was not sent by our own page")
     try:
         async with asyncio.timeout(FORM_TIMEOUT_S):
-            body = await _body(request)
+            body = await _body(request, largest)
     except TimeoutError:
         raise HTTPException(408, f"a form has to arrive within {FORM_TIMEOUT_S:g} s", {"Connection": "close"}) from None
     # Not `Request.form()`: Starlette needs python-multipart even for this encoding, does not limit the time that a form
@@ -60,7 +61,7 @@ def _form_fields(body: bytes) -> dict[str, list[str]]:
     try:
         return parse_qs(body.decode("utf-8"), keep_blank_values=True, max_num_fields=MOST_FIELDS, errors="strict")
     except ValueError:  # also UnicodeDecodeError
-        raise HTTPException(400, "this is no form in UTF-8") from None
+        raise HTTPException(400, "The form body is not valid UTF-8.") from None
 
 
 def _json_fields(body: bytes) -> dict[str, list[str]]:
@@ -95,12 +96,12 @@ def _text(name: str, value: object) -> str:
     return str(value)
 
 
-async def _body(request: Request) -> bytes:
+async def _body(request: Request, largest: int) -> bytes:
     body = bytearray()
     async for chunk in request.stream():
         body += chunk
-        if len(body) > LARGEST_FORM_BYTES:
-            raise HTTPException(413, f"a form has at most {LARGEST_FORM_BYTES} bytes")
+        if len(body) > largest:
+            raise HTTPException(413, f"a form has at most {largest} bytes")
     return bytes(body)
 
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:  # their modules have routes, which need this one
     from server.monitoring.dashboard import Dashboard
     from server.monitoring.latency_history import LatencyHistory
     from server.monitoring.live_games import LiveGames
+    from server.monitoring.rehearsals import Rehearsals
     from server.participation.study_changes import Versions
     from server.play.games import Games
     from server.settings import Settings
@@ -43,6 +44,7 @@ class Services:
     rates: "Rates"
     hashing: "Hashing"
     commits: "Commits"
+    rehearsals: "Rehearsals"
 
 
 def services_of(connection: HTTPConnection) -> Services:

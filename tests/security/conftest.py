@@ -88,6 +88,7 @@ class PopulatedServer:
         action = "signed_out" if "account" in path else "extend"
         values = {"name": "short", "study": "short", "person": self.person, "episode": self.episode, "account": "watch"}
         values |= {"kitchen": "nook"}
+        values |= {"draft": "1", "number": "1", "condition": "tom", "language": "en", "position": "1", "what": "now"}
         path = path.format(**values, action=action)
         with self.client(self.cookies[role]) as client:
             if method == "GET":

@@ -34,6 +34,17 @@ SAID = {
     "nobody_found": "There is no participant with this id or code in this study.",
     "kitchen_removed": "The kitchen is removed. Its history is kept.",
     "version_unchanged": "No action taken: the study file is already served as it is.",
+    "draft_restored": "The text is restored. The one before it is in the history.",
+    "draft_deleted": "The draft is deleted.",
+    "draft_is_open": "No action taken: close the study first.",
+    "draft_conflict": "No action taken: somebody else has changed the draft. Look at it again first.",
+    "draft_faulty": "The study is not opened yet: correct what the list of problems says first.",
+    "draft_name_taken": "The study is not opened: another draft with this name is open.",
+    "draft_refused": "The study could not be opened: the server's log says why.",
+    "draft_opened": "The study is open: participants are let in.",
+    "bots_players": "No action taken: participants are playing, and bots would take the time of their games.",
+    "bots_busy": "No action taken: another rehearsal is running. Try again when it is over.",
+    "draft_closed": "The study is closed: nobody new is let in. Participants who are in it can finish.",
     "gone": "No action taken: the game or visit has already ended, or its server process did not answer.",
 }
 

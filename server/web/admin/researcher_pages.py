@@ -9,7 +9,7 @@ from server.monitoring.arms import arm_names
 from server.monitoring.dashboard import step_name, way_of
 from server.monitoring.enrolment_flow import arms_of, flow_of, stock
 from server.monitoring.live_games import who
-from server.store import admins, answers, attempts, audit, decisions, overview, participants
+from server.store import admins, answers, attempts, audit, decisions, overview, participants, study_openings
 from server.store.overview import Played
 from server.study.definition import Study
 from server.web import guess_limits
@@ -77,6 +77,7 @@ async def logout(admin: WatchDep, web: WebDep, form: AdminFormDep) -> Response: 
 async def studies(request: Request, admin: WatchDep, web: WebDep) -> Response:
     """All studies of this server."""
     paused = await web.database.read(decisions.paused_studies)
+    closed = await web.database.read(study_openings.closed)
     rows = []
     for name in web.studies.names():
         versions, study = study_at(web, name)
@@ -88,6 +89,7 @@ async def studies(request: Request, admin: WatchDep, web: WebDep) -> Response:
                 "title": study.title.of("en"),
                 "summary": study.summary.of("en"),
                 "paused": name in paused,
+                "closed": name in closed,
                 "versions": len(versions),
                 "completed": sum(arm["completed"] for arm in arms),
                 "active": sum(arm["active"] for arm in arms),

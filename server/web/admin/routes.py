@@ -2,8 +2,26 @@
 
 from fastapi import APIRouter
 
-from server.web.admin import actions, data_pages, downloads, kitchen_pages, live_boards, replay_page, researcher_pages
+from server.web.admin import (
+    actions,
+    data_pages,
+    downloads,
+    draft_routes,
+    kitchen_pages,
+    live_boards,
+    replay_page,
+    researcher_pages,
+)
 
 router = APIRouter()
-for _module in (researcher_pages, live_boards, replay_page, actions, downloads, data_pages, kitchen_pages):
+for _module in (
+    researcher_pages,
+    live_boards,
+    replay_page,
+    actions,
+    downloads,
+    data_pages,
+    kitchen_pages,
+    draft_routes,
+):
     router.include_router(_module.router)

@@ -14,9 +14,10 @@ from server.participation.episode_specs import layout_of
 from server.participation.page_answers import check_page
 from server.participation.recruiter_links import is_preview, may_start_new, recruitment_of
 from server.play.close_codes import CloseCode
-from server.store import new_places, participants
+from server.store import new_places, participants, study_openings
 from server.store.new_places import NoPlaceLeft
 from server.store.participants import Participant
+from server.store.study_openings import StudyClosed
 from server.study.assignment import StudyFullError
 from server.study.definition import Study
 from server.study.steps import step_address
@@ -54,7 +55,9 @@ def _to(path: str) -> RedirectResponse:
 @router.get("/")
 async def choose(request: Request, web: WebDep) -> Response:
     """Which study to take part in."""
-    open_studies = [found[1] for name in web.studies.names() if (found := web.studies.open(name))]
+    closed = await web.database.read(study_openings.closed)
+    names = (name for name in web.studies.names() if name not in closed)
+    open_studies = [found[1] for name in names if (found := web.studies.open(name))]
     studies = [(study, _kitchens(study)) for study in open_studies]
     return page(request, web).render("participant/choose.html", studies=studies)
 
@@ -84,6 +87,8 @@ async def consent_page(request: Request, opened: OpenStudyDep, web: WebDep, part
         return made.render("participant/finished.html")
     if before is None and await web.database.read(progress.is_paused, study.name):
         return _paused(made)
+    if before is None and study.name in await web.database.read(study_openings.closed):
+        return made.render("participant/full.html", 409)
     context = consent_context(study, made.language, person, extra, secrets.token_urlsafe(24))
     template = "participant/welcome_back.html" if before is not None else "participant/consent.html"
     return made.render(template, **context)
@@ -158,7 +163,7 @@ async def _enrol(made: PageResponse, arrival: progress.ConsentArrival) -> Respon
         return _paused(made)
     except progress.AlreadyFinished:
         return made.render("participant/finished.html", 409)
-    except StudyFullError:
+    except (StudyFullError, StudyClosed):
         return made.render("participant/full.html", 409)
     return None
 

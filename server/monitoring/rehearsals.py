@@ -1,0 +1,115 @@
+"""Simulated participants walk through a draft: `kitchenmind bots` in a process of its own, with a database of its own.
+
+One rehearsal at a time, at low priority. How it went is kept while the server runs; the audit log keeps it for good.
+"""
+
+import asyncio
+import contextlib
+import json
+import logging
+import os
+import signal
+import sys
+import tempfile
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from server.background_tasks import ended
+
+log = logging.getLogger(__name__)
+MOST_BOTS: Final = 40
+WITHIN_S: Final = 1800.0
+_NICE: Final = 10
+_PROGRAM: Final = Path(__file__).parents[2] / "kitchenmind"
+_LONGEST_WORDS: Final = 4000
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """One rehearsal of a draft. `outcome`: what `kitchenmind bots --json` printed; `failure`: why there is none."""
+
+    draft: int
+    revision: int
+    number: int
+    by: str
+    is_running: bool = True
+    outcome: dict[str, Any] = field(default_factory=dict)
+    failure: str = ""
+
+
+Note = Callable[[Rehearsal], Awaitable[Any]]
+
+
+class Rehearsals:
+    """The newest rehearsal of each draft; made once in server.main."""
+
+    def __init__(self, stack: contextlib.AsyncExitStack) -> None:
+        """`stack`: stops what is running at the server's end."""
+        self._newest: dict[int, Rehearsal] = {}
+        self._task: asyncio.Task[None] | None = None
+        stack.push_async_callback(self.stop)
+
+    def of(self, draft: int) -> Rehearsal | None:
+        return self._newest.get(draft)
+
+    @property
+    def is_busy(self) -> bool:
+        return self._task is not None and not self._task.done()
+
+    def start(self, rehearsal: Rehearsal, text: str, note: Note) -> bool:
+        """Begin, and call `note` at the end. False: another rehearsal is running."""
+        if self.is_busy:
+            return False
+        self._newest[rehearsal.draft] = rehearsal
+        self._task = asyncio.create_task(self._run(rehearsal, text, note))
+        return True
+
+    async def stop(self) -> None:
+        await ended(self._task)
+
+    async def _run(self, rehearsal: Rehearsal, text: str, note: Note) -> None:
+        with tempfile.TemporaryDirectory(prefix="kitchenmind-rehearsal-") as folder:
+            file = Path(folder) / "draft.yaml"
+            file.write_text(text, encoding="utf-8")
+            status, said, told = await _bots(rehearsal.number, file)
+        outcome: dict[str, Any] = {}
+        with contextlib.suppress(ValueError):
+            outcome = json.loads(said)
+        failure = "" if outcome else (told.strip()[-_LONGEST_WORDS:] or f"the command ended with status {status}")
+        over = Rehearsal(rehearsal.draft, rehearsal.revision, rehearsal.number, rehearsal.by, False, outcome, failure)
+        try:
+            await note(over)
+        except Exception:
+            log.exception("the audit log could not note a rehearsal")
+        self._newest[rehearsal.draft] = over
+
+
+async def _bots(number: int, file: Path) -> tuple[int | None, str, str]:
+    """Run the command; return its status and what it printed. It is ended if it takes too long, or with the server."""
+    words = (sys.executable, str(_PROGRAM), "bots", str(number), "--study", str(file), "--fast", "--json")
+    pipe = asyncio.subprocess.PIPE
+    process = await asyncio.create_subprocess_exec(
+        *words,
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=pipe,
+        stderr=pipe,
+        preexec_fn=_lower_priority,
+        start_new_session=True,
+    )
+    try:
+        async with asyncio.timeout(WITHIN_S):
+            said, told = await process.communicate()
+        return process.returncode, said.decode(errors="replace"), told.decode(errors="replace")
+    except TimeoutError:
+        return None, "", f"the bots took more than {WITHIN_S / 60:.0f} minutes"
+    finally:
+        if process.returncode is None:
+            os.killpg(process.pid, signal.SIGTERM)  # and the server that it started
+            with contextlib.suppress(asyncio.CancelledError):
+                await process.communicate()
+
+
+def _lower_priority() -> None:
+    os.nice(_NICE)

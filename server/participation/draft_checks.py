@@ -1,0 +1,56 @@
+"""What a study that is written in the dashboard must fulfil besides being a sound file."""
+
+from collections.abc import Iterator, Sequence
+from functools import cache
+
+from models.agents.blackbox import is_foreign
+from models.agents.model_paths import without_variant
+from overcooked.layout import layout_names
+from server.required_models import WEIGHTS, WITHOUT_WEIGHTS
+from server.study.checks import Problem
+from server.study.loader import PlacedProblem, StudyError, StudyFile
+from server.study_check import doubts, models_named, stage_problems
+
+
+def draft_problems(file: StudyFile, served: Sequence[StudyFile], loads: bool = False) -> list[PlacedProblem]:
+    """Everything that keeps the study from being opened here, and doubts. `served`: the studies from files. `loads`:
+    try the models too, which takes seconds."""
+    foreign = [*_taken(file, served), *_foreign(file, served)]
+    if foreign:
+        return [*file.doubts, *map(file.places.placed, foreign)]
+    try:
+        found = list(stage_problems(file, loads))
+        if loads and all(problem.warning for problem in found):
+            found += doubts(file)
+    except StudyError as error:
+        return list(error.placed) or [PlacedProblem(1, (), str(error))]
+    return [*file.doubts, *map(file.places.placed, found)]
+
+
+@cache
+def known_names() -> dict[str, list[str]]:
+    """The bundled layouts, agents and predictors, which the form suggests."""
+    models = {path.parent.name for path in WEIGHTS.glob("*/*/config.json")}
+    predictors = sorted(name for name in models if "_predictor_" in name)
+    agents = sorted((models - set(predictors)) | (WITHOUT_WEIGHTS - {"guide"}))
+    return {"layouts": layout_names(), "agents": agents, "predictors": [*predictors, "random"]}
+
+
+def _taken(file: StudyFile, served: Sequence[StudyFile]) -> Iterator[Problem]:
+    if any(one.study.name == file.study.name for one in served):
+        reason = f"{file.study.name!r} is the name of a study that this server serves from a file"
+        yield Problem(("name",), reason, "Choose another name.")
+
+
+def _foreign(file: StudyFile, served: Sequence[StudyFile]) -> Iterator[Problem]:
+    """A model that is a file, a Python class or an address runs or reads what it names: that is for those who may log
+    in on the server, and no right of an account in the dashboard."""
+    known = {without_variant(model) for one in served for _, _, model in models_named(one.study)}
+    told = set()
+    for place, _, model in models_named(file.study):
+        base = without_variant(model)
+        if (is_foreign(base) or "/" in base) and base not in known and base not in told:
+            told.add(base)
+            reason = f"{base!r} is a file, a Python class or an address"
+            remedy = "Name a bundled agent here, or one that a study file of this server names."
+            yield Problem(place, reason, remedy)

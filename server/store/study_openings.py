@@ -1,0 +1,80 @@
+"""Which studies were opened from drafts: what the server serves besides its files, also after a restart."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import Connection, func, select, update
+
+from server.store.tables import participants, studies, study_openings
+
+
+@dataclass(frozen=True)
+class StudyOpening:
+    """The newest opening of a study: which version new participants get, or got until it was closed."""
+
+    study: str
+    study_id: int
+    draft_id: int
+    sha256: str
+    source: str
+    opened_by: str
+    opened_at: datetime
+    closed_by: str | None
+    closed_at: datetime | None
+
+    @property
+    def is_open(self) -> bool:
+        return self.closed_at is None
+
+
+def open_study(connection: Connection, version: tuple[str, int], draft: int, by: str) -> datetime:
+    """Let new participants into a version (the study's name, the number of the version) from now on; return when."""
+    name, study_id = version
+    now = datetime.now(UTC)
+    close_study(connection, name, by)
+    row = {"study": name, "study_id": study_id, "draft_id": draft, "opened_by": by, "opened_at": now}
+    connection.execute(study_openings.insert().values(row))
+    return now
+
+
+def close_study(connection: Connection, name: str, by: str) -> bool:
+    """Let nobody new into a study. False: it was not open."""
+    query = update(study_openings).where(study_openings.c.study == name, study_openings.c.closed_at.is_(None))
+    return connection.execute(query.values(closed_by=by, closed_at=datetime.now(UTC))).rowcount > 0
+
+
+def newest(connection: Connection) -> dict[str, StudyOpening]:
+    """The newest opening of every study that was ever opened from a draft, by the study's name."""
+    here, version = study_openings.c, studies.c
+    last = select(func.max(here.id)).group_by(here.study)
+    columns = (here.study, here.study_id, here.draft_id, version.sha256, version.source, here.opened_by, here.opened_at)
+    query = select(*columns, here.closed_by, here.closed_at).join_from(
+        study_openings, studies, here.study_id == version.id
+    )
+    rows = connection.execute(query.where(here.id.in_(last)).order_by(here.id))
+    return {row.study: StudyOpening(*row) for row in rows}
+
+
+def needed(connection: Connection) -> list[StudyOpening]:
+    """The openings that a server needs: those that are open, and closed ones with people who are still in them."""
+    busy = set(
+        connection.execute(
+            select(participants.c.study_id).where(participants.c.status == "active").distinct()
+        ).scalars()
+    )
+    return [one for one in newest(connection).values() if one.is_open or one.study_id in busy]
+
+
+class StudyClosed(Exception):
+    """A researcher closed the study: nobody new is let in any more."""
+
+
+def check_open(connection: Connection, name: str) -> None:
+    """Raise StudyClosed for a study that was opened from a draft and closed again."""
+    if name in closed(connection):
+        raise StudyClosed(name)
+
+
+def closed(connection: Connection) -> set[str]:
+    """The names of the studies that were opened from a draft and take nobody new any more."""
+    return {name for name, one in newest(connection).items() if not one.is_open}

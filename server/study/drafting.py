@@ -1,0 +1,97 @@
+"""A study that is being written: its values for a form, what is wrong with it and where, and changes from a form."""
+
+import re
+import secrets
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from server.study import yaml_edit
+from server.study.loader import PlacedProblem, StudyError, StudyFile, parse_study, values_of
+from server.study.yaml_edit import YamlEditError
+
+STUDY_NAME: Final = re.compile(r"[a-z][a-z0-9_-]{0,39}")
+MOST_CHARACTERS: Final = 300_000
+_HEAD: Final = re.compile(r"\A(#.*\n)+")
+
+
+@dataclass(frozen=True)
+class DraftView:
+    """What the editor shows of a text. `values` is None if the text is not YAML, `file` if it is not yet a study."""
+
+    values: dict[str, Any] | None
+    problems: tuple[PlacedProblem, ...]
+    file: StudyFile | None = None
+
+
+def view(text: str, source: str = "the draft") -> DraftView:
+    """Look at a text as the loader does."""
+    try:
+        values = values_of(text)
+    except StudyError as error:
+        return DraftView(None, _placed(error))
+    try:
+        file = parse_study(text, source)
+    except StudyError as error:
+        return DraftView(values, _placed(error))
+    return DraftView(values, file.doubts, file)
+
+
+def _placed(error: StudyError) -> tuple[PlacedProblem, ...]:
+    return error.placed or tuple(PlacedProblem(1, (), line) for line in error.lines)
+
+
+def changed(text: str, operation: Any) -> str:
+    """Apply a change from the form: {"do": "put", "path": [...], "value": ...}, or remove, insert, move, rename. A
+    value of null removes the key.
+
+    Raises StudyError for a text that cannot be read, YamlEditError for a change that cannot be made.
+    """
+    try:
+        what, path = operation["do"], _path(operation["path"])
+        match what:
+            case "put" if operation["value"] in (None, "") and not yaml_edit.has(text, path):
+                return text  # an empty field of what is not there
+            case "put" if operation["value"] is None:
+                return yaml_edit.remove(text, path)
+            case "put":
+                return yaml_edit.put(text, path, operation["value"], plain=operation.get("plain") is True)
+            case "remove":
+                return yaml_edit.remove(text, path)
+            case "insert":
+                return yaml_edit.insert(text, path, int(operation["index"]), operation["value"])
+            case "move":
+                return yaml_edit.move(text, path, int(operation["index"]), int(operation["to"]))
+            case "rename":
+                return yaml_edit.rename(text, path, str(operation["key"]))
+    except (KeyError, TypeError, ValueError, IndexError, RecursionError) as error:
+        if isinstance(error, YamlEditError | StudyError):
+            raise
+        raise YamlEditError("this change is not understood. Reload the page.") from None
+    raise YamlEditError("this change is not known. Reload the page.")
+
+
+def _path(pieces: Any) -> Sequence[str | int]:
+    if not isinstance(pieces, list) or not all(isinstance(piece, str | int) for piece in pieces):
+        raise YamlEditError("this change names no place. Reload the page.")
+    return tuple(pieces)
+
+
+def from_template(text: str, name: str, title: str) -> str:
+    """A template as a study of its own, with another seed. The template's first comment describes the template."""
+    text = _HEAD.sub(f"# The study {name}.\n", text.replace("\r\n", "\n"))
+    text = yaml_edit.put(text, ("name",), name)
+    text = yaml_edit.put(text, ("seed",), secrets.randbelow(10**9))
+    if not title:
+        return text
+    languages = values_of(text).get("languages") or ["en"]
+    return yaml_edit.put(text, ("title",), dict.fromkeys(languages, title))
+
+
+def named(text: str) -> str:
+    """The study's name as it stands in the text; empty if there is none that can be used."""
+    try:
+        name = values_of(text).get("name")
+    except StudyError:
+        return ""
+    return name if isinstance(name, str) and STUDY_NAME.fullmatch(name) else ""

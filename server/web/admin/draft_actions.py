@@ -1,0 +1,161 @@
+"""Routes that check, save, open and close a study that is written in the dashboard. POST only."""
+
+import asyncio
+import json
+import logging
+from dataclasses import replace
+from typing import Any, Final
+
+from fastapi import APIRouter, HTTPException, Response
+from fastapi.responses import JSONResponse
+from sqlalchemy import Connection
+
+from server.monitoring.commands import OpenVersion, PrepareVersion
+from server.participation.draft_checks import draft_problems
+from server.store import audit, study_drafts, study_openings
+from server.store.study_drafts import DraftConflict, DraftText, StudyDraft
+from server.study import drafting
+from server.study.loader import PlacedProblem, StudyError, StudyFile
+from server.study.yaml_edit import YamlEditError
+from server.web.admin.actions import OPEN_WITHIN_S, VERSION_WITHIN_S
+from server.web.admin.draft_pages import DraftDep, DraftFormDep
+from server.web.admin.rendering import back_to
+from server.web.admin.researcher_auth import AdminFormDep, OwnDep
+from server.web.forms import first
+from server.web.services import Services, ServicesDep
+
+log = logging.getLogger(__name__)
+router = APIRouter(prefix="/admin/drafts/{draft}")
+NOTES: Final = ("edited", "merged")
+
+
+def _text(form: DraftFormDep) -> str:
+    text = first(form, "text")
+    if len(text) > drafting.MOST_CHARACTERS:
+        raise HTTPException(413, f"a study has at most {drafting.MOST_CHARACTERS:,} characters here")
+    return text
+
+
+@router.post("/look")
+async def look(admin: OwnDep, services: ServicesDep, form: DraftFormDep) -> Response:  # noqa: ARG001 - checks who asks
+    """Apply a change from the form to a text, and say what is in the text and what is wrong with it. Stores nothing."""
+    text, operation = _text(form), first(form, "operation")
+    refused = ""
+    if operation:
+        try:
+            text = await asyncio.to_thread(drafting.changed, text, json.loads(operation))
+        except (ValueError, RecursionError) as error:  # also YamlEditError, StudyError and JSONDecodeError
+            refused = str(error) if isinstance(error, YamlEditError | StudyError) else "This change is not understood."
+    view = await asyncio.to_thread(_viewed, text, services)
+    return JSONResponse(view | {"text": text, "refused": refused})
+
+
+def _viewed(text: str, services: Services) -> dict[str, Any]:
+    view = drafting.view(text)
+    problems = list(view.problems)
+    if view.file is not None:
+        problems = draft_problems(_here(view.file, services), services.versions.of_files())
+    return {"values": view.values, "problems": [_told(one) for one in problems]}
+
+
+def _here(file: StudyFile, services: Services) -> StudyFile:
+    return replace(file, folder=services.versions.folder)
+
+
+def _told(problem: PlacedProblem) -> dict[str, Any]:
+    return {"line": problem.line, "path": problem.path, "text": problem.text, "warning": problem.warning}
+
+
+@router.post("/markdown")
+async def markdown(admin: OwnDep, services: ServicesDep, form: DraftFormDep) -> Response:  # noqa: ARG001
+    """Render a Markdown text as participants see it; HTML in it is escaped."""
+    render = services.web.templates.filters["markdown"]
+    return JSONResponse({"html": str(render(_text(form)))})
+
+
+@router.post("/save")
+async def save(admin: OwnDep, services: ServicesDep, draft: DraftDep, form: DraftFormDep) -> Response:
+    """Save a text on top of the revision that it is based on. 409: somebody else has saved since; both texts are
+    kept."""
+    source, revision = _text(form), first(form, "revision")
+    if not (revision.isascii() and revision.isdigit() and len(revision) < 10):
+        raise HTTPException(400, "the form lacks its revision")
+    note = first(form, "note") or NOTES[0]
+    if note not in NOTES:
+        raise HTTPException(400, "unknown note")
+    name = await asyncio.to_thread(drafting.named, source) or draft.name
+    text = DraftText(admin.name, source, name, int(revision), note)
+    saved = await services.web.database.write(study_drafts.save, draft.id, text)
+    if isinstance(saved, DraftConflict):
+        newest = saved.newest
+        theirs = {"revision": newest.revision, "text": newest.source, "author": newest.changed_by}
+        return JSONResponse(theirs | {"at": newest.changed_at.isoformat()}, 409)
+    if saved is None:
+        raise HTTPException(404, "there is no such draft")
+    return JSONResponse({"revision": saved.revision, "author": saved.changed_by})
+
+
+@router.post("/aside")
+async def set_aside(admin: OwnDep, services: ServicesDep, draft: DraftDep, form: DraftFormDep) -> Response:
+    """Keep a text in the history without making it the draft's: whoever takes the other's text loses nothing."""
+    text = DraftText(admin.name, _text(form), draft.name, draft.revision)
+    await services.web.database.write(study_drafts.set_aside, draft.id, text)
+    return JSONResponse({})
+
+
+@router.post("/open")
+async def open_study(admin: OwnDep, services: ServicesDep, draft: DraftDep, form: AdminFormDep) -> Response:
+    """Let participants into the study as the draft is now: a new version, which never changes."""
+    back = f"/admin/drafts/{draft.id}"
+    if first(form, "revision") != str(draft.revision):
+        return back_to(back, "draft_conflict")
+    view = await asyncio.to_thread(drafting.view, draft.source, f"the draft of {draft.name}")
+    if view.file is None:
+        return back_to(back, "draft_faulty")
+    file, versions, web = _here(view.file, services), services.versions, services.web
+    found = await asyncio.to_thread(draft_problems, file, versions.of_files(), True)
+    if not all(problem.warning for problem in found):
+        return back_to(back, "draft_faulty")
+    name = file.study.name
+    opened = (await web.database.read(study_openings.newest)).get(name)
+    if opened is not None and opened.draft_id != draft.id and opened.is_open:
+        return back_to(back, "draft_name_taken")
+    try:
+        version, number = await versions.prepare_draft(web.database, file)
+    except StudyError as error:
+        log.warning("the draft %d is not opened: %s", draft.id, error)
+        return back_to(back, "draft_refused")
+    if not await services.control.run_in_each(PrepareVersion(name, version.sha256), VERSION_WITHIN_S):
+        log.warning("the draft %d is not opened: not every server process is ready for it", draft.id)
+        return back_to(back, "draft_refused")
+    at = await asyncio.shield(web.database.write(_open, draft, (name, number, version.sha256), admin.name))
+    versions.open(replace(version, opened_at=at))
+    await services.control.run_in_each(OpenVersion(name, version.sha256, at), OPEN_WITHIN_S)
+    return back_to(back, "draft_opened")
+
+
+def _open(connection: Connection, draft: StudyDraft, version: tuple[str, int, str], by: str) -> float:
+    """Store that a version is open, with its line in the audit log; return when, in Unix seconds."""
+    name, number, sha256 = version
+    at = study_openings.open_study(connection, (name, number), draft.id, by)
+    detail = {"study": name, "draft": draft.id, "revision": draft.revision, "version": sha256}
+    audit.add(connection, by, "open study", detail)
+    return at.timestamp()
+
+
+@router.post("/close")
+async def close_study(admin: OwnDep, services: ServicesDep, draft: DraftDep, form: AdminFormDep) -> Response:
+    """Let nobody new in. Those who are in the study can finish it."""
+    name = first(form, "study")
+    opened = (await services.web.database.read(study_openings.newest)).get(name)
+    if opened is None or opened.draft_id != draft.id:
+        raise HTTPException(404, "there is no such study of this draft")
+    done = await asyncio.shield(services.web.database.write(_close, name, admin.name))
+    return back_to(f"/admin/drafts/{draft.id}", "draft_closed" if done else "")
+
+
+def _close(connection: Connection, name: str, by: str) -> bool:
+    done = study_openings.close_study(connection, name, by)
+    if done:
+        audit.add(connection, by, "close study", {"study": name})
+    return done

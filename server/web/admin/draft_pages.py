@@ -1,0 +1,178 @@
+"""Routes of studies that are written in the dashboard: the list of drafts, new ones, the editor, the history."""
+
+import asyncio
+import difflib
+from functools import cache
+from typing import Annotated, Any, Final
+
+from fastapi import APIRouter, Depends, HTTPException, Request, Response
+from jinja2.utils import htmlsafe_json_dumps
+
+from server.participation.draft_checks import known_names
+from server.settings import ROOT
+from server.store import audit, decisions, study_drafts, study_openings
+from server.store.study_drafts import DraftText, StudyDraft
+from server.study.drafting import STUDY_NAME, from_template, named
+from server.study.schema import study_schema
+from server.web.admin.rendering import AdminPage, back_to
+from server.web.admin.researcher_auth import AdminFormDep, OwnDep, form_session
+from server.web.dependencies import WebDep
+from server.web.forms import Form, first, read_form
+from server.web.services import ServicesDep
+
+router = APIRouter(prefix="/admin/drafts")
+LARGEST_DRAFT_BYTES: Final = 4 * 1024 * 1024  # of a form: letters outside ASCII take nine bytes there
+_MOST: Final = 2**31  # numbers in the database
+LONGEST_TITLE: Final = 200
+TEMPLATES: Final = {
+    "external_predictor": ("The published study", "Three conditions, five kitchens, two agents, ten rounds."),
+    "quick_look": ("A quick look", "A short study of some minutes, to try things out."),
+    "classic": ("The classic kitchens", "The five kitchens of overcooked_ai."),
+    "trust": ("Trust", "How much people trust the predictions of their partner."),
+    "two_people": ("Two people", "Two participants cook with each other."),
+}
+
+
+async def draft_at(draft: int, web: WebDep) -> StudyDraft:
+    """The draft with this number. Answers 404 where there is none."""
+    found = await web.database.read(study_drafts.get, draft) if 0 < draft < _MOST else None
+    if found is None:
+        raise HTTPException(404, "there is no such draft")
+    return found
+
+
+async def _draft_form(request: Request, web: WebDep) -> Form:
+    """A form that may hold the text of a whole study."""
+    session = form_session(request)
+    return await read_form(request, web.csrf, session, controls=True, largest=LARGEST_DRAFT_BYTES)
+
+
+DraftDep = Annotated[StudyDraft, Depends(draft_at)]
+DraftFormDep = Annotated[Form, Depends(_draft_form)]
+
+
+def templates_there() -> dict[str, tuple[str, str]]:
+    """The templates whose study file is there: file -> title and sentence."""
+    return {name: words for name, words in TEMPLATES.items() if (ROOT / "studies" / f"{name}.yaml").is_file()}
+
+
+@router.get("")
+async def drafts(request: Request, admin: OwnDep, web: WebDep) -> Response:
+    """All drafts."""
+    rows = await web.database.read(study_drafts.every)
+    opened = await web.database.read(study_openings.newest)
+    states = {row.id: state_of(row, opened) for row in rows}
+    return AdminPage(request, admin).render("drafts.html", tab="drafts", rows=rows, states=states)
+
+
+def state_of(draft: StudyDraft, opened: dict[str, study_openings.StudyOpening]) -> str:
+    """draft, open, closed, or changed: open, and the draft has been changed since."""
+    of_draft = [one for one in opened.values() if one.draft_id == draft.id]
+    current = [one for one in of_draft if one.is_open]
+    if current:
+        return "open" if current[-1].source == draft.source else "changed"
+    return "closed" if of_draft else "draft"
+
+
+@router.get("/new")
+async def new_page(request: Request, admin: OwnDep) -> Response:
+    """Ask for a template, a name and a title."""
+    return _new_page(request, admin, {}, "")
+
+
+def _new_page(request: Request, admin: OwnDep, given: dict[str, str], wrong: str) -> Response:
+    status = 422 if wrong else 200
+    context: dict[str, Any] = {"templates": templates_there(), "given": given, "wrong": wrong}
+    return AdminPage(request, admin).render("draft_new.html", status, tab="drafts", **context)
+
+
+@router.post("")
+async def create(request: Request, admin: OwnDep, services: ServicesDep, form: AdminFormDep) -> Response:
+    """Begin a draft from a template."""
+    given = {name: first(form, name).strip() for name in ("template", "name", "title")}
+    name, title = given["name"], given["title"][:LONGEST_TITLE]
+    wrong = ""
+    if given["template"] not in templates_there():
+        wrong = "Choose a template."
+    elif not STUDY_NAME.fullmatch(name):
+        wrong = "The name takes small letters, digits, - and _, a letter first, at most 40."
+    elif name in services.web.studies.names():
+        wrong = f"There is a study {name!r} on this server. Choose another name."
+    if wrong:
+        return _new_page(request, admin, given, wrong)
+    text = from_template((ROOT / "studies" / f"{given['template']}.yaml").read_text("utf-8"), name, title)
+    made = DraftText(admin.name, text, name, note="created")
+    number = await services.web.database.write(study_drafts.create, made)
+    return back_to(f"/admin/drafts/{number}")
+
+
+@router.get("/{draft}")
+async def editor(request: Request, admin: OwnDep, web: WebDep, draft: DraftDep) -> Response:
+    """The form on the left, the YAML on the right."""
+    opened = await web.database.read(study_openings.newest)
+    paused = await web.database.read(decisions.paused_studies)
+    mine = next((one for one in opened.values() if one.draft_id == draft.id and one.is_open), None)
+    state = state_of(draft, opened)
+    about: dict[str, Any] = {
+        "id": draft.id,
+        "revision": draft.revision,
+        "source": draft.source,
+        "schema": await asyncio.to_thread(_schema),
+        "known": await asyncio.to_thread(known_names),
+        "author": admin.name,
+    }
+    page = AdminPage(request, admin)
+    # Not the template's filter `tojson`, which sorts keys: the schema has them in the order of the form.
+    words = htmlsafe_json_dumps(about, sort_keys=False)
+    context: dict[str, Any] = {"draft": draft, "state": state, "opening": mine, "about": words}
+    return page.render("draft.html", tab="drafts", paused=mine is not None and mine.study in paused, **context)
+
+
+@cache
+def _schema() -> dict[str, Any]:
+    return study_schema()
+
+
+@router.get("/{draft}/history")
+async def history(request: Request, admin: OwnDep, web: WebDep, draft: DraftDep) -> Response:
+    """Every text that was kept of the draft."""
+    rows = await web.database.read(study_drafts.history, draft.id)
+    return AdminPage(request, admin).render("draft_history.html", tab="drafts", draft=draft, rows=rows, shown=None)
+
+
+@router.get("/{draft}/history/{number}")
+async def earlier(request: Request, number: int, admin: OwnDep, web: WebDep, draft: DraftDep) -> Response:
+    """One text of the history, and how it differs from the newest."""
+    rows = await web.database.read(study_drafts.history, draft.id)
+    shown = next((row for row in rows if row.id == number), None)
+    if shown is None:
+        raise HTTPException(404, "there is no such text in the history of this draft")
+    lines = difflib.unified_diff(draft.source.splitlines(), shown.source.splitlines(), n=2, lineterm="")
+    page = AdminPage(request, admin)
+    context: dict[str, Any] = {"draft": draft, "rows": rows, "shown": shown, "lines": list(lines)[2:]}
+    return page.render("draft_history.html", tab="drafts", **context)
+
+
+@router.post("/{draft}/restore")
+async def restore(admin: OwnDep, web: WebDep, draft: DraftDep, form: AdminFormDep) -> Response:
+    """Make a text of the history the newest; the one that was the newest stays in the history."""
+    number = first(form, "version")
+    is_number = number.isascii() and number.isdigit() and len(number) < 10
+    found = await web.database.read(study_drafts.version, draft.id, int(number)) if is_number else None
+    if found is None:
+        raise HTTPException(404, "there is no such text in the history of this draft")
+    text = DraftText(admin.name, found.source, named(found.source) or draft.name, draft.revision, "restored")
+    saved = await web.database.write(study_drafts.save, draft.id, text)
+    done = isinstance(saved, StudyDraft)
+    return back_to(f"/admin/drafts/{draft.id}", "draft_restored" if done else "draft_conflict")
+
+
+@router.post("/{draft}/delete")
+async def delete(admin: OwnDep, web: WebDep, draft: DraftDep, form: AdminFormDep) -> Response:  # noqa: ARG001
+    """Delete the draft, unless a study that was opened from it is open."""
+    opened = await web.database.read(study_openings.newest)
+    if any(one.draft_id == draft.id and one.is_open for one in opened.values()):
+        return back_to(f"/admin/drafts/{draft.id}", "draft_is_open")
+    await web.database.write(study_drafts.delete, draft.id)
+    await web.database.write(audit.add, admin.name, "study draft deleted", {"draft": draft.id, "study": draft.name})
+    return back_to("/admin/drafts", "draft_deleted")

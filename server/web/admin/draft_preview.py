@@ -1,0 +1,159 @@
+"""Routes that show a draft as its participants see it, page by page. Nothing is stored, and no game runs."""
+
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from typing import Any, Final
+
+from fastapi import APIRouter, HTTPException, Request, Response
+
+from server.participation.episode_specs import layout_of
+from server.participation.served_studies import Studies
+from server.store.participants import Participant
+from server.store.study_drafts import StudyDraft
+from server.study import drafting
+from server.study.definition import EntryChecks, Study
+from server.study.steps import StudyStep
+from server.web.admin.draft_pages import DraftDep
+from server.web.admin.rendering import AdminPage, back_to
+from server.web.admin.researcher_auth import OwnDep
+from server.web.dependencies import PageResponse, Web
+from server.web.participant.views import consent_context, render_step
+
+router = APIRouter(prefix="/admin/drafts/{draft}/preview")
+CONSENT: Final = "consent"
+_SEED: Final = 1  # of the participant who is shown
+_ANY_DEVICE: Final = EntryChecks(width=0, height=0, input=False, websocket=False, latency_ms=None)
+
+
+class PreviewedStudies(Studies):
+    """The one study of a draft, known to no database."""
+
+    def __init__(self, study: Study) -> None:
+        super().__init__()
+        self._versions, self._open = {0: study}, {study.name: 0}
+
+
+@dataclass(frozen=True)
+class PreviewPage(PageResponse):
+    """A participant's page whose forms and links stay in the preview."""
+
+    shown: dict[str, Any] = field(default_factory=dict)
+
+    def render(self, template: str, status: int = 200, **context: Any) -> Response:
+        return super().render(template, status, **(context | self.shown))
+
+
+@dataclass(frozen=True)
+class PreviewPlace:
+    """Where somebody is in a preview: the draft's study, a condition, a language, and a step."""
+
+    study: Study
+    condition: str
+    language: str
+    way: tuple[StudyStep, ...]
+
+    def participant(self, position: int) -> Participant:
+        now = datetime.now(UTC)
+        words = ("preview", 0, 1, self.condition, _SEED, position, "active", self.language, True, now, now, None, None)
+        return Participant(*words)
+
+
+def _studied(draft: StudyDraft) -> Study:
+    view = drafting.view(draft.source)
+    if view.file is None:
+        raise HTTPException(409, "correct the problems of the draft first")
+    return view.file.study.model_copy(update={"entry": _ANY_DEVICE})
+
+
+def _place(draft: StudyDraft, condition: str, language: str) -> PreviewPlace:
+    study = _studied(draft)
+    if condition not in {one.name for one in study.conditions} or language not in study.languages:
+        raise HTTPException(404, "the draft has no such condition or language any more")
+    participant = PreviewPlace(study, condition, language, ()).participant(0)
+    return PreviewPlace(study, condition, language, PreviewedStudies(study).way(participant))
+
+
+@router.get("")
+async def overview(request: Request, admin: OwnDep, draft: DraftDep) -> Response:
+    """The steps of each condition, each with a link to its page."""
+    study = _studied(draft)
+    ways = {one.name: _place(draft, one.name, study.languages[0]).way for one in study.conditions}
+    page = AdminPage(request, admin)
+    return page.render("draft_preview.html", tab="drafts", draft=draft, previewed=study, ways=ways)
+
+
+@router.get("/{condition}/{language}/{position}")
+async def step(
+    request: Request,
+    condition: str,
+    language: str,
+    position: str,
+    admin: OwnDep,  # noqa: ARG001 - checks who asks
+    draft: DraftDep,
+) -> Response:
+    """One page as a participant in the condition sees it."""
+    place = _place(draft, condition, language)
+    number = _number(position)
+    if number >= len(place.way):
+        raise HTTPException(404, "the draft has no such step any more")
+    made = _page(request, draft, place, number)
+    if number < 0:
+        context = consent_context(place.study, language, None, {}, "preview-" * 3)
+        return made.render("participant/consent.html", **context)
+    here = place.way[number]
+    if not here.is_game:
+        return await render_step(made, place.participant(number), None, 200)
+    tutorial = here.kind == "tutorial"
+    kitchen = place.study.tutorial.layout if tutorial else place.study.layout(here.layout)
+    agent = place.study.tutorial.agent.name if tutorial else here.agent
+    return made.render(
+        "participant/preview_game.html",
+        step=here,
+        kitchen=kitchen,
+        agent=agent,
+        rows=layout_of(kitchen).text.splitlines(),
+    )
+
+
+def _number(position: str) -> int:
+    """The index of a step; -1 for the consent page. Answers 404 for anything else."""
+    if position == CONSENT:
+        return -1
+    if not (position.isascii() and position.isdigit() and len(position) < 6):
+        raise HTTPException(404, "the draft has no such step")
+    return int(position)
+
+
+def _page(request: Request, draft: StudyDraft, place: PreviewPlace, number: int) -> PreviewPage:
+    web: Web = AdminPage(request).web
+    here = f"{web.csrf.root}/admin/drafts/{draft.id}/preview/{place.condition}/{place.language}"
+    names = [CONSENT, *(str(index) for index in range(len(place.way)))]
+    at = number + 1
+    preview = {
+        "draft": f"{web.csrf.root}/admin/drafts/{draft.id}",
+        "condition": place.condition,
+        "before": f"{here}/{names[at - 1]}" if at else "",
+        "after": f"{here}/{names[at + 1]}" if at + 1 < len(names) else "",
+        "place": f"{at + 1} of {len(names)}",
+    }
+    person = place.participant(max(number, 0)) if number >= 0 else None
+    studies = PreviewedStudies(place.study)
+    shown = {"path": f"{here}/{names[at]}", "draft_preview": preview}
+    return PreviewPage(request, replace(web, studies=studies), place.language, place.study, person, shown)
+
+
+@router.api_route("/{condition}/{language}/{position}/{what}", methods=["GET", "POST"])
+async def go_on(
+    condition: str,
+    language: str,
+    position: str,
+    what: str,
+    admin: OwnDep,  # noqa: ARG001 - checks who asks
+    draft: DraftDep,
+) -> Response:
+    """What a page of the preview sends leads to the next page; nothing of it is read."""
+    here = f"/admin/drafts/{draft.id}/preview/{condition}/{language}"
+    way = _place(draft, condition, language).way
+    number = _number(position)
+    follows = number + 1 if what in ("now", "consent") else number
+    return back_to(f"{here}/{min(follows, len(way) - 1) if follows >= 0 else CONSENT}")

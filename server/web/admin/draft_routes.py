@@ -1,0 +1,10 @@
+"""All routes of studies that are written in the dashboard."""
+
+from fastapi import APIRouter
+
+from server.web.admin import draft_actions, draft_pages, draft_preview, draft_rehearsal
+
+PARTS = (draft_pages, draft_actions, draft_preview, draft_rehearsal)
+router = APIRouter()
+for _part in PARTS:
+    router.include_router(_part.router)

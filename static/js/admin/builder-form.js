@@ -1,0 +1,323 @@
+// The form of the study builder: sections with fields made from the schema, kept equal to the values in the text.
+
+import { find, findAll } from '../browser/dom.js';
+import { fieldOf, helpOf, keyOf, show } from './builder-fields.js';
+import { listOf, mapOf } from './builder-items.js';
+import { blank, planOf, shapeOf } from './builder-plan.js';
+import { make } from './elements.js';
+
+/** @typedef {import('./builder-plan.js').PlanNode} PlanNode */
+/** @typedef {import('./builder-plan.js').Schema} Schema */
+/** @typedef {import('./builder-fields.js').Control} Control */
+/** @typedef {import('./builder-requests.js').Problem} Problem */
+/** @typedef {import('./builder-session.js').Operation} Operation */
+
+/** @type {[string, string[]][]} */
+const SECTIONS = [
+  ['Title and languages', ['name', 'title', 'summary', 'languages', 'contact', 'duration_min', 'seed']],
+  ['Conditions, agents and predictor', ['factors', 'conditions', 'agents', 'predictor']],
+  ['Kitchens and order', ['layouts', 'order', 'breaks']],
+  ['Steps and pages', ['flow', 'pages']],
+  ['Consent page', ['consent']],
+  ['Questionnaires', ['questionnaires', 'after_episode', 'quiz', 'attention']],
+  ['Recruitment', ['recruitment', 'entry']],
+  ['Timing and game', ['timeout_min', 'hold_min', 'game', 'tutorial', 'waiting_room']],
+  ['Planned analysis', ['primary', 'smallest_effect']],
+];
+const REST = 'Further settings'; // keys that no section names
+const SHORT = ['number', 'choice', 'switch'];
+
+export class DraftForm {
+  /**
+   * @param {Schema} schema
+   * @param {{ change(operation: Operation): void, waits(path: (string | number)[]): boolean,
+   *   suggestions(path: (string | number)[], values: any): string[], markdown(words: string): Promise<string> }} on
+   */
+  constructor(schema, on) {
+    this.schema = schema;
+    this.on = on;
+    this.place = find('#form', HTMLElement);
+    this.shape = '';
+    this.values = {};
+    /** @type {string[]} */
+    this.languages = ['en'];
+    this.opened = new Set(['section 0', 'section 1']);
+    this.focusNext = '';
+    /** @type {Map<string, Control>} */
+    this.controls = new Map();
+  }
+
+  /**
+   * Show the values of a text; null: it cannot be read, so the form waits.
+   * @param {any} values
+   * @param {Problem[]} problems
+   */
+  show(values, problems) {
+    this.place.inert = values === null;
+    const words = values === null ? 'waits until the YAML can be read again' : 'grey: what holds if a field is empty';
+    find('#form-note', HTMLElement).textContent = words;
+    if (values === null) return;
+    this.values = values;
+    const languages = Array.isArray(values.languages) ? values.languages : [];
+    this.languages = languages.every((/** @type {any} */ one) => typeof one === 'string') ? languages : [];
+    if (this.languages.length === 0) this.languages = ['en'];
+    const plan = planOf(this.schema, this.schema, values, [], true);
+    const shape = JSON.stringify([this.languages, shapeOf(plan)]);
+    if (shape !== this.shape) this.build(plan);
+    this.shape = shape;
+    this.fill(plan);
+    this.tell(problems);
+  }
+
+  /** @param {PlanNode} plan */
+  build(plan) {
+    const active = document.activeElement instanceof HTMLElement ? document.activeElement : null;
+    const focus = this.focusNext || active?.dataset.control || '';
+    const selection =
+      active instanceof HTMLInputElement || active instanceof HTMLTextAreaElement ? active.selectionStart : null;
+    const named = new Set(SECTIONS.flatMap(([, keys]) => keys));
+    const rest = plan.children.filter((child) => !named.has(String(child.path[0])));
+    const sections = SECTIONS.map(([title, keys]) => ({ title, nodes: pick(plan.children, keys) }));
+    sections.push({ title: REST, nodes: rest });
+    const shown = sections.filter(({ nodes }) => nodes.length > 0);
+    this.place.replaceChildren(...shown.map(({ title, nodes }, index) => this.sectionOf(title, nodes, index)));
+    this.controls = new Map(
+      findAll('[data-control]', HTMLElement, this.place).map((one) => [
+        String(one.dataset.control),
+        /** @type {Control} */ (one),
+      ]),
+    );
+    this.restoreFocus(focus, selection);
+    this.focusNext = '';
+  }
+
+  /**
+   * @param {string} focus what has the focus: a control, or the block whose first control gets it
+   * @param {number | null} selection
+   */
+  restoreFocus(focus, selection) {
+    if (!focus) return;
+    let target = this.controls.get(focus);
+    const block = target ? null : this.place.querySelector(`[data-path='${CSS.escape(focus).replaceAll('\\', '\\')}']`);
+    if (block) {
+      for (let up = block.closest('details'); up; up = up.parentElement?.closest('details') ?? null) up.open = true;
+      target =
+        /** @type {Control | null} */ (block.querySelector('.inside [data-control], [data-control]')) ?? undefined;
+    }
+    if (!target) return;
+    target.focus();
+    if (selection !== null && (target instanceof HTMLInputElement || target instanceof HTMLTextAreaElement)) {
+      if (target.type === 'text' || target.type === 'textarea') target.setSelectionRange(selection, selection);
+    }
+  }
+
+  /**
+   * @param {string} title
+   * @param {PlanNode[]} nodes
+   * @param {number} index
+   */
+  sectionOf(title, nodes, index) {
+    const alone = nodes.length === 1 && nodes[0]?.kind === 'group' && !nodes[0].schema.isOptional;
+    const inside = alone ? this.insideOf(nodes[0]?.children ?? []) : this.insideOf(nodes);
+    return this.details(`section ${index}`, title, inside);
+  }
+
+  /**
+   * @param {string} key
+   * @param {string} title
+   * @param {HTMLElement} inside
+   */
+  details(key, title, inside) {
+    const summary = make('summary', {}, make('span', { className: 'title', text: title }));
+    summary.append(make('span', { className: 'badge bad', hidden: '' }));
+    const details = make('details', {}, summary, inside);
+    details.open = this.opened.has(key);
+    details.addEventListener('toggle', () => (details.open ? this.opened.add(key) : this.opened.delete(key)));
+    return details;
+  }
+
+  /** @param {PlanNode[]} nodes */
+  insideOf(nodes) {
+    const inside = make('div', { className: 'inside' });
+    /** @type {HTMLElement | null} */
+    let row = null;
+    for (const node of nodes) {
+      if (!SHORT.includes(node.kind)) row = null;
+      else if (!row) inside.append((row = make('div', { className: 'short' })));
+      (row ?? inside).append(this.elementOf(node));
+    }
+    return inside;
+  }
+
+  /**
+   * @param {PlanNode} node
+   * @returns {HTMLElement}
+   */
+  elementOf(node) {
+    if (node.kind === 'list') return listOf(node, this.context());
+    if (node.kind === 'map') return mapOf(node, this.context());
+    if (node.kind === 'group') return node.children.length ? this.blockOf(node) : this.adderOf(node);
+    return fieldOf(node, {
+      change: (operation) => this.on.change(operation),
+      languages: this.languages,
+      suggestions: (path) => this.on.suggestions(path, this.values),
+      markdown: (words) => this.on.markdown(words),
+    });
+  }
+
+  context() {
+    return {
+      root: this.schema,
+      languages: this.languages,
+      act: (/** @type {Operation} */ operation, focus = '') => {
+        this.focusNext = focus;
+        this.follow(operation);
+        this.on.change(operation);
+      },
+      elementOf: (/** @type {PlanNode} */ node) => this.elementOf(node),
+      blockOf: (/** @type {PlanNode} */ node) => this.blockOf(node),
+    };
+  }
+
+  /** @param {PlanNode} node */
+  blockOf(node) {
+    const isItem = typeof node.path.at(-1) === 'number';
+    const title = isItem ? titleOf(node) : node.label;
+    const inside = node.kind === 'group' ? this.insideOf(node.children) : make('div', {}, this.elementOf(node));
+    inside.className = 'inside';
+    if (node.help && !isItem) inside.prepend(helpOf(node.help));
+    inside.prepend(make('p', { className: 'wrong', hidden: '' }));
+    const details = this.details(keyOf(node.path), title, inside);
+    details.classList.add('group');
+    details.dataset.path = keyOf(node.path);
+    if (node.schema.isOptional) inside.append(this.removerOf(node));
+    return details;
+  }
+
+  /**
+   * Keep open what is open when the items of a list get other places.
+   * @param {Operation} operation
+   */
+  follow(operation) {
+    const isRemoved = operation.do === 'remove';
+    if (operation.do !== 'move' && !isRemoved) return;
+    const list = isRemoved ? operation.path.slice(0, -1) : operation.path;
+    const from = isRemoved ? Number(operation.path.at(-1)) : operation.index;
+    const to = isRemoved ? Infinity : operation.to;
+    if (Number.isNaN(from)) return;
+    const after = [...this.opened].flatMap((key) => {
+      const path = key.startsWith('[') ? JSON.parse(key) : [];
+      const at = path[list.length];
+      if (typeof at !== 'number' || keyOf(path.slice(0, list.length)) !== keyOf(list)) return [key];
+      if (at === from && isRemoved) return [];
+      const place = at === from ? to : at > from && at <= to ? at - 1 : at < from && at >= to ? at + 1 : at;
+      return [keyOf([...list, place, ...path.slice(list.length + 1)])];
+    });
+    this.opened = new Set(after);
+    this.shape = ''; // build it again
+  }
+
+  /** @param {PlanNode} node */
+  adderOf(node) {
+    const words = `Add: ${node.label.toLowerCase()}`;
+    const button = make('button', { className: 'btn tiny', type: 'button', text: words });
+    button.dataset.control = `add ${keyOf(node.path)}`;
+    button.addEventListener('click', () => {
+      this.focusNext = keyOf(node.path);
+      this.on.change({ do: 'put', path: node.path, value: blank(this.schema, node.schema, this.languages) });
+    });
+    const field = make('div', { className: 'field', 'data-path': keyOf(node.path) }, make('div', {}, button));
+    field.append(make('p', { className: 'wrong', hidden: '' }));
+    if (node.help) field.append(helpOf(node.help));
+    return field;
+  }
+
+  /** @param {PlanNode} node */
+  removerOf(node) {
+    const button = make('button', { className: 'btn tiny danger', type: 'button' });
+    button.textContent = `Remove: ${node.label.toLowerCase()}`;
+    button.addEventListener('click', () => this.on.change({ do: 'remove', path: node.path }));
+    return make('div', {}, button);
+  }
+
+  /** @param {PlanNode} node */
+  fill(node) {
+    if (node.kind === 'words') {
+      for (const language of typeof node.value === 'string'
+        ? []
+        : [...this.languages, ...Object.keys(node.value ?? {})]) {
+        this.fillOne([...node.path, language], node, node.value?.[language]);
+      }
+    }
+    if (node.kind !== 'words' || typeof node.value === 'string') this.fillOne(node.path, node, node.value);
+    const isItem = typeof node.path.at(-1) === 'number';
+    const title = isItem ? this.at(node.path)?.querySelector(':scope > summary > .title') : null;
+    if (title) title.textContent = titleOf(node);
+    node.children.forEach((child) => this.fill(child));
+  }
+
+  /**
+   * @param {(string | number)[]} path
+   * @param {PlanNode} node
+   * @param {any} value
+   */
+  fillOne(path, node, value) {
+    const control = this.controls.get(keyOf(path));
+    if (control) show(control, node, value, this.on.waits(path) || this.on.waits(node.path));
+  }
+
+  /**
+   * @param {(string | number)[]} path
+   * @returns {Element | null}
+   */
+  at(path) {
+    return findAll('[data-path]', HTMLElement, this.place).find((one) => one.dataset.path === keyOf(path)) ?? null;
+  }
+
+  /**
+   * Say at the fields what is wrong; a section says how much is wrong in it.
+   * @param {Problem[]} problems
+   */
+  tell(problems) {
+    for (const words of findAll('.wrong', HTMLElement, this.place)) words.hidden = true;
+    for (const badge of findAll('summary .badge', HTMLElement, this.place)) badge.hidden = true;
+    for (const control of findAll('[aria-invalid]', HTMLElement, this.place)) control.removeAttribute('aria-invalid');
+    for (const problem of [...problems].reverse()) {
+      const found = problem.path.map((_, index) => this.at(problem.path.slice(0, problem.path.length - index)));
+      const place = found.find(Boolean);
+      const words = place?.querySelector(':scope > .wrong, :scope > .inside > .wrong');
+      if (!(place instanceof HTMLElement) || !(words instanceof HTMLElement)) continue;
+      words.textContent = problem.text;
+      words.className = `wrong${problem.warning ? ' warn' : ''}`;
+      words.hidden = false;
+      if (problem.warning) continue;
+      if (place.matches('.field')) place.querySelector('[data-control]')?.setAttribute('aria-invalid', 'true');
+      for (let up = place.closest('details'); up; up = up.parentElement?.closest('details') ?? null) count(up);
+    }
+  }
+}
+
+/** @param {HTMLDetailsElement} details */
+function count(details) {
+  const badge = details.querySelector(':scope > summary > .badge');
+  if (!(badge instanceof HTMLElement)) return;
+  badge.textContent = String(badge.hidden ? 1 : Number(badge.textContent) + 1);
+  badge.hidden = false;
+}
+
+/**
+ * @param {PlanNode[]} nodes
+ * @param {string[]} keys
+ */
+function pick(nodes, keys) {
+  return keys.flatMap((key) => nodes.filter((node) => node.path[0] === key));
+}
+
+/** @param {PlanNode} node */
+function titleOf(node) {
+  const { value } = node;
+  const words = value?.name ?? value?.key ?? value?.title ?? value?.label ?? value?.text ?? value?.value;
+  const text = words && typeof words === 'object' ? Object.values(words)[0] : words;
+  const type = typeof value?.type === 'string' ? `, ${value.type}` : '';
+  return text ? `${text}${type}` : `${Number(node.path.at(-1)) + 1}`;
+}

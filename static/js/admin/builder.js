@@ -1,0 +1,134 @@
+// The study builder's page: connects the form, the YAML, the checks and the saving of one draft.
+
+import { find, findAll } from '../browser/dom.js';
+import { jsonBlock } from '../browser/texts.js';
+import { askForText } from './builder-conflict.js';
+import { DraftForm } from './builder-form.js';
+import { DraftRequests } from './builder-requests.js';
+import { DraftSaving } from './builder-saving.js';
+import { DraftSession } from './builder-session.js';
+import { YamlPane } from './builder-yaml.js';
+import { make } from './elements.js';
+
+/** @typedef {import('./builder-requests.js').Problem} Problem */
+
+const about = jsonBlock('about');
+const requests = new DraftRequests(about.id);
+const state = find('#save-state', HTMLElement);
+const pane = new YamlPane((text) => session.typed(text));
+
+const saving = new DraftSaving(requests, about, {
+  state(words, isGood) {
+    if (state.textContent !== words) state.textContent = words;
+    state.className = isGood ? '' : 'warn';
+    find('#open', HTMLButtonElement).disabled = words !== 'Saved'; // what is opened is what is saved
+  },
+  saved(revision) {
+    find('#open-revision', HTMLInputElement).value = String(revision);
+  },
+  conflict: (theirs) => void settle(theirs, saving.text),
+});
+
+const session = new DraftSession(requests, about.source, {
+  text(text) {
+    pane.show(text);
+    saving.put(text);
+    find('#undo', HTMLButtonElement).disabled = session.before.length === 0;
+  },
+  view(view) {
+    form.show(view.values, view.problems);
+    pane.mark(view.problems);
+    list(view.problems);
+    document.body.dataset.checked = 'yes';
+  },
+  refused(words) {
+    const place = find('#refused', HTMLElement);
+    place.textContent = words;
+    place.hidden = !words;
+  },
+});
+
+const form = new DraftForm(about.schema, {
+  change: (operation) => session.change(operation),
+  waits: (path) => session.waits(path),
+  suggestions,
+  async markdown(text) {
+    const { status, body } = await requests.post('markdown', { text });
+    return status === 200 ? body.html : '';
+  },
+});
+
+/**
+ * Names that can stand at a place of the study.
+ * @param {(string | number)[]} path
+ * @param {any} values
+ * @returns {string[]}
+ */
+function suggestions(path, values) {
+  const keys = path.map((piece) => (typeof piece === 'number' ? '*' : piece)).join('.');
+  if (keys === 'layouts.*.name') return about.known.layouts;
+  if (/^agents\.\*\.(name|model)$|agent\.(name|model)$/.test(keys)) return about.known.agents;
+  if (/(agents\.\*|agent)\.predictor$/.test(keys)) return about.known.predictors;
+  if (keys === 'after_episode') return Object.keys(values.questionnaires ?? {});
+  if (keys !== 'flow.*') return [];
+  const pages = [...Object.keys(values.pages ?? {}), ...Object.keys(values.questionnaires ?? {})];
+  return ['introduction', 'quiz', 'tutorial', 'episodes', 'thanks', ...pages];
+}
+
+/**
+ * @param {{ revision: number, text: string, author: string }} theirs
+ * @param {string} mine
+ */
+async function settle(theirs, mine) {
+  const text = await askForText(theirs, mine);
+  if (text === theirs.text) await requests.post('aside', { text: mine });
+  await saving.resolve(theirs, text);
+  session.typed(text);
+}
+
+/** @param {Problem[]} problems */
+function list(problems) {
+  const wrong = problems.filter((one) => !one.warning).length;
+  const words = problems.length === 0 ? 'none' : `${wrong} to correct, ${problems.length - wrong} warnings`;
+  find('#problem-count', HTMLElement).textContent = words;
+  find('[data-count]', HTMLElement).textContent = problems.length ? `(${problems.length})` : '';
+  const items = problems.map((one) => {
+    const button = make('button', { className: 'link', type: 'button' }, `${place(one)}${one.text}`);
+    button.addEventListener('click', () => {
+      choosePane('yaml');
+      pane.goTo(one.line);
+    });
+    return make('li', { className: one.warning ? 'warn' : 'bad' }, make('div', {}, button));
+  });
+  const none = make('li', { className: 'none', text: 'The study is sound: it can be opened.' });
+  find('#problems', HTMLElement).replaceChildren(...(items.length ? items : [none]));
+}
+
+/** @param {Problem} problem */
+function place(problem) {
+  return `Line ${problem.line}${problem.path.length ? `, ${problem.path.join('.')}` : ''}: `;
+}
+
+/** @param {string} name */
+function choosePane(name) {
+  find('#builder', HTMLElement).dataset.show = name;
+  for (const button of findAll('[data-pane]', HTMLButtonElement)) {
+    button.setAttribute('aria-pressed', String(button.dataset.pane === name));
+  }
+}
+
+for (const button of findAll('[data-pane]', HTMLButtonElement)) {
+  button.addEventListener('click', () => choosePane(button.dataset.pane ?? 'form'));
+}
+find('#undo', HTMLButtonElement).addEventListener('click', () => session.undo());
+
+pane.show(about.source);
+const kept = saving.kept();
+if (kept && kept.revision === about.revision) {
+  session.typed(kept.text);
+  find('#spoken', HTMLElement).textContent = 'What this browser had not saved is here again.';
+} else if (kept) {
+  saving.text = kept.text;
+  saving.stop({ revision: about.revision, text: about.source, author: 'Somebody' });
+}
+void session.work();
