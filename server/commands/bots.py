@@ -112,7 +112,8 @@ def _simulate(arguments: argparse.Namespace) -> "CrowdOutcome":
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="kitchenmind-bots-"))
         database = arguments.database or f"sqlite:///{Path(folder) / 'bots.sqlite3'}"
         _say(arguments, "starting a server ...")
-        server = stack.enter_context(OwnServer(database, study, QUICK if arguments.fast else {}))
+        study, environment = _with_kitchens(study, Path(folder))
+        server = stack.enter_context(OwnServer(database, study, environment | (QUICK if arguments.fast else {})))
         return _walk(arguments, crowd, server.url, database)
 
 
@@ -134,7 +135,8 @@ def _try_out(arguments: argparse.Namespace) -> int:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="kitchenmind-bots-"))
         url = arguments.database or f"sqlite:///{Path(folder) / 'bots.sqlite3'}"
         _say(arguments, "starting a server, to kill it ...")
-        server = stack.enter_context(OwnServer(url, study, QUICK))
+        study, environment = _with_kitchens(study, Path(folder))
+        server = stack.enter_context(OwnServer(url, study, environment | QUICK))
         database = stack.enter_context(open_stored(url))
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
             trial = runner.run(try_out(crowd, server, database))
@@ -151,8 +153,10 @@ def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
     """Return the simulated participants. Raises StudyError, FileNotFoundError; ValueError if a server has no study."""
     from server.bots.cook import layouts_without_clone
     from server.bots.crowd import Crowd
+    from server.commands.databases import stored_kitchens
+    from server.participation.own_kitchens import load_with_kitchens
     from server.required_models import required_models
-    from server.study.loader import StudyError, load_study
+    from server.study.loader import StudyError
     from server.study_check import missing_problems
 
     if arguments.url and not arguments.study:
@@ -160,7 +164,7 @@ def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
         return Crowd(
             arguments.number, offered, None, arguments.dropout, arguments.seed, secret=_secret(), cook=arguments.cook
         )
-    file = load_study(study_file)
+    file = load_with_kitchens(study_file, stored_kitchens)
     if not arguments.url:
         missing = [file.describe(problem) for problem in missing_problems(file, required_models([file]))]
         if missing:
@@ -175,6 +179,20 @@ def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
     return Crowd(
         arguments.number, study.name, study, arguments.dropout, arguments.seed, secret=secret, cook=arguments.cook
     )
+
+
+def _with_kitchens(study: Path, folder: Path) -> tuple[Path, dict[str, str]]:
+    """The study file for a server with an own database, and that server's environment. The database has no kitchens of
+    the dashboard: if the study names one, its grid is written into a copy of the file in `folder`."""
+    from server.commands.databases import stored_kitchens
+    from server.participation.own_kitchens import load_with_kitchens
+
+    file = load_with_kitchens(study, stored_kitchens)
+    if file.text == study.read_bytes().decode("utf-8"):
+        return study, {}
+    copy = folder / f"{file.study.name}.yaml"
+    copy.write_text(file.text, encoding="utf-8", newline="")
+    return copy, {"KITCHENMIND_MODELS_FOLDER": str(file.folder)}
 
 
 def offered_study(url: str) -> str:
