@@ -22,6 +22,7 @@ import { keyCaps } from '../game/key-caps.js';
 import { KeyboardLayout } from '../game/key-names.js';
 import { listenToKeyboard } from '../game/keyboard.js';
 import { rebind } from '../game/keys-dialog.js';
+import { MarksControl } from '../game/marks-control.js';
 import { parse } from '../game/messages.js';
 import { Sound } from '../game/sound.js';
 import { listenTouch } from '../game/touch.js';
@@ -37,7 +38,17 @@ const PREDICTIONS = [
 ].map((actions) => actions.map((action, step) => [action, [95, 80, 60][step]]));
 const ONION = 1;
 const SOUP = 3;
-const MODULES = [Hud, Dialogs, Connection, Sound, Sprites, listenToKeyboard, listenTouch, reportClientErrors];
+const MODULES = [
+  Hud,
+  Dialogs,
+  Connection,
+  Sound,
+  Sprites,
+  listenToKeyboard,
+  listenTouch,
+  reportClientErrors,
+  MarksControl,
+];
 
 /**
  * What the game and the other pages use and the self-test does not try: name -> whether the browser has it.
