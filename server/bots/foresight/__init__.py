@@ -8,16 +8,14 @@ wants, `route` how it gets there, `mind` puts them together for one timestep, an
 from contextlib import suppress
 from pathlib import Path
 
-from overcooked import compiled, constants, rules
+from overcooked import compiled
 
-_HERE = Path(__file__).parent
+_HERE, _RULES = Path(__file__).parent, Path(compiled.__file__).parent
+_KERNEL_SOURCES = (
+    *(_HERE / f"{name}.py" for name in ("kitchen_map", "beliefs", "tasks", "route", "mind")),
+    *(_RULES / f"{name}.py" for name in ("compiled", "constants", "rules")),
+)
 
-# Its kernels call each other and the rules, and numba looks only at the file that a function is in.
+# The kernels call each other and the rules, and numba looks only at the file that a function is in.
 with suppress(OSError):
-    compiled.forget_code_older_than(
-        [
-            *(_HERE / f"{name}.py" for name in ("kitchen_map", "beliefs", "tasks", "route", "mind")),
-            *(Path(source.__file__) for source in (compiled, constants, rules)),
-        ],
-        _HERE,
-    )
+    compiled.forget_code_older_than(_KERNEL_SOURCES, _HERE)

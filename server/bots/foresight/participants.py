@@ -56,5 +56,6 @@ class SimulatedParticipants:
     def copy(self) -> "SimulatedParticipants":
         """Return the same people with the same memories, to ask what they would do."""
         other = SimulatedParticipants(self._layout, [self.minds.copy()])
-        other._memory = Memory(*(part.copy() for part in self._memory))
+        kept = self._memory
+        other._memory = Memory(kept.players.copy(), kept.contents.copy(), kept.actions.copy(), kept.arrows.copy())
         return other
