@@ -28,7 +28,7 @@ def planted(planted_folder: Path) -> Export:
 @pytest.fixture
 def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are built but not rendered, which is most of a report's time: for tests of its numbers and words."""
-    monkeypatch.setattr(figure_style, "save", lambda figure, folder, name: "<svg></svg>")
+    monkeypatch.setattr(figure_style, "save", lambda figure, folder, name, simulated=False: "<svg></svg>")
 
 
 @pytest.fixture
