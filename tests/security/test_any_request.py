@@ -14,7 +14,7 @@ WORDS = {"type": "string"}
 FIELDS = (
     "step", "visit", "language", "code", "name", "password", "next", "blind", "text", "note", "reason", "minutes",
     "exclusion", "kind", "box_0", "satisfied", "simulated", "PROLIFIC_PID", "grid", "version", "table", "contains",
-    "column", "sort",
+    "column", "sort", "operation", "revision", "template", "number", "condition", "what",
 )  # fmt: skip
 QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None, "derandomize": True}
 
@@ -25,7 +25,8 @@ def schema_of(server: Any) -> dict[str, Any]:
     form = {"type": "object", "properties": dict.fromkeys(FIELDS, WORDS), "additionalProperties": True}
     known = {
         "name": ["short", "other"], "person": [server.person], "episode": [server.episode], "account": ["watch"],
-        "kitchen": ["nook"],
+        "kitchen": ["nook"], "draft": ["1"], "number": ["1"], "condition": ["tom"], "language": ["en"],
+        "position": ["1"], "what": ["now"],
         "action": ["pause", "resume", "end", "message", "extend", "exclude", "restore", "release", "removed"],
     }  # fmt: skip
     for operations in schema["paths"].values():

@@ -142,7 +142,8 @@ def _page(request: Request, draft: StudyDraft, place: PreviewPlace, number: int)
     return PreviewPage(request, replace(web, studies=studies), place.language, place.study, person, shown)
 
 
-@router.api_route("/{condition}/{language}/{position}/{what}", methods=["GET", "POST"])
+@router.get("/{condition}/{language}/{position}/{what}")
+@router.post("/{condition}/{language}/{position}/{what}")
 async def go_on(
     condition: str,
     language: str,

@@ -44,14 +44,15 @@ let drawing;
 
 /**
  * Send a form; return the answer's status and JSON. Status 0: no answer came.
- * @param {string} path
+ * @param {string} path below /admin/
  * @param {Record<string, string>} fields
  * @returns {Promise<{ status: number, data: any }>}
  */
 async function post(path, fields) {
   const body = new URLSearchParams({ form_token: start.token, ...fields });
   try {
-    const answer = await fetch(`${root}${path}`, { method: 'POST', body, headers: { accept: 'application/json' } });
+    const headers = { accept: 'application/json' };
+    const answer = await fetch(`${root}/admin/${path}`, { method: 'POST', body, headers });
     return { status: answer.status, data: await answer.json() };
   } catch {
     return { status: 0, data: { detail: 'The server does not answer. Your drawing is kept in this browser' } };
@@ -125,7 +126,7 @@ function check() {
   clearTimeout(trialTimer);
   const number = ++checks;
   checkTimer = setTimeout(async () => {
-    const { status, data } = await post('/admin/kitchens/check', { grid: list.now.join('\n'), name: nameField.value });
+    const { status, data } = await post('kitchens/check', { grid: list.now.join('\n'), name: nameField.value });
     if (number !== checks) return;
     if (status !== 200) return note(reasonOf(status, data), true);
     found = data;
@@ -148,7 +149,7 @@ function showFindings({ problems, reach, models, trial }) {
 
 /** @param {number} number of the check that found no errors */
 async function tryOut(number) {
-  const { status, data } = await post('/admin/kitchens/trial', { grid: list.now.join('\n') });
+  const { status, data } = await post('kitchens/trial', { grid: list.now.join('\n') });
   if (number !== checks) return;
   if (status === 200) showTrial(/** @type {Trial} */ (data), '');
   else if (status === 503) trialTimer = setTimeout(() => tryOut(number), RETRY_MS);
@@ -244,7 +245,7 @@ async function save() {
   const rows = list.now.join('\n');
   button.disabled = true;
   const opened = name === start.name ? version : 0;
-  const { status, data } = await post('/admin/kitchens/save', { name, grid: rows, version: String(opened) });
+  const { status, data } = await post('kitchens/save', { name, grid: rows, version: String(opened) });
   button.disabled = false;
   if (status === 200) {
     local.removeItem(draftKey);
@@ -278,7 +279,7 @@ function offer(blob, name) {
 
 /** @param {string} text @param {string} name of the file */
 async function take(text, name = '') {
-  const { status, data } = await post('/admin/kitchens/check', { grid: text, name: '' });
+  const { status, data } = await post('kitchens/check', { grid: text, name: '' });
   if (status !== 200) return note(reasonOf(status, data), true);
   /** @type {Findings} */
   const findings = data;

@@ -1,7 +1,7 @@
 """What holds for every answer: HEAD where GET works, redirects to our own pages only, nothing for a cache to keep."""
 
+import re
 from collections.abc import Iterator
-from typing import Any
 
 import httpx
 import pytest
@@ -71,7 +71,6 @@ def test_no_answer_but_our_own_files_is_kept_by_a_cache(live: LiveServer, readab
 @pytest.fixture
 def readable(live: LiveServer) -> list[str]:
     """Every route that answers to GET, with names that may not exist: an error is not kept either."""
-    values: dict[str, Any] = dict.fromkeys(("name", "study", "person", "episode", "account", "action"), "short")
     paths = [path for path, operations in live.app.openapi()["paths"].items() if "get" in operations]
     assert any("course.json" in path for path in paths)
-    return [path.format(**values) for path in paths]
+    return [re.sub(r"\{\w+\}", "short", path) for path in paths]

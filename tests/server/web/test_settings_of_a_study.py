@@ -50,12 +50,15 @@ def settings(part: Any) -> Iterator[tuple[str, bool]]:
 OF_TWO_PEOPLE = {"PartnerSettings.human", "Study.waiting_room", "Recruitment.unpaired"}
 OF_TWO_PEOPLE |= {"WaitingRoomSettings.limit_s", "WaitingRoomSettings.agent", "WaitingRoomSettings.fallback"}
 
+# Tested by themselves, as they need a debriefing: test_misleading.py, test_debriefing.py.
+MISLEADING = {"Condition.misleading", "Misleading.from_round", "Misleading.share", "Study.debriefing"}
+
 
 def test_the_study_sets_everything_that_can_be_set(study: Study) -> None:
     never = {name for name, _ in settings(study)} - {name for name, is_made in settings(study) if is_made}
     # A choice that is an attention check, a number that need not be whole: tested with the questions.
     questions = {"ChoiceQuestion.attention", "NumberQuestion.whole"}
-    assert {name for name in never if name not in OF_TWO_PEOPLE} == questions
+    assert {name for name in never if name not in OF_TWO_PEOPLE | MISLEADING} == questions
 
 
 def spec(study: Study, condition: str, kind: str = "episode", language: str = "en") -> tuple[StudyStep, EpisodeSpec]:
@@ -72,6 +75,7 @@ def test_every_setting_of_the_game_reaches_it(study: Study) -> None:
     agent = {"cook": "planner@sampled", "pacer": "guide@greedy"}[step.agent]
     assert (drawn_up.agents, drawn_up.watched_seat) == ((agent, None), 0)
     assert drawn_up.predictor == "guide@60", "made worse, also where the study names the predictor"
+    assert (drawn_up.show, drawn_up.view_radius) == ("on_key", 2), "the condition's own, not the study's"
     assert drawn_up.title in ("环", "小角落")
     assert drawn_up.episodes == 8
     assert spec(study, "bare")[1].shown == "nothing"
