@@ -27,9 +27,14 @@ def draft_problems(file: StudyFile, served: Sequence[StudyFile], loads: bool = F
     return [*file.doubts, *map(file.places.placed, found)]
 
 
+def known_names(kitchens: Sequence[str] = ()) -> dict[str, list[str]]:
+    """The layouts, agents and predictors that the form suggests. `kitchens`: those of the dashboard."""
+    bundled = _bundled_names()
+    return bundled | {"layouts": [*bundled["layouts"], *(name for name in kitchens if name not in bundled["layouts"])]}
+
+
 @cache
-def known_names() -> dict[str, list[str]]:
-    """The bundled layouts, agents and predictors, which the form suggests."""
+def _bundled_names() -> dict[str, list[str]]:
     models = {path.parent.name for path in WEIGHTS.glob("*/*/config.json")}
     predictors = sorted(name for name in models if "_predictor_" in name)
     agents = sorted((models - set(predictors)) | (WITHOUT_WEIGHTS - {"guide"}))

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
@@ -12,13 +13,14 @@ from sqlalchemy import Connection
 
 from server.monitoring.commands import OpenVersion, PrepareVersion
 from server.participation.draft_checks import draft_problems
+from server.participation.own_kitchens import with_own_kitchens
 from server.store import audit, study_drafts, study_openings
 from server.store.study_drafts import DraftConflict, DraftText, StudyDraft
 from server.study import drafting
 from server.study.loader import PlacedProblem, StudyError, StudyFile
 from server.study.yaml_edit import YamlEditError
 from server.web.admin.actions import OPEN_WITHIN_S, VERSION_WITHIN_S
-from server.web.admin.draft_pages import DraftDep, DraftFormDep
+from server.web.admin.draft_pages import DraftDep, DraftFormDep, GridsDep
 from server.web.admin.rendering import back_to
 from server.web.admin.researcher_auth import AdminFormDep, OwnDep
 from server.web.forms import first
@@ -37,7 +39,12 @@ def _text(form: DraftFormDep) -> str:
 
 
 @router.post("/look")
-async def look(admin: OwnDep, services: ServicesDep, form: DraftFormDep) -> Response:  # noqa: ARG001 - checks who asks
+async def look(
+    admin: OwnDep,  # noqa: ARG001 - checks who asks
+    services: ServicesDep,
+    form: DraftFormDep,
+    grids: GridsDep,
+) -> Response:
     """Apply a change from the form to a text, and say what is in the text and what is wrong with it. Stores nothing."""
     text, operation = _text(form), first(form, "operation")
     refused = ""
@@ -46,20 +53,20 @@ async def look(admin: OwnDep, services: ServicesDep, form: DraftFormDep) -> Resp
             text = await asyncio.to_thread(drafting.changed, text, json.loads(operation))
         except (ValueError, RecursionError) as error:  # also YamlEditError, StudyError and JSONDecodeError
             refused = str(error) if isinstance(error, YamlEditError | StudyError) else "This change is not understood."
-    view = await asyncio.to_thread(_viewed, text, services)
+    view = await asyncio.to_thread(_viewed, text, services, grids)
     return JSONResponse(view | {"text": text, "refused": refused})
 
 
-def _viewed(text: str, services: Services) -> dict[str, Any]:
+def _viewed(text: str, services: Services, grids: Mapping[str, str]) -> dict[str, Any]:
     view = drafting.view(text)
     problems = list(view.problems)
     if view.file is not None:
-        problems = draft_problems(_here(view.file, services), services.versions.of_files())
+        problems = draft_problems(_here(view.file, services, grids), services.versions.of_files())
     return {"values": view.values, "problems": [_told(one) for one in problems]}
 
 
-def _here(file: StudyFile, services: Services) -> StudyFile:
-    return replace(file, folder=services.versions.folder)
+def _here(file: StudyFile, services: Services, grids: Mapping[str, str]) -> StudyFile:
+    return replace(with_own_kitchens(file, lambda: grids), folder=services.versions.folder)
 
 
 def _told(problem: PlacedProblem) -> dict[str, Any]:
@@ -104,7 +111,9 @@ async def set_aside(admin: OwnDep, services: ServicesDep, draft: DraftDep, form:
 
 
 @router.post("/open")
-async def open_study(admin: OwnDep, services: ServicesDep, draft: DraftDep, form: AdminFormDep) -> Response:
+async def open_study(
+    admin: OwnDep, services: ServicesDep, draft: DraftDep, form: AdminFormDep, grids: GridsDep
+) -> Response:
     """Let participants into the study as the draft is now: a new version, which never changes."""
     back = f"/admin/drafts/{draft.id}"
     if first(form, "revision") != str(draft.revision):
@@ -112,7 +121,8 @@ async def open_study(admin: OwnDep, services: ServicesDep, draft: DraftDep, form
     view = await asyncio.to_thread(drafting.view, draft.source, f"the draft of {draft.name}")
     if view.file is None:
         return back_to(back, "draft_faulty")
-    file, versions, web = _here(view.file, services), services.versions, services.web
+    versions, web = services.versions, services.web
+    file = await asyncio.to_thread(_here, view.file, services, grids)
     found = await asyncio.to_thread(draft_problems, file, versions.of_files(), True)
     if not all(problem.warning for problem in found):
         return back_to(back, "draft_faulty")

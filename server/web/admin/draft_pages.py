@@ -2,6 +2,8 @@
 
 import asyncio
 import difflib
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from typing import Annotated, Any, Final
 
@@ -9,10 +11,11 @@ from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from jinja2.utils import htmlsafe_json_dumps
 
 from server.participation.draft_checks import known_names
+from server.participation.own_kitchens import with_own_kitchens
 from server.settings import ROOT
-from server.store import audit, decisions, study_drafts, study_openings
+from server.store import audit, decisions, kitchens, study_drafts, study_openings
 from server.store.study_drafts import DraftText, StudyDraft
-from server.study.drafting import STUDY_NAME, from_template, named
+from server.study.drafting import STUDY_NAME, from_template, named, view
 from server.study.schema import study_schema
 from server.web.admin.rendering import AdminPage, back_to
 from server.web.admin.researcher_auth import AdminFormDep, OwnDep, form_session
@@ -41,6 +44,21 @@ async def draft_at(draft: int, web: WebDep) -> StudyDraft:
     return found
 
 
+async def kitchen_grids(web: WebDep) -> Mapping[str, str]:
+    """The grids of the kitchens that were saved in the dashboard, which a draft may name."""
+    found: Mapping[str, str] = await web.database.read(kitchens.grids)
+    return found
+
+
+GridsDep = Annotated[Mapping[str, str], Depends(kitchen_grids)]
+
+
+async def draft_with_kitchens(draft: Annotated[StudyDraft, Depends(draft_at)], grids: GridsDep) -> StudyDraft:
+    """The draft with the grids of these kitchens in its text, as it would be opened."""
+    file = (await asyncio.to_thread(view, draft.source)).file
+    return draft if file is None else replace(draft, source=with_own_kitchens(file, lambda: grids).text)
+
+
 async def _draft_form(request: Request, web: WebDep) -> Form:
     """A form that may hold the text of a whole study."""
     session = form_session(request)
@@ -48,6 +66,7 @@ async def _draft_form(request: Request, web: WebDep) -> Form:
 
 
 DraftDep = Annotated[StudyDraft, Depends(draft_at)]
+WholeDraftDep = Annotated[StudyDraft, Depends(draft_with_kitchens)]
 DraftFormDep = Annotated[Form, Depends(_draft_form)]
 
 
@@ -107,7 +126,7 @@ async def create(request: Request, admin: OwnDep, services: ServicesDep, form: A
 
 
 @router.get("/{draft}")
-async def editor(request: Request, admin: OwnDep, web: WebDep, draft: DraftDep) -> Response:
+async def editor(request: Request, admin: OwnDep, web: WebDep, draft: DraftDep, grids: GridsDep) -> Response:
     """The form on the left, the YAML on the right."""
     opened = await web.database.read(study_openings.newest)
     paused = await web.database.read(decisions.paused_studies)
@@ -118,7 +137,7 @@ async def editor(request: Request, admin: OwnDep, web: WebDep, draft: DraftDep) 
         "revision": draft.revision,
         "source": draft.source,
         "schema": await asyncio.to_thread(_schema),
-        "known": await asyncio.to_thread(known_names),
+        "known": await asyncio.to_thread(known_names, sorted(grids)),
         "author": admin.name,
     }
     page = AdminPage(request, admin)

@@ -13,7 +13,7 @@ from server.store.study_drafts import StudyDraft
 from server.study import drafting
 from server.study.definition import EntryChecks, Study
 from server.study.steps import StudyStep
-from server.web.admin.draft_pages import DraftDep
+from server.web.admin.draft_pages import WholeDraftDep
 from server.web.admin.rendering import AdminPage, back_to
 from server.web.admin.researcher_auth import OwnDep
 from server.web.dependencies import PageResponse, Web
@@ -74,7 +74,7 @@ def _place(draft: StudyDraft, condition: str, language: str) -> PreviewPlace:
 
 
 @router.get("")
-async def overview(request: Request, admin: OwnDep, draft: DraftDep) -> Response:
+async def overview(request: Request, admin: OwnDep, draft: WholeDraftDep) -> Response:
     """The steps of each condition, each with a link to its page."""
     study = _studied(draft)
     ways = {one.name: _place(draft, one.name, study.languages[0]).way for one in study.conditions}
@@ -89,7 +89,7 @@ async def step(
     language: str,
     position: str,
     admin: OwnDep,  # noqa: ARG001 - checks who asks
-    draft: DraftDep,
+    draft: WholeDraftDep,
 ) -> Response:
     """One page as a participant in the condition sees it."""
     place = _place(draft, condition, language)
@@ -150,7 +150,7 @@ async def go_on(
     position: str,
     what: str,
     admin: OwnDep,  # noqa: ARG001 - checks who asks
-    draft: DraftDep,
+    draft: WholeDraftDep,
 ) -> Response:
     """What a page of the preview sends leads to the next page; nothing of it is read."""
     here = f"/admin/drafts/{draft.id}/preview/{condition}/{language}"

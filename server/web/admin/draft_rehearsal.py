@@ -9,7 +9,7 @@ from server.monitoring.rehearsals import MOST_BOTS, Rehearsal
 from server.store import audit
 from server.store.database import Database
 from server.study import drafting
-from server.web.admin.draft_pages import DraftDep
+from server.web.admin.draft_pages import DraftDep, WholeDraftDep
 from server.web.admin.rendering import AdminPage, back_to
 from server.web.admin.researcher_auth import AdminFormDep, OwnDep
 from server.web.forms import first
@@ -27,7 +27,7 @@ async def outcome(request: Request, admin: OwnDep, services: ServicesDep, draft:
 
 
 @router.post("")
-async def start(admin: OwnDep, services: ServicesDep, draft: DraftDep, form: AdminFormDep) -> Response:
+async def start(admin: OwnDep, services: ServicesDep, draft: WholeDraftDep, form: AdminFormDep) -> Response:
     """Begin a rehearsal, unless one is running or somebody plays here: bots would take the time of their games."""
     words, here = first(form, "number"), f"/admin/drafts/{draft.id}/bots"
     if not (words.isascii() and words.isdigit() and 1 <= int(words[:4]) <= MOST_BOTS):

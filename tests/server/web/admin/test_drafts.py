@@ -18,7 +18,7 @@ from server.monitoring.rehearsals import Rehearsals
 from server.participation.served_studies import Studies
 from server.participation.study_versions import StudyVersions
 from server.settings import Settings
-from server.store import audit, participants, study_drafts
+from server.store import audit, kitchens, participants, studies, study_drafts
 from server.store.database import Database
 from server.study.loader import load_study
 from server.web.admin import draft_routes
@@ -234,6 +234,23 @@ def test_a_study_is_opened_taken_part_in_changed_and_closed(site: Site, file: Pa
         "open study",
         "close study",
     ]
+
+
+def test_a_draft_may_name_a_kitchen_of_the_dashboard_and_is_opened_with_its_grid(site: Site) -> None:
+    researcher, grid = signed_in(site, "own"), "XXPXX\nO1 2O\nX   X\nXDXSX"
+    draft = begun(site, researcher)
+    text = source(site, draft).replace("{name: coordination_ring,", "{name: nook,")
+    assert "nook" in text
+    assert any("nook" in one["text"] for one in asked(researcher, draft, "look", text=text)[1]["problems"])
+    site.database.write_now(kitchens.save, "nook", grid, "ada", 0)
+    assert asked(researcher, draft, "look", text=text)[1]["problems"] == []
+    assert asked(researcher, draft, "save", text=text, revision="2")[0] == 200
+    assert '"nook"' in researcher.get(f"/admin/drafts/{draft}").text, "the form suggests it"
+    assert researcher.get(f"/admin/drafts/{draft}/preview").status_code == 200
+    assert "The study is open" in opened(researcher, draft, 3)
+    assert "grid" not in source(site, draft)
+    (version,) = (one for one in site.database.read_now(studies.every, "pilot"))
+    assert grid.splitlines()[1] in version.source
 
 
 def test_an_open_study_is_served_after_a_restart_and_by_another_process(site: Site, file: Path) -> None:
