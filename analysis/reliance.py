@@ -1,4 +1,4 @@
-"""How people respond to shown cells beside them, before and after the first wrong mark: wait, avoid, follow."""
+"""How people respond to shown cells next to them, before and after the first wrong mark: wait, avoid, follow."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ RESPONSES = ("waited", "avoided", "followed")
 
 
 def rows(reliance: pl.DataFrame, episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result]:
-    """The share of each response in the timesteps beside shown cells, as mean over people; `note` is the phase."""
+    """The share of each response in the timesteps next to shown cells, as mean over people; `note` is the phase."""
     if reliance.is_empty():
         return []
     people = reliance.join(episodes.select("episode", "participant", "condition"), on="episode")

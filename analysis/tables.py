@@ -83,7 +83,7 @@ def in_order(values: pl.Series, known: tuple[str, ...]) -> tuple[str, ...]:
 
 def read_export(folder: Path, study: str | None = None, version: int | None = None) -> Export:
     """Read the export in `folder` (tables as Parquet or CSV, also in a data/ folder below). `study` chooses one where
-    there are several, `version` one version of its file. Bots do not count beside people. Raises ExportError."""
+    there are several, `version` one version of its file. Bots count only where no people are. Raises ExportError."""
     if not folder.is_dir():
         raise ExportError(f"{folder} is not a folder. Give the folder that `kitchenmind export --out` wrote.")
     raw = {name: read_table(folder, name) for name in COLUMNS}

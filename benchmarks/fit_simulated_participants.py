@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-# `training.py` beside this file bears a package's name: Python must look for that one elsewhere.
+# `training.py` next to this file bears a package's name: Python must look for that one elsewhere.
 sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolve() != ROOT / "benchmarks")]
 
 import numpy as np  # noqa: E402

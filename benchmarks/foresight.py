@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
-# `training.py` beside this file bears a package's name: Python must look for that one elsewhere.
+# `training.py` next to this file bears a package's name: Python must look for that one elsewhere.
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolve() != ROOT / "benchmarks")]
 

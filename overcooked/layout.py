@@ -221,5 +221,5 @@ def reached_floor(tiles: NDArray[np.int8], starts: Iterable[tuple[int, int]]) ->
 
 
 def neighbours(x: int, y: int) -> set[tuple[int, int]]:
-    """Return the four cells beside a cell, also those outside of the grid."""
+    """Return the four cells next to a cell, also those outside of the grid."""
     return {(x + dx, y + dy) for dx, dy in zip(STEP_X, STEP_Y, strict=True)}

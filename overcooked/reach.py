@@ -29,7 +29,7 @@ def kitchen_reach(layout: Layout) -> KitchenReach:
     cells = [(x, y) for x in range(layout.width) for y in range(layout.height)]
     floors = [reached_floor(tiles, [(int(x), int(y))]) for x, y in layout.starts]
     near = [frozenset(cell for cell in cells if neighbours(*cell) & floor) for floor in floors]
-    stations = [frozenset(cell for cell in beside if tiles[cell] in STATIONS) for beside in near]
+    stations = [frozenset(cell for cell in around if tiles[cell] in STATIONS) for around in near]
     shared = frozenset(cell for cell in near[0] & near[1] if tiles[cell] == COUNTER)
     kinds = [{int(tiles[cell]) for cell in reached} for reached in stations]
     return KitchenReach(

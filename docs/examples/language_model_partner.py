@@ -173,10 +173,10 @@ def action_towards(seen: ParsedObservation, cells: tuple) -> int:
     for blocked in (seen.other, None):
         reached = distances(seen.floor, seen.me, blocked)
         ways = [
-            (reached[beside][0], direction, cell)
+            (reached[near][0], direction, cell)
             for cell in cells
             for direction in range(4)
-            if (beside := (cell[0] - STEP_X[direction], cell[1] - STEP_Y[direction])) in reached
+            if (near := (cell[0] - STEP_X[direction], cell[1] - STEP_Y[direction])) in reached
         ]
         if ways:
             steps, direction, cell = min(ways)

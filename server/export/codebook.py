@@ -204,7 +204,7 @@ RELIANCE = ExportTable(
         Column(
             "near",
             "integer",
-            "Timesteps in which the participant's chef stood on or beside a cell that the shown marks lead to. The "
+            "Timesteps in which the participant's chef stood on or next to a cell that the shown marks lead to. The "
             "next four columns divide them.",
             "timesteps",
             bits=32,

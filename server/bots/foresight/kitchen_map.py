@@ -16,7 +16,7 @@ _LARGEST_WITH_DETOURS: Final = 150  # cells of a kitchen in which ways around a 
 
 
 class KitchenMap(NamedTuple):
-    """Arrays of one layout; s counts the stations (the cells beside the floor that are not floor), c all cells."""
+    """Arrays of one layout; s counts the stations (the cells next to the floor that are not floor), c all cells."""
 
     tiles: NDArray[np.int8]  # (width, height)
     pots: NDArray[np.int8]  # (pots, 2)
@@ -28,7 +28,7 @@ class KitchenMap(NamedTuple):
     between: NDArray[np.int64]  # (s, s): ticks from having used one to facing the other
     ahead: NDArray[np.int64]  # (c, 4): the cell that a move leads to; the same one where something blocks
     around: NDArray[np.int16]  # (c, s, c, 4): `reach` where nobody can walk through the first cell; empty: too large
-    crowded: NDArray[np.int64]  # (c,): how many stations but counters are beside the cell
+    crowded: NDArray[np.int64]  # (c,): how many stations but counters are next to the cell
     usable: NDArray[np.int64]  # (c, tiles): 1 where a chef in that cell can get to such a tile
 
 
@@ -62,7 +62,7 @@ def _made(layout: Layout) -> KitchenMap:
     kind = tiles[cells].astype(np.int64)
     for station, ticks in enumerate(reach):
         usable[ticks.min(1) < FAR, kind[station]] = 1
-    between = np.array([[ticks[beside].min() for ticks in reach] for beside in faces], np.int64)
+    between = np.array([[ticks[near].min() for ticks in reach] for near in faces], np.int64)
     np.fill_diagonal(between, 0)
     around = reach[None, :0]
     if tiles.size <= _LARGEST_WITH_DETOURS:

@@ -27,7 +27,7 @@ class Parameters:
     collision: float = 4.7  # timesteps that a collision is worth
     in_the_way: float = 4  # timesteps that standing in the partner's way is worth
     doubt: float = 0.237  # how much it minds that the partner may not be where it believes
-    still_there: float = 0.429  # chance that the partner is then where it was seen, and not in a cell beside that
+    still_there: float = 0.429  # chance that the partner is then where it was seen, and not in a cell next to that
     bump_cost: float = 6.0  # timesteps that a cell in which one was just blocked is worth avoiding
     detour: float = 0.292  # how much of a way around the partner is counted
     caution_s: float = 0.921  # how long a cell in which one was blocked is avoided

@@ -104,7 +104,7 @@ async def save(admin: OwnDep, services: ServicesDep, draft: DraftDep, form: Draf
 
 @router.post("/aside")
 async def set_aside(admin: OwnDep, services: ServicesDep, draft: DraftDep, form: DraftFormDep) -> Response:
-    """Keep a text in the history without making it the draft's: whoever takes the other's text loses nothing."""
+    """Keep a text in the history without making it the draft's, so that taking the other's text loses nothing."""
     text = DraftText(admin.name, _text(form), draft.name, draft.revision)
     await services.web.database.write(study_drafts.set_aside, draft.id, text)
     return JSONResponse({})

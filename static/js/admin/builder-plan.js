@@ -23,15 +23,15 @@ const UNITS = { min: 'minutes', s: 'seconds', ms: 'milliseconds' };
 const TEXT = '#/$defs/Text';
 
 /**
- * Return a schema with its references followed; what stands beside a reference counts.
+ * Return a schema with its references followed; what stands next to a reference counts.
  * @param {Schema} root
  * @param {Schema} schema
  * @returns {Schema}
  */
 export function resolved(root, schema) {
-  const { $ref, ...beside } = schema;
-  if ($ref === TEXT) return { ...beside, isText: true };
-  if ($ref) return { ...resolved(root, root.$defs[$ref.split('/').at(-1)]), ...beside };
+  const { $ref, ...others } = schema;
+  if ($ref === TEXT) return { ...others, isText: true };
+  if ($ref) return { ...resolved(root, root.$defs[$ref.split('/').at(-1)]), ...others };
   const some = schema.anyOf?.filter((/** @type {Schema} */ one) => one.type !== 'null');
   if (some?.length === 1) {
     const { anyOf: _, ...rest } = schema;

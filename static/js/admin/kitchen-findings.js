@@ -1,4 +1,4 @@
-// What the server found out about a kitchen, as text beside the grid.
+// What the server found out about a kitchen, as text next to the grid.
 
 /** @import { Cell, Grid } from '../board/kitchen.js' */
 
