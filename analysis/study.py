@@ -23,7 +23,7 @@ from analysis import (
     reliance,
 )
 from analysis import ranks as ranking
-from analysis.declared import Declaration, declaration_of
+from analysis.declared import Declaration, DeclaredTest, declaration_of
 from analysis.groups import ALL, cells
 from analysis.results import Result
 from analysis.robustness import RobustnessInputs, robustness_rows
@@ -64,6 +64,10 @@ class Analysis:
     declaration: Declaration = field(default_factory=Declaration)
 
 
+def _primary_rows(declared: DeclaredTest | None, episodes: pl.DataFrame, answers: pl.DataFrame) -> list[Result]:
+    return [] if declared is None else [primary.primary_row(declared, episodes, answers)]
+
+
 def main_contrast(conditions: Sequence[str]) -> tuple[str, str] | None:
     """ToM against none; in other designs the last condition against the first; none with a single condition."""
     if "tom" in conditions and "none" in conditions:
@@ -73,21 +77,18 @@ def main_contrast(conditions: Sequence[str]) -> tuple[str, str] | None:
 
 def analyse(export: Export, options: Options) -> Analysis:
     """Compute all. Where data are missing a row says why, or there is none. Raises ExportError: unknown layout."""
-    every = measures.episode_measures(export)
+    every, layouts, agents = measures.episode_measures(export), export.layouts, export.agents
     episodes = measures.analysed(every, export.participants)
     conditions = tuple(name for name in export.conditions if name in set(episodes["condition"]))
-    layouts, agents = export.layouts, export.agents
     chosen = _questionnaire_layouts(options, layouts)
     answers = questionnaires.answers_on(export.answers, episodes, chosen)
     model = mixed_model.fit(episodes, MEASURE, conditions)
     design = AnalysisDesign(conditions, layouts, agents, main_contrast(conditions))
     declaration = declaration_of(export)
-    declared = declaration.primary
     quality = data_quality.verdicts(every, export.answers)
     compared = (conditions, layouts, agents, design.contrast, declaration, options.seed)
-    checked = RobustnessInputs(export, every, episodes, quality, answers, *compared)
     rows = [
-        *([primary.primary_row(declared, episodes, export.answers)] if declared else []),
+        *_primary_rows(declaration.primary, episodes, export.answers),
         *exclusions.flow(export, every, episodes),
         *reward_rows(episodes, design, options),
         *model.rows,
@@ -97,7 +98,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         *accuracy.offline(_offline(export, options), layouts, agents),
         *accuracy.live(episodes, layouts, agents),
         *display_rows(export, episodes, conditions),
-        *robustness_rows(checked),
+        *robustness_rows(RobustnessInputs(export, every, episodes, quality, answers, *compared)),
     ]
     powers = _powers(model, episodes, conditions, options)
     return Analysis(

@@ -1,7 +1,21 @@
 """Every table and column of an export: type, unit, meaning. The export is built from it, and codebook.json printed."""
 
 from overcooked.constants import EVENT_NAMES
-from server.export.codebook_columns import Column, ExportTable, code, ms, points, seats, text, time
+from server.export.codebook_columns import (
+    EPISODE,
+    PARTICIPANT,
+    STEP,
+    STUDY,
+    Column,
+    ExportTable,
+    code,
+    ms,
+    points,
+    seats,
+    text,
+    time,
+)
+from server.export.codebook_studies import ARRIVALS, EXCLUSIONS, STUDIES, WITHDRAWALS
 from server.play.recorder import INPUT_OUTCOMES
 from server.store.tables import EPISODE_STATUSES, PARTICIPANT_STATUSES
 
@@ -18,20 +32,12 @@ ESCAPED = (
 _EVENTS = ", ".join(f"{1 << bit} {name}" for bit, name in enumerate((*EVENT_NAMES, "soup_from_pot")))
 
 
-_STUDY = (
-    text("study", "The study's name."),
-    Column("study_version", "integer", "1 for the first text of the study file, 2 for the next, ...", bits=32),
-)
-_PARTICIPANT = text("participant", "Random id from this platform, not the recruiter's.")
-_EPISODE = text("episode", "Random id of the episode.")
-_STEP = text("step", "Key of the participant's step in the study.")
-
 PARTICIPANTS = ExportTable(
     "participants",
     "a participant who consented and did not withdraw; the wide columns follow after these",
     (
-        _PARTICIPANT,
-        *_STUDY,
+        PARTICIPANT,
+        *STUDY,
         Column("number", "integer", "1 to n in order of consent, including participants who withdrew.", bits=32),
         text("condition", "Arm of the study."),
         text("status", "One of: " + ", ".join(PARTICIPANT_STATUSES) + "."),
@@ -63,13 +69,13 @@ EPISODES = ExportTable(
     "episodes",
     "an episode that was created (kind: episode, tutorial or watch)",
     (
-        _EPISODE,
-        *_STUDY,
+        EPISODE,
+        *STUDY,
         *seats(text("participant", "Participant on the seat; empty: an agent.")),
         text("condition", "Arm of the study."),
         text("kind", "tutorial, episode or watch."),
         Column("number", "integer", "1-based among the study's episodes; 0 for the tutorial.", bits=32),
-        _STEP,
+        STEP,
         Column("attempt", "integer", "1 for the first attempt at the step.", bits=32),
         text("layout", "Name of the kitchen."),
         text("layout_sha256", "Hash of its grid."),
@@ -127,7 +133,7 @@ TICKS = ExportTable(
     "ticks",
     "a timestep t of an episode: the state before it, the prediction and display at that state, and the actions in it",
     (
-        _EPISODE,
+        EPISODE,
         Column("timestep", "integer", "t, from 0.", "timesteps", bits=32),
         text(
             "state_hash", "Hash of state t, before the actions; the state after the last timestep: episodes.final_hash."
@@ -176,7 +182,7 @@ INPUTS = ExportTable(
     "inputs",
     "an input that a person's browser sent in an episode, whether or not it had an effect",
     (
-        _EPISODE,
+        EPISODE,
         code("seat", "Seat of the person."),
         Column("number", "integer", "1, 2, ... in the order in which the person's inputs arrived.", bits=32),
         text("tab", "Random name of the browser tab."),
@@ -196,7 +202,7 @@ RELIANCE = ExportTable(
     "what a participant did next to shown cells in an episode, before or after their first wrong mark; only for "
     "studies that mislead",
     (
-        _EPISODE,
+        EPISODE,
         text(
             "phase",
             "before: the participant had seen no wrong mark in the study (`ticks.misleading`); after: from then on.",
@@ -219,7 +225,7 @@ PAUSES = ExportTable(
     "pauses",
     "an interruption of an episode",
     (
-        _EPISODE,
+        EPISODE,
         Column("timestep", "integer", "State at which the game was paused.", "timesteps", bits=32),
         text("reason", "hidden, blur, lost, other_tab, database, researcher or server."),
         time("started_at", "When it began; after a crash of the server, the last stored moment."),
@@ -230,9 +236,9 @@ ANSWERS = ExportTable(
     "answers",
     "an answer to a question",
     (
-        _PARTICIPANT,
+        PARTICIPANT,
         text("episode", "Episode that the question is about; empty: about the study."),
-        _STEP,
+        STEP,
         text("question", "Key of the question in the study file."),
         text("value", "The answer; lists and yes/no as JSON."),
         text("value_type", "text, number, boolean, list or null."),
@@ -249,8 +255,8 @@ VISITS = ExportTable(
     "visits",
     "a page that a participant requested",
     (
-        _PARTICIPANT,
-        _STEP,
+        PARTICIPANT,
+        STEP,
         time("entered_at", "When the page was requested."),
         time("left_at", "When the page was submitted; empty: it was not."),
     ),
@@ -264,50 +270,6 @@ EVENTS = ExportTable(
         time("at", "When."),
         text("kind", "reload, takeover, trouble, rtt, ..."),
         Column("detail", "json", "Further details."),
-    ),
-)
-STUDIES = ExportTable(
-    "studies",
-    "a version of a study file",
-    (
-        *_STUDY,
-        text("sha256", "Hash of the file, which is in studies/."),
-        Column("started", "integer", "Participants who ever consented.", bits=32),
-        Column("withdrawn", "integer", "How many of them withdrew; nothing else is stored about these.", bits=32),
-        time("created_at", "First seen by the server."),
-        time("frozen_at", "First consent."),
-    ),
-)
-ARRIVALS = ExportTable(
-    "arrivals",
-    "a count of browsers that opened the study's link, or were screened out before consent",
-    (
-        *_STUDY,
-        text("kind", "opened, declined, unsuitable, or suitable (unsuitable first, suitable in a later attempt)."),
-        text("reason", "What was unsuitable: browser, screen, input, latency or websocket."),
-        Column("count", "integer", "How many browsers.", bits=32),
-    ),
-)
-WITHDRAWALS = ExportTable(
-    "withdrawals",
-    "a participant who withdrew and whose data were deleted",
-    (
-        *_STUDY,
-        text("condition", "Arm of the study."),
-        Column("position", "integer", "Index of the participant's last step.", bits=32),
-        time("withdrawn_at", "When."),
-    ),
-)
-EXCLUSIONS = ExportTable(
-    "exclusions",
-    "a researcher's decision to exclude data from the analysis; it may have been undone",
-    (
-        _PARTICIPANT,
-        text("episode", "This episode only; empty: all data of the participant."),
-        text("reason", "Why."),
-        text("note", "A note of the researcher."),
-        time("excluded_at", "When."),
-        time("restored_at", "When it was undone; empty: it is in force."),
     ),
 )
 TABLES = (

@@ -60,3 +60,13 @@ def seats(column: Column) -> tuple[Column, Column]:
         for seat, meaning in enumerate(meanings)
     )
     return first, second
+
+
+# Columns of several tables.
+STUDY = (
+    text("study", "The study's name."),
+    Column("study_version", "integer", "1 for the first text of the study file, 2 for the next, ...", bits=32),
+)
+PARTICIPANT = text("participant", "Random id from this platform, not the recruiter's.")
+EPISODE = text("episode", "Random id of the episode.")
+STEP = text("step", "Key of the participant's step in the study.")

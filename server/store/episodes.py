@@ -28,8 +28,7 @@ from server.store import ticks as tick_rows
 from server.store.database import Database, DatabaseDown
 from server.store.tables import episodes, pauses, ticks
 
-PATIENCE_S = 1.0
-_LONG_AGO = datetime(1970, 1, 1, tzinfo=UTC)
+PATIENCE_S, _LONG_AGO = 1.0, datetime(1970, 1, 1, tzinfo=UTC)
 # msgspec (0.22) looks at a type when it first meets it, and two threads that do so at once can crash the process: after
 # a restart many games are taken up at once. So it meets this one here, in one thread.
 msgspec.json.Decoder(EpisodeSpec)
@@ -229,8 +228,8 @@ def pause(connection: Connection, record: PauseRecord) -> None:
 _HERE: Final = pauses.c.episode_id == bindparam("episode")
 _END_PAUSE: Final = update(pauses).where(_HERE, pauses.c.started_at == bindparam("start"))
 _EPISODE_IS_STORED: Final = select(episodes.c.id).where(episodes.c.id == bindparam("episode"))
-_STARTED_BEFORE: Final = pauses.c.started_at < bindparam("start")
-_OPEN_BEFORE: Final = select(pauses).where(_HERE, pauses.c.duration_ms.is_(None), _STARTED_BEFORE)
+_IS_OPEN: Final = pauses.c.duration_ms.is_(None)
+_OPEN_BEFORE: Final = select(pauses).where(_HERE, _IS_OPEN, pauses.c.started_at < bindparam("start"))
 _BEGIN_PAUSE: Final = pauses.insert()
 
 

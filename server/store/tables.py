@@ -1,7 +1,8 @@
 """The tables, in SQLAlchemy Core. docs/reference/data_dictionary.md is printed from every column's meaning and unit.
 
-Here are the tables of games. people_tables.py, answer_tables.py and researcher_tables.py have the others, which are
-imported from here too. What fills them: participants.py, episodes.py, answers.py, events.py, audit.py.
+Here is the table of episodes. tick_tables.py, people_tables.py, answer_tables.py, researcher_tables.py and
+studio_tables.py have the others, which are imported from here too.
+What fills them: participants.py, episodes.py, answers.py, events.py, audit.py.
 """
 
 from sqlalchemy import (
@@ -12,7 +13,6 @@ from sqlalchemy import (
     ForeignKey,
     Index,
     Integer,
-    LargeBinary,
     SmallInteger,
     String,
     Table,
@@ -20,9 +20,8 @@ from sqlalchemy import (
     UniqueConstraint,
 )
 
-from server.play.recorder import INPUT_OUTCOMES
 from server.store.answer_tables import answers, events, visits
-from server.store.columns import column, number, time
+from server.store.columns import column, time
 from server.store.people_tables import arrivals, participants, personal, studies, tombstones, withdrawals
 from server.store.researcher_tables import (
     admin_sessions,
@@ -36,7 +35,6 @@ from server.store.researcher_tables import (
 )
 from server.store.studio_tables import kitchens, study_draft_versions, study_drafts, study_openings
 from server.store.table_base import (
-    EPISODE,
     EPISODE_STATUSES,
     ID,
     KEY,
@@ -47,6 +45,7 @@ from server.store.table_base import (
     SHA256,
     metadata,
 )
+from server.store.tick_tables import inputs, pauses, ticks
 
 __all__ = [
     "EPISODE_STATUSES",
@@ -145,136 +144,6 @@ episodes = Table(
     UniqueConstraint("participant_0", "step_key", "attempt"),
     UniqueConstraint("participant_1", "step_key", "attempt"),
     Index(None, "study_id", "status"),
-)
-
-ticks = Table(
-    "ticks",
-    metadata,
-    column("episode_id", ID, ForeignKey(EPISODE), primary_key=True, meaning="Which episode."),
-    column(
-        "timestep",
-        Integer,
-        primary_key=True,
-        autoincrement=False,
-        meaning="n: tick n produced state n.",
-        unit="timesteps",
-    ),
-    column(
-        "action_0",
-        SmallInteger,
-        nullable=True,
-        meaning="Seat 0's action on state n-1: 0 N 1 S 2 E 3 W 4 stay 5 interact.",
-    ),
-    column("action_1", SmallInteger, nullable=True, meaning="Seat 1's action on state n-1."),
-    column("state_hash", LargeBinary(8), meaning="BLAKE2b-64 of state n (overcooked/state.py)."),
-    column("reward_0", SmallInteger, meaning="Sparse reward of seat 0 in the step to state n.", unit="points"),
-    column("reward_1", SmallInteger, meaning="Sparse reward of seat 1.", unit="points"),
-    column("shaped_0", SmallInteger, meaning="Shaped reward of seat 0.", unit="points"),
-    column("shaped_1", SmallInteger, meaning="Shaped reward of seat 1.", unit="points"),
-    column("events_0", Integer, meaning="Bits of seat 0's events (overcooked/constants.py)."),
-    column("events_1", Integer, meaning="Bits of seat 1's events."),
-    column(
-        "next_action_0",
-        SmallInteger,
-        nullable=True,
-        meaning="Agent's decision on state n; none: a human, or no answer in time.",
-    ),
-    column("next_action_1", SmallInteger, nullable=True, meaning="The same for seat 1."),
-    column(
-        "prediction",
-        LargeBinary(72),
-        nullable=True,
-        meaning="3 x 6 probabilities for timesteps n, n+1, n+2: float32, little endian.",
-    ),
-    column(
-        "displayed",
-        LargeBinary(24),
-        meaning="What the frame showed: two bytes per step, action (6: nothing) and opacity.",
-        unit="%",
-    ),
-    column("late", Boolean, meaning="The models missed the deadline: the agent waits."),
-    column("scheduled_ms", Double, meaning="Deadline, from the episode's first tick on, without pauses.", unit="ms"),
-    column("late_ms", Double, meaning="Delay of the tick after its deadline.", unit="ms"),
-    column("models_ms", Double, meaning="Time that the models needed.", unit="ms"),
-    column(
-        "key_seq_0", BigInteger, nullable=True, meaning="Number of the browser message that decided seat 0's action."
-    ),
-    column("key_client_ms_0", Double, nullable=True, meaning="performance.now() of the browser then.", unit="ms"),
-    column(
-        "key_received_ms_0", Double, nullable=True, meaning="Its arrival, since the first tick's deadline.", unit="ms"
-    ),
-    column("key_seq_1", BigInteger, nullable=True, meaning="The same for seat 1."),
-    column("key_client_ms_1", Double, nullable=True, meaning="The same for seat 1.", unit="ms"),
-    column("key_received_ms_1", Double, nullable=True, meaning="The same for seat 1.", unit="ms"),
-    column("made_unix_ms", Double, nullable=True, meaning="Wall clock then, since 1970 (UTC).", unit="ms"),
-    column(
-        "asked",
-        Boolean,
-        nullable=True,
-        meaning="Whether the participant asked for the marks on state n; none: they are always drawn.",
-    ),
-    column(
-        "misleading",
-        Boolean,
-        nullable=True,
-        meaning="Whether the marks of state n are a wrong future; none: the episode does not mislead.",
-    ),
-    column(
-        "in_sight",
-        Boolean,
-        nullable=True,
-        meaning="Whether the watched chef was in the participant's view in state n; none: sight was not limited.",
-    ),
-    sqlite_with_rowid=False,
-)
-
-inputs = Table(
-    "inputs",
-    metadata,
-    column("episode_id", ID, ForeignKey(EPISODE), primary_key=True, meaning="Which episode."),
-    column("seat", SmallInteger, primary_key=True, autoincrement=False, meaning="Seat of the person."),
-    column(
-        "number",
-        Integer,
-        primary_key=True,
-        autoincrement=False,
-        meaning="1, 2, ... in the order in which the person's inputs arrived in the episode.",
-    ),
-    column("tab", KEY, meaning="Random name of the browser tab."),
-    column("seq", BigInteger, meaning="The browser's number of the message; a new page counts from the start."),
-    column("held", SmallInteger, nullable=True, meaning="Move whose key was held down; none: no key."),
-    column("tap", SmallInteger, nullable=True, meaning="Action whose key was just pressed; none: no key."),
-    column("client_ms", Double, meaning="performance.now() of the browser then.", unit="ms"),
-    column("received_unix_ms", Double, meaning="Its arrival by the wall clock, since 1970 (UTC).", unit="ms"),
-    column(
-        "received_ms",
-        Double,
-        nullable=True,
-        meaning="Its arrival, since the first tick's deadline; none: the game was paused.",
-        unit="ms",
-    ),
-    column(
-        "timestep",
-        Integer,
-        nullable=True,
-        meaning="n: the first tick in which it had an effect; none: no effect.",
-        unit="timesteps",
-    ),
-    column("outcome", String(16), meaning="Outcome: " + ", ".join(INPUT_OUTCOMES) + "."),
-    column("marks", Boolean, nullable=True, meaning="Whether the marks key was down; none: no news of it."),
-    sqlite_with_rowid=False,
-)
-
-pauses = Table(
-    "pauses",
-    metadata,
-    number("Number of the pause."),
-    column("episode_id", ID, ForeignKey(EPISODE), meaning="Which episode."),
-    column("timestep", Integer, meaning="State at which the game was paused.", unit="timesteps"),
-    column("reason", String(64), meaning="hidden, blur, lost, other_tab, database, researcher or server."),
-    time("started_at", "When it began; after a crash of the server, the last stored moment."),
-    column("duration_ms", Double, nullable=True, meaning="Its length; none: not over.", unit="ms"),
-    UniqueConstraint("episode_id", "started_at"),
 )
 
 # In the order of the data dictionary.
