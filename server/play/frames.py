@@ -44,8 +44,8 @@ class Frames:
         """Decide what the frame of the current state shows. Nothing is done any more when the episode is `over`.
         `decided`: what the watched chef does next, if an agent has decided it."""
         self.misleading = None
-        sight, kitchen = self._sights.get(viewer(self._spec)), self._simulation.kitchen()
-        self.in_sight = None if sight is None else sight.sees_partner(kitchen)
+        sight = self._sights.get(viewer(self._spec))
+        self.in_sight = None if sight is None else sight.sees_partner(self._simulation.kitchen())
         if over:
             self.displayed = marks.hidden(self.displayed)
             return
@@ -56,7 +56,7 @@ class Frames:
         if not due:
             self.displayed = marks.hidden(self.displayed)
         elif sight is not None:
-            self.displayed = sight.cut(self.displayed, kitchen)
+            self.displayed = sight.cut(self.displayed, self._simulation.kitchen())
         self.violations += not marks.is_as_promised(self._spec.shown, self.displayed, due)
 
     def _mislead(self, prediction: Sequence[Sequence[float]], decided: int | None) -> None:

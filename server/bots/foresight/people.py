@@ -16,7 +16,7 @@ ARROWS: Final = 3  # how many predicted actions a page shows
 
 @dataclass(frozen=True)
 class Parameters:
-    """Describe everybody. Frozen before any difference between conditions was looked at (decision 20)."""
+    """Describe everybody. Frozen before any difference between conditions was looked at (decision 22)."""
 
     # Searched by benchmarks/fit_simulated_participants.py on recorded games of people, who had no arrows (Carroll et
     # al. 2019; five kitchens, every second game).
