@@ -6,6 +6,7 @@ import re
 import time
 from datetime import datetime, timedelta
 from pathlib import Path
+from typing import Final
 from unittest.mock import patch
 
 import httpx
@@ -26,6 +27,7 @@ PAGES_ONLY = SHORT_STUDY.replace(
     "after_episode: teamwork\nflow: [introduction, tutorial, episodes, thanks]",
     "flow: [introduction, teamwork, thanks]",
 )
+JUMP_S: Final = 3600
 _MARK = "everything-that-this-person-wrote"
 
 
@@ -37,7 +39,7 @@ async def clock_jumps(folder: Path, seconds: float) -> FaultResult:
             for hours in (1, -1, 0):
                 newcomer = RecordingClient(live.url, "short", 100 + hours)
                 page = await newcomer.ask("GET", "/s/short")
-                shift = 3600 * hours
+                shift = JUMP_S * hours
 
                 def jumped(shift: int = shift) -> float:
                     return real() + shift
@@ -60,7 +62,8 @@ async def clock_jumps(folder: Path, seconds: float) -> FaultResult:
             backwards = database.read_now(lambda connection: connection.execute(negative).scalar_one())
             rows = database.read_now(lambda connection: connection.execute(select(ticks.c.late_ms)).scalars().all())
     figure = found.figures() | {"negative_durations": backwards, "late_p99_ms": rounded(p99(rows))}
-    return FaultResult(25, "clock jumps by an hour", 3, found.ok and not backwards and p99(rows) < 1000, figure)
+    jumped_along = p99(rows) > JUMP_S * 1000 / 2  # timesteps that wait for the jumped clock; a busy machine is no fault
+    return FaultResult(25, "clock jumps by an hour", 3, found.ok and not backwards and not jumped_along, figure)
 
 
 def _later(moment: datetime, seconds: int) -> datetime:
