@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.support.browser.fake_game_server import RINGS, FakeGameServer, kitchen, tick, welcome
-from tests.support.browser.game_page import DESKTOP, PHONE, at_rest, opened, pixel, screenshot, start
+from tests.support.browser.game_page import DESKTOP, PHONE, at_rest, drawn, opened, pixel, screenshot, start
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
 LANDSCAPE = {"width": 844, "height": 390}
@@ -27,6 +27,7 @@ def shown(page: Page, server: FakeGameServer, timestep: int, partner: Any, marks
     server.send(type(frame)(state, marks, (4, 4), -1, False, seen, UNKNOWN))
     page.wait_for_selector(f"[data-timestep='{timestep}']")
     at_rest(page)
+    drawn(page, 300)  # a chef glides for a timestep
 
 
 def brightness(page: Page, column: float, row: float) -> int:
