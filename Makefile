@@ -52,11 +52,12 @@ format: .venv/.test
 	$(BIN)/ruff format
 	@.ci/lint-scripts format
 
-# The faults at their full number (a thousand kills, an hour of soak) take hours: python benchmarks/faults.py.
+# The faults at their full number (a thousand kills, an hour of soak) and all cells of foresight take hours:
+# python benchmarks/faults.py, python benchmarks/foresight.py.
 # All of them run, also after one that fails.
 bench: .venv/.test
 	@failed=; for script in benchmarks/*.py; do echo "== $$script"; \
-	  case $$script in */faults.py) quick=--quick ;; *) quick= ;; esac; \
+	  case $$script in */faults.py|*/foresight.py|*/fit_*.py) quick=--quick ;; *) quick= ;; esac; \
 	  $(BIN)/python $$script $$quick $(ARGS) || failed="$$failed $$script"; done; \
 	  test -z "$$failed" || { echo "failed:$$failed"; exit 1; }
 

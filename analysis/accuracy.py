@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import polars as pl
 
-from analysis import effects
+from analysis.person_means import mean_over_people
 from analysis.results import Result
 from analysis.tables import STEPS
 
@@ -26,28 +26,13 @@ def live(episodes: pl.DataFrame, layouts: Sequence[str], agents: Sequence[str]) 
 
 def _row(episodes: pl.DataFrame, layout: str, agent: str, condition: str, step: int) -> Result:
     measure = f"accuracy_{step}" if step else "accuracy"
-    chosen = episodes.filter((pl.col("agent") == agent) & pl.col(measure).is_not_null())
+    chosen = episodes.filter(pl.col("agent") == agent)
     if layout != "all":
         chosen = chosen.filter(pl.col("layout") == layout)
     if condition:
         chosen = chosen.filter(pl.col("condition") == condition)
-    of_people = chosen.group_by("participant", maintain_order=True).agg(pl.col(measure).mean())[measure].to_numpy()
-    mean = effects.mean_interval(of_people)
-    return Result(
-        "accuracy",
-        "live",
-        layout,
-        agent,
-        condition=condition or "all",
-        step=step,
-        estimate=mean.value,
-        estimate_low=mean.low,
-        estimate_high=mean.high,
-        se=effects.standard_error(of_people),
-        n=of_people.size,
-        unit="people",
-        ci_level=mean.level,
-    )
+    row = Result("accuracy", "live", layout, agent, condition=condition or "all", step=step)
+    return mean_over_people(chosen, measure, row)
 
 
 def offline(cards: Mapping[str, object], layouts: Sequence[str], agents: Sequence[str]) -> list[Result]:

@@ -20,7 +20,11 @@ def rows(ticks: pl.DataFrame, episodes: pl.DataFrame, conditions: Sequence[str])
     shares = limited.group_by("episode", maintain_order=True).agg(in_sight.mean().alias(MEASURE))
     table = shares.join(episodes.select("episode", "participant", "condition"), on="episode")
     return [
-        mean_over_people("limited sight", table, condition, MEASURE, "share of time")
+        mean_over_people(
+            table.filter(pl.col("condition") == condition),
+            MEASURE,
+            Result("limited sight", MEASURE, condition=condition, note="share of time"),
+        )
         for condition in conditions
         if condition in table["condition"]
     ]

@@ -37,8 +37,12 @@ def rows(ticks: pl.DataFrame, episodes: pl.DataFrame, conditions: Sequence[str])
     """The mean of each measure over people, each with the mean of their episodes, by condition with marks on demand."""
     table = by_episode(ticks, episodes)
     return [
-        mean_over_people("on demand", table, condition, measure, MEASURES[measure])
+        mean_over_people(
+            table.filter(pl.col("condition") == condition),
+            measure,
+            Result("on demand", measure, condition=condition, note=meaning),
+        )
         for condition in conditions
         if condition in table["condition"]
-        for measure in MEASURES
+        for measure, meaning in MEASURES.items()
     ]

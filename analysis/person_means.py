@@ -1,20 +1,20 @@
 """The mean of a measure over people, each with the mean of their episodes."""
 
+from dataclasses import replace
+
 import polars as pl
 
 from analysis import effects
 from analysis.results import Result
 
 
-def mean_over_people(section: str, table: pl.DataFrame, condition: str, measure: str, note: str) -> Result:
-    """The row of one condition. `table`: a row an episode, with participant, condition and the measure."""
-    chosen = table.filter((pl.col("condition") == condition) & pl.col(measure).is_not_null())
-    of_people = chosen.group_by("participant", maintain_order=True).agg(pl.col(measure).mean())[measure].to_numpy()
+def mean_over_people(table: pl.DataFrame, measure: str, row: Result) -> Result:
+    """Fill in the figures of `row`. `table`: a row an episode, with participant and the measure; null: not measured."""
+    known = table.filter(pl.col(measure).is_not_null())
+    of_people = known.group_by("participant", maintain_order=True).agg(pl.col(measure).mean())[measure].to_numpy()
     mean = effects.mean_interval(of_people)
-    return Result(
-        section,
-        measure,
-        condition=condition,
+    return replace(
+        row,
         estimate=mean.value,
         estimate_low=mean.low,
         estimate_high=mean.high,
@@ -22,5 +22,4 @@ def mean_over_people(section: str, table: pl.DataFrame, condition: str, measure:
         n=of_people.size,
         unit="people",
         ci_level=mean.level,
-        note=note,
     )

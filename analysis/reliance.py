@@ -24,6 +24,7 @@ def rows(reliance: pl.DataFrame, episodes: pl.DataFrame, conditions: Sequence[st
         for phase in PHASES:
             chosen = shares.filter(pl.col("phase") == phase)
             if condition in chosen["condition"]:
-                of_phase = [mean_over_people("reliance", chosen, condition, name, phase) for name in RESPONSES]
-                found += of_phase
+                mine = chosen.filter(pl.col("condition") == condition)
+                rows_of_phase = {name: Result("reliance", name, condition=condition, note=phase) for name in RESPONSES}
+                found += [mean_over_people(mine, name, row) for name, row in rows_of_phase.items()]
     return found

@@ -7,7 +7,7 @@
 Only facts of the recordings count (tests/data, five classic kitchens, 150 ms a timestep): shares of timesteps without a
 key and with an interaction, collisions, soups, the rhythm of keys, and the likelihood of the recorded actions. Pairs of
 simulated participants are held against pairs of people. Every second recorded game is held out. What was tried is kept
-in --folder, and a search goes on from there.
+in --folder, and a search continues from there.
 """
 
 import argparse

@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from benchmarks.support import foresight_games
+from overcooked.layout import load_layout
+
 ROOT = Path(__file__).parent.parent.parent
 
 
@@ -39,9 +42,10 @@ def test_the_same_cell_gives_the_same_episodes_and_more_of_them_change_none(fore
 
 
 def test_conditions_share_people_seats_and_chance(foresight: ModuleType) -> None:
-    layout = foresight.load_layout("matrix")
+    layout = load_layout("matrix")
     begun = [
-        foresight._begun(layout, foresight.Cell("matrix", "sp", shown), range(5, 8), 1) for shown in ("none", "tom")
+        foresight_games._begun(layout, foresight.Cell("matrix", "sp", shown), range(5, 8), 1)
+        for shown in ("none", "tom")
     ]
     assert (begun[0].participants.minds == begun[1].participants.minds).all()
     assert (begun[0].uniforms == begun[1].uniforms).all()

@@ -120,7 +120,7 @@ def test_somebody_who_hammers_on_the_keys_is_taken_for_no_attacker(visitor: Brow
     page.evaluate(HAMMER)
     assert page.get_attribute(".game", "data-link") == "open"
     page.wait_for_function("(t) => Number(document.querySelector('.game').dataset.timestep) > t", arg=before)
-    assert page.is_visible(".game"), "the game goes on"
+    assert page.is_visible(".game"), "the game continues"
 
 
 def test_a_reload_and_a_second_tab_go_on_at_the_same_timestep(visitor: BrowserContext, server: RealServer) -> None:

@@ -13,7 +13,7 @@ from server.bots.foresight.beliefs import AHEAD
 from server.bots.foresight.kitchen_map import FAR
 
 NEVER: Final = 1e6
-_LONGEST_DETOUR: Final = 12  # ticks: rather than walk more, one waits until the partner goes on
+_LONGEST_DETOUR: Final = 12  # ticks: instead of walking more, one waits until the partner has moved
 _OPTIONS: Final = STAY + 1  # four moves and waiting
 _WAYS: Final = _OPTIONS**AHEAD
 

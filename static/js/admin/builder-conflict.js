@@ -5,7 +5,7 @@ import { find } from '../browser/dom.js';
 /** @typedef {import('./builder-saving.js').Theirs} Theirs */
 
 /**
- * Ask what to do. The answer is the text to go on with.
+ * Ask what to do. The answer is the text to continue with.
  * @param {Theirs} theirs
  * @param {string} mine
  * @returns {Promise<string>}

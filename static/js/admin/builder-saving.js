@@ -132,7 +132,7 @@ export class DraftSaving {
   }
 
   /**
-   * Go on after a conflict, on top of what the others have saved.
+   * Continue after a conflict, on top of what the others have saved.
    * @param {Theirs} theirs
    * @param {string} text
    */

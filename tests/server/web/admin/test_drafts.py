@@ -226,7 +226,7 @@ def test_a_study_is_opened_taken_part_in_changed_and_closed(site: Site, file: Pa
     assert "The study is closed" in researcher.post(f"/admin/drafts/{draft}/close", study="pilot").text
     assert Visitor(site).get("/s/pilot").status_code == 409
     assert "/s/pilot" not in Visitor(site).get("/").text
-    assert early.get("/s/pilot/now").status_code == 200, "who is in it goes on"
+    assert early.get("/s/pilot/now").status_code == 200, "participants who have begun continue"
     assert early.get("/s/pilot/withdraw").status_code == 200
     actions = [entry.action for entry in site.database.read_now(audit.entries)]
     assert [one for one in actions if "study" in one and "draft" not in one] == [

@@ -55,7 +55,7 @@ class Program:
         return self.page
 
     def answers(self) -> dict[str, Any]:
-        """An answer to every question; in the quiz each option in turn until the page goes on."""
+        """An answer to every question; in the quiz each option in turn until the next page comes."""
         given: dict[str, Any] = {}
         for one in self.page["form"]["fields"]:
             if one["type"] in ("choice", "multiple"):
