@@ -41,6 +41,7 @@ def upgrade() -> None:
     sa.Column('study', sa.String(length=128), nullable=False),
     sa.Column('study_id', sa.Integer(), nullable=False),
     sa.Column('draft_id', sa.Integer(), nullable=False),
+    sa.Column('draft_revision', sa.Integer(), nullable=False),
     sa.Column('opened_by', sa.String(length=128), nullable=False),
     sa.Column('opened_at', sa.DateTime(timezone=True), nullable=False),
     sa.Column('closed_by', sa.String(length=128), nullable=True),

@@ -22,6 +22,7 @@ log = logging.getLogger(__name__)
 MOST_BOTS: Final = 40
 WITHIN_S: Final = 1800.0
 _NICE: Final = 10
+_END_WITHIN_S: Final = 5.0
 _PROGRAM: Final = Path(__file__).parents[2] / "kitchenmind"
 _LONGEST_WORDS: Final = 4000
 
@@ -70,10 +71,13 @@ class Rehearsals:
         await ended(self._task)
 
     async def _run(self, rehearsal: Rehearsal, text: str, note: Note) -> None:
-        with tempfile.TemporaryDirectory(prefix="kitchenmind-rehearsal-") as folder:
-            file = Path(folder) / "draft.yaml"
-            file.write_text(text, encoding="utf-8")
-            status, said, told = await _bots(rehearsal.number, file)
+        try:
+            with tempfile.TemporaryDirectory(prefix="kitchenmind-rehearsal-") as folder:
+                file = Path(folder) / "draft.yaml"
+                file.write_text(text, encoding="utf-8")
+                status, said, told = await _bots(rehearsal.number, file)
+        except OSError as error:  # a full disk, too many processes
+            status, said, told = None, "", str(error)
         outcome: dict[str, Any] = {}
         with contextlib.suppress(ValueError):
             outcome = json.loads(said)
@@ -88,14 +92,13 @@ class Rehearsals:
 
 async def _bots(number: int, file: Path) -> tuple[int | None, str, str]:
     """Run the command; return its status and what it printed. It is ended if it takes too long, or with the server."""
-    words = (sys.executable, str(_PROGRAM), "bots", str(number), "--study", str(file), "--fast", "--json")
+    words = ("bots", str(number), "--study", str(file), "--fast", "--json")
     pipe = asyncio.subprocess.PIPE
     process = await asyncio.create_subprocess_exec(
-        *words,
+        *("nice", "-n", str(_NICE), sys.executable, str(_PROGRAM), *words),
         stdin=asyncio.subprocess.DEVNULL,
         stdout=pipe,
         stderr=pipe,
-        preexec_fn=_lower_priority,
         start_new_session=True,
     )
     try:
@@ -106,10 +109,16 @@ async def _bots(number: int, file: Path) -> tuple[int | None, str, str]:
         return None, "", f"the bots took more than {WITHIN_S / 60:.0f} minutes"
     finally:
         if process.returncode is None:
-            os.killpg(process.pid, signal.SIGTERM)  # and the server that it started
-            with contextlib.suppress(asyncio.CancelledError):
+            await _end(process)
+
+
+async def _end(process: asyncio.subprocess.Process) -> None:
+    """End the bots and the server that they started."""
+    for how in (signal.SIGTERM, signal.SIGKILL):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, how)
+        with contextlib.suppress(asyncio.CancelledError, TimeoutError):
+            async with asyncio.timeout(_END_WITHIN_S):
                 await process.communicate()
-
-
-def _lower_priority() -> None:
-    os.nice(_NICE)
+        if process.returncode is not None:
+            return

@@ -48,8 +48,8 @@ def _taken(file: StudyFile, served: Sequence[StudyFile]) -> Iterator[Problem]:
 
 
 def _foreign(file: StudyFile, served: Sequence[StudyFile]) -> Iterator[Problem]:
-    """A model that is a file, a Python class or an address runs or reads what it names: that is for those who may log
-    in on the server, and no right of an account in the dashboard."""
+    """A model that is a file, a Python class or an address runs or reads what it names: only people who may log in
+    on the server decide that, not accounts of the dashboard."""
     known = {without_variant(model) for one in served for _, _, model in models_named(one.study)}
     told = set()
     for place, _, model in models_named(file.study):

@@ -182,7 +182,7 @@ class StudyVersions:
             raise StudyError([f"{file.source}: {error}"]) from error
         self._prepared[file.sha256] = (await self._studies.add(database, file), file)
         self._files.append(file)
-        self._required = required
+        self._required = required_models(self._files)  # another version may have come while the models were loaded
 
     def open(self, version: ServedVersion) -> bool:
         """Serve a version that was prepared to those who come from now on. False: it was not prepared here."""
@@ -220,7 +220,7 @@ class StudyVersions:
         return ServedVersion(file.study.name, file.sha256, time.time()), self._prepared[file.sha256][0]
 
     async def serve_opened(self, database: Database) -> None:
-        """Serve the studies that were opened in the dashboard. One that cannot be served is said in the log."""
+        """Serve the studies that were opened in the dashboard. The log has those that cannot be served."""
         for one in await database.read(study_openings.needed):
             served = self._served.get(one.study)
             if one.study in self._from_files or one.sha256 in self._refused or (served and served.sha256 == one.sha256):
@@ -228,7 +228,8 @@ class StudyVersions:
             try:
                 await self.prepare(database, one.study, one.sha256)
             except (ValueError, OSError) as error:  # StudyError; a layout that a later version does not have any more
-                self._refused.add(one.sha256)
+                if not isinstance(error.__cause__, ModelsDown):  # that passes: it is tried again
+                    self._refused.add(one.sha256)
                 log.warning("%s, which %s opened, is not served: %s", one.study, one.opened_by, error)
             else:
                 self.open(ServedVersion(one.study, one.sha256, one.opened_at.timestamp()))

@@ -53,6 +53,7 @@ study_openings = Table(
     column("study", KEY, index=True, meaning="The study's name."),
     column("study_id", Integer, ForeignKey("studies.id"), meaning="The study version that new participants got."),
     column("draft_id", Integer, ForeignKey("study_drafts.id"), meaning="The draft that was opened."),
+    column("draft_revision", Integer, meaning="The draft's revision that was opened."),
     column("opened_by", KEY, meaning="The researcher who opened it."),
     time("opened_at", "When it was opened."),
     column("closed_by", KEY, nullable=True, meaning="Who closed it, or opened a newer version; none: it is open."),

@@ -137,14 +137,15 @@ def _keep(connection: Connection, draft: int, revision: int, text: DraftText) ->
     which the audit log has too."""
     now, here = datetime.now(UTC), study_draft_versions.c
     last = connection.execute(
-        select(here.id, here.author, here.note, here.revision, here.began_at)
+        select(here.id, here.author, here.note, here.source, here.began_at)
         .where(here.draft_id == draft, here.note == SET_ASIDE if text.note == SET_ASIDE else here.note != SET_ASIDE)
         .order_by(here.id.desc())
         .limit(1)
     ).first()
     same = last is not None and (last.author, last.note) == (text.author, text.note)
-    follows = text.note == EDITED or (text.note == SET_ASIDE and last is not None and last.revision == revision)
-    if last is not None and same and follows and now - last.began_at < ONE_SITTING:
+    if last is not None and same and text.note == SET_ASIDE and last.source == text.source:
+        return
+    if last is not None and same and text.note == EDITED and now - last.began_at < ONE_SITTING:
         values = {"revision": revision, "source": text.source, "saved_at": now}
         connection.execute(update(study_draft_versions).where(here.id == last.id).values(values))
         return

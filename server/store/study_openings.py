@@ -15,8 +15,8 @@ class StudyOpening:
     study: str
     study_id: int
     draft_id: int
+    draft_revision: int
     sha256: str
-    source: str
     opened_by: str
     opened_at: datetime
     closed_by: str | None
@@ -27,13 +27,14 @@ class StudyOpening:
         return self.closed_at is None
 
 
-def open_study(connection: Connection, version: tuple[str, int], draft: int, by: str) -> datetime:
-    """Let new participants into a version (the study's name, the number of the version) from now on; return when."""
-    name, study_id = version
+def open_study(connection: Connection, version: tuple[str, int], draft: tuple[int, int], by: str) -> datetime:
+    """Let new participants into a version (the study's name, the number of the version) from now on; return when.
+    `draft`: its number and revision."""
+    (name, study_id), (draft_id, revision) = version, draft
     now = datetime.now(UTC)
     close_study(connection, name, by)
-    row = {"study": name, "study_id": study_id, "draft_id": draft, "opened_by": by, "opened_at": now}
-    connection.execute(study_openings.insert().values(row))
+    row = {"study": name, "study_id": study_id, "draft_id": draft_id, "draft_revision": revision}
+    connection.execute(study_openings.insert().values(row | {"opened_by": by, "opened_at": now}))
     return now
 
 
@@ -47,10 +48,9 @@ def newest(connection: Connection) -> dict[str, StudyOpening]:
     """The newest opening of every study that was ever opened from a draft, by the study's name."""
     here, version = study_openings.c, studies.c
     last = select(func.max(here.id)).group_by(here.study)
-    columns = (here.study, here.study_id, here.draft_id, version.sha256, version.source, here.opened_by, here.opened_at)
-    query = select(*columns, here.closed_by, here.closed_at).join_from(
-        study_openings, studies, here.study_id == version.id
-    )
+    of_opening = (here.study, here.study_id, here.draft_id, here.draft_revision, version.sha256)
+    columns = (*of_opening, here.opened_by, here.opened_at, here.closed_by, here.closed_at)
+    query = select(*columns).join_from(study_openings, studies, here.study_id == version.id)
     rows = connection.execute(query.where(here.id.in_(last)).order_by(here.id))
     return {row.study: StudyOpening(*row) for row in rows}
 
@@ -77,4 +77,13 @@ def check_open(connection: Connection, name: str) -> None:
 
 def closed(connection: Connection) -> set[str]:
     """The names of the studies that were opened from a draft and take nobody new any more."""
-    return {name for name, one in newest(connection).items() if not one.is_open}
+    here = study_openings.c
+    last = select(func.max(here.id)).group_by(here.study)
+    query = select(here.study).where(here.id.in_(last), here.closed_at.is_not(None))
+    return set(connection.execute(query).scalars())
+
+
+def is_taken(connection: Connection, name: str, draft: int) -> bool:
+    """Whether another draft is open under this name."""
+    opened = newest(connection).get(name)
+    return opened is not None and opened.is_open and opened.draft_id != draft

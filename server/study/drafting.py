@@ -67,8 +67,8 @@ def changed(text: str, operation: Any) -> str:
     except (KeyError, TypeError, ValueError, IndexError, RecursionError) as error:
         if isinstance(error, YamlEditError | StudyError):
             raise
-        raise YamlEditError("this change is not understood. Reload the page.") from None
-    raise YamlEditError("this change is not known. Reload the page.")
+        raise YamlEditError("Invalid change. Reload the page.") from None
+    raise YamlEditError("Unknown change. Reload the page.")
 
 
 def _path(pieces: Any) -> Sequence[str | int]:

@@ -73,7 +73,7 @@ def _is_shallow(value: Any) -> bool:
 
 
 def _fits_literal(text: str) -> bool:
-    """Whether `|` can write it: the indentation is told by the first line, and blanks at line ends get lost."""
+    """Whether `|` can write it: the first line sets the indentation, and blanks at line ends get lost."""
     return not text.startswith((" ", "\n", "\t")) and bool(text.strip())
 
 

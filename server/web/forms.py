@@ -110,5 +110,13 @@ def first(form: Form, name: str) -> str:
     return form.get(name, [""])[0]
 
 
+def whole_number(form: Form, name: str) -> int:
+    """The field as a number from 0 on. Answers 400 for anything else."""
+    text = first(form, name)
+    if not (text.isascii() and text.isdigit() and len(text) < 10):
+        raise HTTPException(400, f"the form lacks its {name}")
+    return int(text)
+
+
 def _newlines(value: str) -> str:
     return value.replace("\r\n", "\n").replace("\r", "\n")

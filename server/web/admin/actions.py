@@ -27,7 +27,7 @@ from server.web import deletion
 from server.web.admin.rendering import back_to, own_path, study_at
 from server.web.admin.researcher_auth import ActDep, AdminFormDep
 from server.web.dependencies import Web, WebDep
-from server.web.forms import Form, first
+from server.web.forms import Form, first, whole_number
 from server.web.services import ServicesDep
 
 log = logging.getLogger(__name__)
@@ -161,7 +161,7 @@ async def decide(
             await web.database.write(decisions.exclude, person.id, None, why, admin.name)
             detail["reason"], said = ": ".join(filter(None, why)), "excluded"
         case "restore":
-            detail["exclusion"] = number = _number(form, "exclusion")
+            detail["exclusion"] = number = whole_number(form, "exclusion")
             held = [one.id for one in await web.database.read(decisions.exclusions_of, [person.id])]
             done = number in held and await web.database.write(decisions.restore, number, admin.name)
             said = "restored" if done else "gone"
@@ -220,15 +220,8 @@ def _why(form: Form) -> tuple[str, str]:
     return reason, _text(form, "note")
 
 
-def _number(form: Form, name: str) -> int:
-    text = first(form, name)
-    if not (text.isascii() and text.isdigit() and len(text) < 10):
-        raise HTTPException(400, f"the form lacks its {name}")
-    return int(text)
-
-
 def _minutes(form: Form) -> int:
-    minutes = _number(form, "minutes")
+    minutes = whole_number(form, "minutes")
     if not 1 <= minutes <= MOST_MINUTES:
         raise HTTPException(400, f"give 1 to {MOST_MINUTES} minutes")
     return minutes

@@ -23,11 +23,12 @@ from server.web.admin.actions import OPEN_WITHIN_S, VERSION_WITHIN_S
 from server.web.admin.draft_pages import DraftDep, DraftFormDep, GridsDep
 from server.web.admin.rendering import back_to
 from server.web.admin.researcher_auth import AdminFormDep, OwnDep
-from server.web.forms import first
+from server.web.forms import first, whole_number
 from server.web.services import Services, ServicesDep
 
 log = logging.getLogger(__name__)
 router = APIRouter(prefix="/admin/drafts/{draft}")
+LARGEST_OPERATION: Final = 100_000
 NOTES: Final = ("edited", "merged")
 
 
@@ -47,12 +48,16 @@ async def look(
 ) -> Response:
     """Apply a change from the form to a text, and say what is in the text and what is wrong with it. Stores nothing."""
     text, operation = _text(form), first(form, "operation")
+    if len(operation) > LARGEST_OPERATION:
+        raise HTTPException(413, f"a change from the form has at most {LARGEST_OPERATION:,} characters")
     refused = ""
     if operation:
         try:
             text = await asyncio.to_thread(drafting.changed, text, json.loads(operation))
         except (ValueError, RecursionError) as error:  # also YamlEditError, StudyError and JSONDecodeError
-            refused = str(error) if isinstance(error, YamlEditError | StudyError) else "This change is not understood."
+            refused = (
+                str(error) if isinstance(error, YamlEditError | StudyError) else "Invalid change. Reload the page."
+            )
     view = await asyncio.to_thread(_viewed, text, services, grids)
     return JSONResponse(view | {"text": text, "refused": refused})
 
@@ -84,14 +89,12 @@ async def markdown(admin: OwnDep, services: ServicesDep, form: DraftFormDep) -> 
 async def save(admin: OwnDep, services: ServicesDep, draft: DraftDep, form: DraftFormDep) -> Response:
     """Save a text on top of the revision that it is based on. 409: somebody else has saved since; both texts are
     kept."""
-    source, revision = _text(form), first(form, "revision")
-    if not (revision.isascii() and revision.isdigit() and len(revision) < 10):
-        raise HTTPException(400, "the form lacks its revision")
+    source, revision = _text(form), whole_number(form, "revision")
     note = first(form, "note") or NOTES[0]
     if note not in NOTES:
         raise HTTPException(400, "unknown note")
     name = await asyncio.to_thread(drafting.named, source) or draft.name
-    text = DraftText(admin.name, source, name, int(revision), note)
+    text = DraftText(admin.name, source, name, revision, note)
     saved = await services.web.database.write(study_drafts.save, draft.id, text)
     if isinstance(saved, DraftConflict):
         newest = saved.newest
@@ -127,8 +130,7 @@ async def open_study(
     if not all(problem.warning for problem in found):
         return back_to(back, "draft_faulty")
     name = file.study.name
-    opened = (await web.database.read(study_openings.newest)).get(name)
-    if opened is not None and opened.draft_id != draft.id and opened.is_open:
+    if await web.database.read(study_openings.is_taken, name, draft.id):
         return back_to(back, "draft_name_taken")
     try:
         version, number = await versions.prepare_draft(web.database, file)
@@ -139,15 +141,20 @@ async def open_study(
         log.warning("the draft %d is not opened: not every server process is ready for it", draft.id)
         return back_to(back, "draft_refused")
     at = await asyncio.shield(web.database.write(_open, draft, (name, number, version.sha256), admin.name))
+    if at is None:
+        return back_to(back, "draft_name_taken")
     versions.open(replace(version, opened_at=at))
     await services.control.run_in_each(OpenVersion(name, version.sha256, at), OPEN_WITHIN_S)
     return back_to(back, "draft_opened")
 
 
-def _open(connection: Connection, draft: StudyDraft, version: tuple[str, int, str], by: str) -> float:
-    """Store that a version is open, with its line in the audit log; return when, in Unix seconds."""
+def _open(connection: Connection, draft: StudyDraft, version: tuple[str, int, str], by: str) -> float | None:
+    """Store that a version is open, with its line in the audit log; return when, in Unix seconds. None: meanwhile the
+    draft was deleted, or another one was opened under this name."""
     name, number, sha256 = version
-    at = study_openings.open_study(connection, (name, number), draft.id, by)
+    if study_openings.is_taken(connection, name, draft.id) or study_drafts.get(connection, draft.id) is None:
+        return None
+    at = study_openings.open_study(connection, (name, number), (draft.id, draft.revision), by)
     detail = {"study": name, "draft": draft.id, "revision": draft.revision, "version": sha256}
     audit.add(connection, by, "open study", detail)
     return at.timestamp()

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 from jinja2.utils import htmlsafe_json_dumps
+from sqlalchemy import Connection
 
 from server.participation.draft_checks import known_names
 from server.participation.own_kitchens import with_own_kitchens
@@ -20,7 +21,7 @@ from server.study.schema import study_schema
 from server.web.admin.rendering import AdminPage, back_to
 from server.web.admin.researcher_auth import AdminFormDep, OwnDep, form_session
 from server.web.dependencies import WebDep
-from server.web.forms import Form, first, read_form
+from server.web.forms import Form, first, read_form, whole_number
 from server.web.services import ServicesDep
 
 router = APIRouter(prefix="/admin/drafts")
@@ -55,8 +56,12 @@ GridsDep = Annotated[Mapping[str, str], Depends(kitchen_grids)]
 
 async def draft_with_kitchens(draft: Annotated[StudyDraft, Depends(draft_at)], grids: GridsDep) -> StudyDraft:
     """The draft with the grids of these kitchens in its text, as it would be opened."""
-    file = (await asyncio.to_thread(view, draft.source)).file
-    return draft if file is None else replace(draft, source=with_own_kitchens(file, lambda: grids).text)
+    return replace(draft, source=await asyncio.to_thread(_whole, draft.source, grids))
+
+
+def _whole(source: str, grids: Mapping[str, str]) -> str:
+    file = view(source).file
+    return source if file is None else with_own_kitchens(file, lambda: grids).text
 
 
 async def _draft_form(request: Request, web: WebDep) -> Form:
@@ -89,7 +94,7 @@ def state_of(draft: StudyDraft, opened: dict[str, study_openings.StudyOpening]) 
     of_draft = [one for one in opened.values() if one.draft_id == draft.id]
     current = [one for one in of_draft if one.is_open]
     if current:
-        return "open" if current[-1].source == draft.source else "changed"
+        return "open" if current[-1].draft_revision == draft.revision else "changed"
     return "closed" if of_draft else "draft"
 
 
@@ -119,7 +124,8 @@ async def create(request: Request, admin: OwnDep, services: ServicesDep, form: A
         wrong = f"There is a study {name!r} on this server. Choose another name."
     if wrong:
         return _new_page(request, admin, given, wrong)
-    text = from_template((ROOT / "studies" / f"{given['template']}.yaml").read_text("utf-8"), name, title)
+    template = (ROOT / "studies" / f"{given['template']}.yaml").read_text("utf-8")
+    text = await asyncio.to_thread(from_template, template, name, title)
     made = DraftText(admin.name, text, name, note="created")
     number = await services.web.database.write(study_drafts.create, made)
     return back_to(f"/admin/drafts/{number}")
@@ -130,7 +136,7 @@ async def editor(request: Request, admin: OwnDep, web: WebDep, draft: DraftDep, 
     """The form on the left, the YAML on the right."""
     opened = await web.database.read(study_openings.newest)
     paused = await web.database.read(decisions.paused_studies)
-    mine = next((one for one in opened.values() if one.draft_id == draft.id and one.is_open), None)
+    mine = next((one for one in reversed(opened.values()) if one.draft_id == draft.id and one.is_open), None)
     state = state_of(draft, opened)
     about: dict[str, Any] = {
         "id": draft.id,
@@ -175,12 +181,11 @@ async def earlier(request: Request, number: int, admin: OwnDep, web: WebDep, dra
 @router.post("/{draft}/restore")
 async def restore(admin: OwnDep, web: WebDep, draft: DraftDep, form: AdminFormDep) -> Response:
     """Make a text of the history the newest; the one that was the newest stays in the history."""
-    number = first(form, "version")
-    is_number = number.isascii() and number.isdigit() and len(number) < 10
-    found = await web.database.read(study_drafts.version, draft.id, int(number)) if is_number else None
+    found = await web.database.read(study_drafts.version, draft.id, whole_number(form, "version"))
     if found is None:
         raise HTTPException(404, "there is no such text in the history of this draft")
-    text = DraftText(admin.name, found.source, named(found.source) or draft.name, draft.revision, "restored")
+    name = await asyncio.to_thread(named, found.source) or draft.name
+    text = DraftText(admin.name, found.source, name, draft.revision, "restored")
     saved = await web.database.write(study_drafts.save, draft.id, text)
     done = isinstance(saved, StudyDraft)
     return back_to(f"/admin/drafts/{draft.id}", "draft_restored" if done else "draft_conflict")
@@ -189,9 +194,15 @@ async def restore(admin: OwnDep, web: WebDep, draft: DraftDep, form: AdminFormDe
 @router.post("/{draft}/delete")
 async def delete(admin: OwnDep, web: WebDep, draft: DraftDep, form: AdminFormDep) -> Response:  # noqa: ARG001
     """Delete the draft, unless a study that was opened from it is open."""
-    opened = await web.database.read(study_openings.newest)
-    if any(one.draft_id == draft.id and one.is_open for one in opened.values()):
+    if not await asyncio.shield(web.database.write(_delete, draft, admin.name)):
         return back_to(f"/admin/drafts/{draft.id}", "draft_is_open")
-    await web.database.write(study_drafts.delete, draft.id)
-    await web.database.write(audit.add, admin.name, "study draft deleted", {"draft": draft.id, "study": draft.name})
     return back_to("/admin/drafts", "draft_deleted")
+
+
+def _delete(connection: Connection, draft: StudyDraft, by: str) -> bool:
+    """Delete a draft with its line in the audit log. False: a study that was opened from it is open."""
+    if any(one.draft_id == draft.id and one.is_open for one in study_openings.newest(connection).values()):
+        return False
+    study_drafts.delete(connection, draft.id)
+    audit.add(connection, by, "study draft deleted", {"draft": draft.id, "study": draft.name})
+    return True

@@ -1,5 +1,6 @@
 """Routes that show a draft as its participants see it, page by page. Nothing is stored, and no game runs."""
 
+import asyncio
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any, Final
@@ -65,8 +66,7 @@ def _studied(draft: StudyDraft) -> Study:
     return view.file.study.model_copy(update={"entry": _ANY_DEVICE})
 
 
-def _place(draft: StudyDraft, condition: str, language: str) -> PreviewPlace:
-    study = _studied(draft)
+def _place(study: Study, condition: str, language: str) -> PreviewPlace:
     if condition not in {one.name for one in study.conditions} or language not in study.languages:
         raise HTTPException(404, "the draft has no such condition or language any more")
     participant = PreviewPlace(study, condition, language, ()).participant(0)
@@ -76,8 +76,8 @@ def _place(draft: StudyDraft, condition: str, language: str) -> PreviewPlace:
 @router.get("")
 async def overview(request: Request, admin: OwnDep, draft: WholeDraftDep) -> Response:
     """The steps of each condition, each with a link to its page."""
-    study = _studied(draft)
-    ways = {one.name: _place(draft, one.name, study.languages[0]).way for one in study.conditions}
+    study = await asyncio.to_thread(_studied, draft)
+    ways = {one.name: _place(study, one.name, study.languages[0]).way for one in study.conditions}
     page = AdminPage(request, admin)
     return page.render("draft_preview.html", tab="drafts", draft=draft, previewed=study, ways=ways)
 
@@ -92,7 +92,7 @@ async def step(
     draft: WholeDraftDep,
 ) -> Response:
     """One page as a participant in the condition sees it."""
-    place = _place(draft, condition, language)
+    place = _place(await asyncio.to_thread(_studied, draft), condition, language)
     number = _number(position)
     if number >= len(place.way):
         raise HTTPException(404, "the draft has no such step any more")
@@ -144,7 +144,7 @@ def _page(request: Request, draft: StudyDraft, place: PreviewPlace, number: int)
 
 @router.get("/{condition}/{language}/{position}/{what}")
 @router.post("/{condition}/{language}/{position}/{what}")
-async def go_on(
+async def next_page(
     condition: str,
     language: str,
     position: str,
@@ -154,7 +154,7 @@ async def go_on(
 ) -> Response:
     """What a page of the preview sends leads to the next page; nothing of it is read."""
     here = f"/admin/drafts/{draft.id}/preview/{condition}/{language}"
-    way = _place(draft, condition, language).way
+    way = _place(await asyncio.to_thread(_studied, draft), condition, language).way
     number = _number(position)
     follows = number + 1 if what in ("now", "consent") else number
     return back_to(f"{here}/{min(follows, len(way) - 1) if follows >= 0 else CONSENT}")

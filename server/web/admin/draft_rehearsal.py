@@ -1,19 +1,21 @@
 """Routes that let simulated participants walk through a draft."""
 
 import asyncio
+from dataclasses import replace
 from functools import partial
 
 from fastapi import APIRouter, HTTPException, Request, Response
 
 from server.monitoring.rehearsals import MOST_BOTS, Rehearsal
+from server.participation.draft_checks import draft_problems
 from server.store import audit
 from server.store.database import Database
 from server.study import drafting
 from server.web.admin.draft_pages import DraftDep, WholeDraftDep
 from server.web.admin.rendering import AdminPage, back_to
 from server.web.admin.researcher_auth import AdminFormDep, OwnDep
-from server.web.forms import first
-from server.web.services import ServicesDep
+from server.web.forms import whole_number
+from server.web.services import Services, ServicesDep
 
 router = APIRouter(prefix="/admin/drafts/{draft}/bots")
 
@@ -29,18 +31,25 @@ async def outcome(request: Request, admin: OwnDep, services: ServicesDep, draft:
 @router.post("")
 async def start(admin: OwnDep, services: ServicesDep, draft: WholeDraftDep, form: AdminFormDep) -> Response:
     """Begin a rehearsal, unless one is running or somebody plays here: bots would take the time of their games."""
-    words, here = first(form, "number"), f"/admin/drafts/{draft.id}/bots"
-    if not (words.isascii() and words.isdigit() and 1 <= int(words[:4]) <= MOST_BOTS):
+    number, here = whole_number(form, "number"), f"/admin/drafts/{draft.id}/bots"
+    if not 1 <= number <= MOST_BOTS:
         raise HTTPException(400, f"give 1 to {MOST_BOTS} simulated participants")
     if len(services.games):
         return back_to(here, "bots_players")
-    view = await asyncio.to_thread(drafting.view, draft.source)
-    if view.file is None:
+    if not await asyncio.to_thread(_can_be_opened, draft.source, services):
         return back_to(f"/admin/drafts/{draft.id}", "draft_faulty")
-    rehearsal = Rehearsal(draft.id, draft.revision, int(words), admin.name)
+    rehearsal = Rehearsal(draft.id, draft.revision, number, admin.name)
     if not services.rehearsals.start(rehearsal, draft.source, partial(_note, services.web.database)):
         return back_to(here, "bots_busy")
     return back_to(here)
+
+
+def _can_be_opened(source: str, services: Services) -> bool:
+    """Whether the draft has no errors. The bots' server loads its models: a file, a class or an address that the draft
+    may not name is an error, too."""
+    file, versions = drafting.view(source).file, services.versions
+    found = [] if file is None else draft_problems(replace(file, folder=versions.folder), versions.of_files())
+    return file is not None and all(problem.warning for problem in found)
 
 
 async def _note(database: Database, over: Rehearsal) -> None:

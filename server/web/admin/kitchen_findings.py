@@ -1,4 +1,4 @@
-"""What the kitchen editor is told of a grid: errors with their place, what can be reached, models, planners' points."""
+"""What the kitchen editor shows of a grid: errors with their place, what can be reached, models, planners' points."""
 
 import asyncio
 import json
@@ -73,7 +73,7 @@ def _models(layout: Layout) -> dict[str, Any]:
 
 async def trial(text: str) -> dict[str, Any]:
     """Return the points of two planners and how often they block each other. One at a time; the games do not notice,
-    as it runs in a process that waits for them. Answers 400 for a grid that is none, 503 if another one is tried."""
+    as it runs in a process that waits for them. Answers 400 for an invalid grid, 503 if another one is tried."""
     try:
         layout = parse_layout(text, _DRAWING)
     except LayoutError as error:

@@ -18,7 +18,7 @@ from server.web.admin import kitchen_findings
 from server.web.admin.rendering import AdminPage, back_to
 from server.web.admin.researcher_auth import AdminFormDep, OwnDep
 from server.web.dependencies import Web, WebDep
-from server.web.forms import Form, first
+from server.web.forms import Form, first, whole_number
 
 router = APIRouter(prefix="/admin")
 NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,39}")
@@ -83,13 +83,11 @@ async def try_kitchen(admin: OwnDep, form: AdminFormDep) -> dict[str, Any]:  # n
 @router.post("/kitchens/save")
 async def save_kitchen(admin: OwnDep, web: WebDep, form: AdminFormDep) -> Response:
     """Store a new version. Answers 409 where somebody else stored one in the meantime, or a study plays in it."""
-    name, opened = first(form, "name").strip(), first(form, "version")
+    name, opened = first(form, "name").strip(), whole_number(form, "version")
     if NAME.fullmatch(name) is None:
         raise HTTPException(400, "A name has small letters, digits and _, begins with a letter and has at most 40")
     if name in layout_names() or name in OTHER_NAMES:
         raise HTTPException(400, f"{name} is the name of a bundled kitchen. Give your kitchen another name")
-    if not (opened.isascii() and opened.isdigit() and len(opened) < 10):
-        raise HTTPException(400, "the form lacks its version")
     try:
         layout = parse_layout(_grid(form), name)
     except LayoutError as error:
@@ -97,7 +95,7 @@ async def save_kitchen(admin: OwnDep, web: WebDep, form: AdminFormDep) -> Respon
     if (busy := _bound(web, name, layout.text)) is not None:
         return JSONResponse({"detail": f"{busy} Save the change under another name."}, 409)
     try:
-        saved = await _stored(web, admin.name, name, layout.text, int(opened))
+        saved = await _stored(web, admin.name, name, layout.text, opened)
     except KitchenConflict as conflict:
         return JSONResponse({"detail": str(conflict), "newest": conflict.newest.version}, 409)
     return JSONResponse({"name": saved.name, "version": saved.version})

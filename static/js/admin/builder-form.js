@@ -54,7 +54,7 @@ export class DraftForm {
    */
   show(values, problems) {
     this.place.inert = values === null;
-    const words = values === null ? 'waits until the YAML can be read again' : 'grey: what holds if a field is empty';
+    const words = values === null ? 'correct the YAML to use the form' : 'grey: the default of an empty field';
     find('#form-note', HTMLElement).textContent = words;
     if (values === null) return;
     this.values = values;

@@ -10,6 +10,7 @@
 const LOOK_AFTER_MS = 250; // of no typing in the YAML
 const RETRY_MS = 1500;
 const MOST_UNDONE = 200;
+const NEVER = new Set([400, 413, 422, 500]); // answers that a second try does not change
 
 export class DraftSession {
   /**
@@ -90,7 +91,8 @@ export class DraftSession {
       const { status, body } = await this.requests.post('look', fields);
       if (status !== 200) {
         this.mustLook = true;
-        this.on.refused(status === 413 ? body.detail : '');
+        this.on.refused(body?.detail ?? 'No connection: your last change is not saved yet. Keep this page open.');
+        if (operation && NEVER.has(status)) this.operations.shift();
         await new Promise((done) => setTimeout(done, RETRY_MS));
       } else this.take(body, from, operation);
     }

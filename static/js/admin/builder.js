@@ -33,6 +33,9 @@ const session = new DraftSession(requests, about.source, {
   text(text) {
     pane.show(text);
     saving.put(text);
+    addEventListener('beforeunload', (event) => {
+      if (session.operations.length > 0) event.preventDefault(); // changes of the form that are not in the text yet
+    });
     find('#undo', HTMLButtonElement).disabled = session.before.length === 0;
   },
   view(view) {
@@ -81,7 +84,9 @@ function suggestions(path, values) {
  */
 async function settle(theirs, mine) {
   const text = await askForText(theirs, mine);
-  if (text === theirs.text) await requests.post('aside', { text: mine });
+  if (text === theirs.text && (await requests.post('aside', { text: mine })).status !== 200) {
+    return settle(theirs, mine); // not kept anywhere yet: ask again
+  }
   await saving.resolve(theirs, text);
   session.typed(text);
 }
@@ -126,7 +131,7 @@ pane.show(about.source);
 const kept = saving.kept();
 if (kept && kept.revision === about.revision) {
   session.typed(kept.text);
-  find('#spoken', HTMLElement).textContent = 'What this browser had not saved is here again.';
+  find('#spoken', HTMLElement).textContent = 'Unsaved changes from this browser were restored.';
 } else if (kept) {
   saving.text = kept.text;
   saving.stop({ revision: about.revision, text: about.source, author: 'Somebody' });

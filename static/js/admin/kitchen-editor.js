@@ -248,10 +248,15 @@ async function save() {
   const { status, data } = await post('kitchens/save', { name, grid: rows, version: String(opened) });
   button.disabled = false;
   if (status === 200) {
-    local.removeItem(draftKey);
-    if (name !== start.name || rows !== list.now.join('\n')) window.location.assign(`${root}/admin/kitchen/${name}`);
+    const isNewName = name !== start.name;
     version = data.version;
     note('');
+    if (rows !== list.now.join('\n')) {
+      start.name = name; // drawn while it was saved: the next version of the same kitchen
+      return keep();
+    }
+    local.removeItem(draftKey);
+    if (isNewName) return window.location.assign(`${root}/admin/kitchen/${name}`);
     find('#saved', HTMLElement).textContent = `Saved as version ${version}`;
   } else if (status === 409 && data.newest) {
     const other = make('a', { text: `Look at version ${data.newest}`, href: `${root}/admin/kitchen/${name}` });

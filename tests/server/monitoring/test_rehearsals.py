@@ -58,6 +58,15 @@ def test_a_command_that_fails_is_told_with_its_words(monkeypatch: pytest.MonkeyP
     assert "status 3" in rehearsed()[0].failure
 
 
+def test_a_process_that_cannot_be_started_is_a_failure_with_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def refuse(number: int, file: Path) -> tuple[int | None, str, str]:
+        raise OSError("no more processes")
+
+    monkeypatch.setattr(rehearsals, "_bots", refuse)
+    found, noted = rehearsed()
+    assert (found.is_running, found.failure, noted) == (False, "no more processes", [found])
+
+
 def test_the_command_ends_with_the_server(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     here = tmp_path / "pid"
     code = f"Path({str(here)!r}).with_suffix('.new').write_text(json.dumps(os.getpid()))\n"

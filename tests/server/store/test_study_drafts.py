@@ -52,7 +52,7 @@ def test_who_saves_on_top_of_an_older_revision_hears_of_it_and_loses_nothing(dat
     saved(database, draft, "mara", "hers, later", 2)
     assert isinstance(saved(database, draft, "ben", "his, of another conflict", 2), DraftConflict)
     set_aside = [source for _, note, source in texts(database, draft) if note == "set aside"]
-    assert set_aside == ["his, of another conflict", "his, again"], "one line for each conflict"
+    assert set_aside == ["his, of another conflict", "his, again", "his"], "each text of each conflict"
     merged = saved(database, draft, "mara", "both", 3, "merged")
     assert isinstance(merged, StudyDraft)
     assert {"hers, later", "both"} <= {source for _, _, source in texts(database, draft)}
@@ -87,9 +87,9 @@ def test_a_study_is_open_until_it_is_closed_and_can_be_opened_again(database: Da
     draft = begun(database)
     one, two = (database.write_now(studies.register, "one", text) for text in ("first", "second"))
     for version in (one, two):
-        database.write_now(study_openings.open_study, ("one", version.id), draft, "mara")
+        database.write_now(study_openings.open_study, ("one", version.id), (draft, 1), "mara")
     newest = database.read_now(study_openings.newest)["one"]
-    assert (newest.sha256, newest.source, newest.is_open) == (two.sha256, "second", True)
+    assert (newest.sha256, newest.draft_revision, newest.is_open) == (two.sha256, 1, True)
     assert database.read_now(study_openings.closed) == set()
     assert database.write_now(study_openings.close_study, "one", "ben")
     assert not database.write_now(study_openings.close_study, "one", "ben")
@@ -97,6 +97,6 @@ def test_a_study_is_open_until_it_is_closed_and_can_be_opened_again(database: Da
     assert database.read_now(study_openings.needed) == []
     with pytest.raises(StudyClosed):
         database.read_now(study_openings.check_open, "one")
-    database.write_now(study_openings.open_study, ("one", two.id), draft, "ben")
+    database.write_now(study_openings.open_study, ("one", two.id), (draft, 1), "ben")
     database.read_now(study_openings.check_open, "one")
     assert [each.study for each in database.read_now(study_openings.needed)] == ["one"]

@@ -18,7 +18,7 @@ from server.monitoring.rehearsals import Rehearsals
 from server.participation.served_studies import Studies
 from server.participation.study_versions import StudyVersions
 from server.settings import Settings
-from server.store import audit, kitchens, participants, studies, study_drafts
+from server.store import audit, kitchens, participants, studies, study_drafts, study_openings
 from server.store.database import Database
 from server.study.loader import load_study
 from server.web.admin import draft_routes
@@ -249,6 +249,7 @@ def test_a_draft_may_name_a_kitchen_of_the_dashboard_and_is_opened_with_its_grid
     assert researcher.get(f"/admin/drafts/{draft}/preview").status_code == 200
     assert "The study is open" in opened(researcher, draft, 3)
     assert "grid" not in source(site, draft)
+    assert "Open, changed since" not in researcher.get("/admin/drafts").text
     (version,) = (one for one in site.database.read_now(studies.every, "pilot"))
     assert grid.splitlines()[1] in version.source
 
@@ -307,6 +308,39 @@ def test_a_draft_names_no_file_class_or_address_of_the_server(site: Site, model:
     assert any("Name a bundled agent" in one["text"] for one in view["problems"]), view["problems"]
     asked(researcher, draft, "save", text=changed, revision="2")
     assert "correct what the list of problems says" in opened(researcher, draft, 3)
+    rehearsed = researcher.post(f"/admin/drafts/{draft}/bots", number="1")
+    assert "correct what the list of problems says" in rehearsed.text, "its bots would load the model"
+    assert site.services.rehearsals.of(draft) is None
+
+
+@pytest.mark.parametrize("number", ["0", "41", "00062000", "1" * 5000, "-1", "x"])
+def test_a_rehearsal_has_at_most_forty_bots(site: Site, number: str) -> None:
+    researcher = signed_in(site, "own")
+    draft = begun(site, researcher)
+    assert researcher.post(f"/admin/drafts/{draft}/bots", number=number).status_code == 400
+    assert site.services.rehearsals.of(draft) is None
+
+
+def test_a_name_that_was_taken_while_the_models_were_loaded_stays_with_the_first(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    researcher = signed_in(site, "own")
+    one, two = begun(site, researcher), begun(site, researcher, name="other")
+    text = source(site, two).replace("name: other", "name: pilot")
+    asked(researcher, two, "save", text=text, revision="2")
+    taken = study_openings.is_taken
+    monkeypatch.setattr(study_openings, "is_taken", lambda connection, *names: False)  # the first look
+    prepare = site.services.versions.prepare_draft
+
+    async def meanwhile(database: Database, file: Any) -> Any:
+        made = await prepare(database, file)
+        database.write_now(study_openings.open_study, ("pilot", made[1]), (one, 2), "ben")
+        monkeypatch.setattr(study_openings, "is_taken", taken)
+        return made
+
+    monkeypatch.setattr(site.services.versions, "prepare_draft", meanwhile)
+    assert "another draft with this name is open" in opened(researcher, two, 3)
+    assert site.database.read_now(study_openings.newest)["pilot"].draft_id == one
 
 
 def test_an_open_study_is_closed_before_its_draft_is_deleted(site: Site) -> None:
