@@ -36,9 +36,10 @@ class Traits:
     follows_arrows: bool
     cook: CookName  # how it plays
     mood: float  # added to every rating
+    tick_ms: float = 200.0  # how long a timestep of the study lasts for a person, also where bots play it faster
 
     @classmethod
-    def drawn(cls, seed: int, cook: CookName = "foresight", follow: float = 0.7) -> "Traits":
+    def drawn(cls, seed: int, cook: CookName = "foresight", follow: float = 0.7, tick_ms: float = 200.0) -> "Traits":
         """`follow`: the share of planners and clones that reads the arrows; the others judge them by experience."""
         chance = Random(f"traits {seed}")  # noqa: S311 - a seed makes a run repeatable
         return cls(
@@ -48,6 +49,7 @@ class Traits:
             follows_arrows=chance.random() < follow,
             cook=cook,
             mood=chance.gauss(0, 0.7),
+            tick_ms=tick_ms,
         )
 
 

@@ -162,6 +162,7 @@ def _habits(crowd: Crowd, number: int) -> Habits:
         browser_faults=crowd.browser_faults,
         secret=crowd.secret,
         cook=crowd.cook,
+        tick_ms=200.0 if crowd.study is None else crowd.study.game.tick_ms,
     )
 
 

@@ -30,6 +30,7 @@ class Habits:
     simulated: bool = True
     secret: str = ""  # of a public server, which believes nobody else that a bot comes
     cook: CookName = "foresight"  # how it plays
+    tick_ms: float = 200.0  # of the study
 
 
 class Bot:
@@ -39,7 +40,7 @@ class Bot:
         self.journal = Journal()
         self.dropped = False
         self._habits = habits or Habits()
-        self._traits = Traits.drawn(seed, self._habits.cook)
+        self._traits = Traits.drawn(seed, self._habits.cook, tick_ms=self._habits.tick_ms)
         self._respondent = Respondent(self._traits, self._habits.known)
         self._chance = Random(f"habits {seed}")  # noqa: S311 - a seed makes a run repeatable
         self._client = StudyClient(

@@ -205,7 +205,8 @@ RELIANCE = ExportTable(
         EPISODE,
         text(
             "phase",
-            "before: the participant had seen no wrong mark in the study (`ticks.misleading`); after: from then on.",
+            "before: up to and including the first timestep with a wrong mark in the study (`ticks.misleading`); "
+            "after: from then on.",
         ),
         Column(
             "near",

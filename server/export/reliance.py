@@ -64,9 +64,10 @@ def counted(
     """Return the responses of one episode by phase, and whether its participant has seen a wrong mark by its end."""
     phases: dict[str, Counter[str]] = {BEFORE: Counter(), AFTER: Counter()}
     for record, response in responses(spec, records):
-        was_misled = was_misled or (record.misleading is True and record.displayed[0][0] != NOTHING_SHOWN)
         if response:
             phases[AFTER if was_misled else BEFORE][response] += 1
+        # Only now: nobody knows yet that the first wrong mark is wrong.
+        was_misled = was_misled or (record.misleading is True and record.displayed[0][0] != NOTHING_SHOWN)
     return phases, was_misled
 
 

@@ -17,7 +17,7 @@ class ForesightCook(Cook):
 
     def __init__(self, layout: Layout, seat: int, traits: Traits, episode_seed: int) -> None:
         super().__init__(layout, seat, traits, episode_seed)
-        mind = person(traits.seed, seat, Variant(credulous=traits.cook == "credulous"))
+        mind = person(traits.seed, seat, Variant(credulous=traits.cook == "credulous"), traits.tick_ms)
         mind["seed"] = (traits.seed ^ episode_seed) & (2**63 - 1)  # the same person, another game
         self._participant = SimulatedParticipants(layout, [mind])
         self._last = (-1, STAY)  # timestep, action

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+MOST_DELAY: Final = 14  # timesteps; two fewer than the frames that a participant remembers (beliefs.FRAMES)
 TICK_MS: Final = 200.0  # the platform's timestep; recorded games of people have 150 ms
 ARROWS: Final = 3  # how many predicted actions a page shows
 
@@ -93,7 +94,7 @@ def person(seed: int, seat: int, variant: Variant, tick_ms: float = TICK_MS) -> 
     drawn: dict[str, Any] = {
         "seed": seed & (2**63 - 1),
         "seat": seat,
-        "delay": variant.delay if variant.delay is not None else max(1, round(delay / tick_ms)),
+        "delay": variant.delay if variant.delay is not None else min(MOST_DELAY, max(1, round(delay / tick_ms))),
         "repeats": chance.random() < 0.5,
         "credulous": variant.credulous,
         "act_after_action": min(0.97, made.act_after_action * pace * tick_s),

@@ -190,7 +190,7 @@ export class InputPacer {
     this.waiting = {
       held,
       taps: tap === null ? others : [...others, tap],
-      marks: marks === undefined ? asked : [...asked, marks].slice(-2),
+      marks: marks === undefined ? asked : fewer([...asked, marks]),
     };
   }
 
@@ -212,4 +212,13 @@ export class InputPacer {
     this.waiting = null;
     return waited;
   }
+}
+
+/**
+ * At most two presses of the key that asks for the marks, each with its release. What is left out is two presses: those
+ * turn a toggle to and back.
+ * @param {boolean[]} marks
+ */
+function fewer(marks) {
+  return marks.length > 4 ? marks.slice(4) : marks;
 }

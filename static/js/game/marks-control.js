@@ -27,9 +27,11 @@ export class MarksControl {
   }
 
   /** @param {State} state */
-  show({ game, marks }) {
+  show({ game, marks, partnerSeen }) {
     const show = game?.show ?? 'always';
-    if (show === 'toggle') this.button.setAttribute('aria-pressed', String(marks.some(({ kind }) => kind !== 'none')));
+    const isOn = marks.some(({ kind }) => kind !== 'none');
+    // Of a partner out of view there are no marks, whether they are on or off.
+    if (show === 'toggle' && partnerSeen) this.button.setAttribute('aria-pressed', String(isOn));
     if (show === this.shown) return;
     this.shown = show;
     for (const part of this.parts) part.hidden = show === 'always';

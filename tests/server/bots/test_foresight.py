@@ -26,6 +26,7 @@ from overcooked.layout import Layout, layout_names, load_layout
 from overcooked.state import Kitchens
 from server.bots.cook import COOKS, Cook, Traits
 from server.bots.foresight import mind as mind_module
+from server.bots.foresight.beliefs import FRAMES
 from server.bots.foresight.cook import ForesightCook, cook
 from server.bots.foresight.kitchen_map import FAR, kitchen_map
 from server.bots.foresight.mind import chance
@@ -87,6 +88,18 @@ def test_a_participant_is_the_same_person_in_every_condition() -> None:
 def test_traits_name_the_cook() -> None:
     kinds = {name: type(cook(RING, 0, Traits.drawn(1, name), 0)) for name in COOKS}
     assert kinds == {"foresight": ForesightCook, "credulous": ForesightCook, "planner": Cook, "clone": Cook}
+
+
+def test_a_person_notices_as_late_at_any_length_of_a_timestep() -> None:
+    for seed in range(20):
+        delays = {tick_ms: int(person(seed, 0, Variant(), tick_ms)["delay"][0]) for tick_ms in (20, 100, 200, 600)}
+        assert delays[100] in (2 * delays[200] - 1, 2 * delays[200], 2 * delays[200] + 1)
+        assert delays[600] == 1
+        assert delays[20] <= FRAMES - 2, "no later than what is remembered"
+    fast, slow = (cook(RING, 0, Traits.drawn(7, tick_ms=tick_ms), 1) for tick_ms in (50, 200))
+    assert isinstance(fast, ForesightCook)
+    assert isinstance(slow, ForesightCook)
+    assert fast._participant.minds["delay"][0] > slow._participant.minds["delay"][0]
 
 
 def test_a_state_that_is_shown_again_gets_the_same_action_and_is_counted_once() -> None:

@@ -49,6 +49,9 @@ def test_responses_are_counted_before_and_after_the_first_wrong_mark() -> None:
     ]
     words = [word for _, word in responses(SPEC, records)]
     assert words == ["waited", "avoided", "", ""]
+    first_wrong = [tick(0, AHEAD, None, True), *records[1:]]
+    assert dict(counted(SPEC, first_wrong, was_misled=False)[0]["before"]) == {"waited": 1}
+    assert dict(counted(SPEC, first_wrong, was_misled=False)[0]["after"]) == {"avoided": 1}
     phases, misled = counted(SPEC, records, was_misled=False)
     assert misled
     assert (dict(phases["before"]), dict(phases["after"])) == ({"waited": 1, "avoided": 1}, {})
