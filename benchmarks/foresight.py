@@ -25,18 +25,23 @@ sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolv
 
 import numpy as np  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
-from scipy import stats  # noqa: E402
 
+from analysis.effects import mean_interval  # noqa: E402
 from benchmarks.processor import described as processor  # noqa: E402
 from benchmarks.support.foresight_games import NONE, RANDOM, SEED, TOM, TRUE, VARIANTS, Cell, played  # noqa: E402
 from models.agents.catalogue import agent_sha256  # noqa: E402
 from overcooked.constants import HORIZON  # noqa: E402
 from overcooked.layout import load_layout  # noqa: E402
 from server.bots.foresight.people import FITTED, described  # noqa: E402
+from server.required_models import fingerprint  # noqa: E402
 
 FIGURES, DOCUMENT = Path(__file__).with_suffix(".json"), ROOT / "docs" / "explanation" / "foresight.md"
 EFFECT = ROOT / "analysis" / "simulated_effect.json"  # what `kitchenmind power --simulated-effect` reads
 FITTED_FIGURES = Path(__file__).with_name("fit_simulated_participants.json")
+FEWER = (
+    "The rows below 100 % and the next table have 50 episodes a cell, all with the participant on seat 0; the 100 % "
+    "row and the tables above have 200 on both seats, so the rows are not exactly comparable."
+)
 BEGIN, END = "<!-- tables of benchmarks/foresight.py -->", "<!-- end of the tables -->"
 LAYOUTS = ("coordination_ring", "double_rings", "double_counters", "matrix", "clear_division")
 POOLED = LAYOUTS[:4]
@@ -76,12 +81,13 @@ def measured(
             "horizon": horizon,
             "seed": SEED,
             "agent": agent_sha256(cell.agent, load_layout(cell.layout)),
+            "predictor": fingerprint(cell.layout, f"{cell.agent}_predictor_stream") if cell.shown == TOM else None,
             "parameters": json.loads(json.dumps(described(FITTED))),
         }
         stored = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-        if stored.get("settings") != settings and not play:
-            continue
         if stored.get("settings") != settings:
+            if not play:
+                continue
             began = time.monotonic()
             stored = {"settings": settings, "found": played(cell, episodes[part], horizon)}
             path.write_text(json.dumps(stored), encoding="utf-8")
@@ -92,11 +98,9 @@ def measured(
 
 
 def difference(one: NDArray[np.float64], other: NDArray[np.float64]) -> dict[str, float]:
-    """Return the paired difference of two conditions with its 95 % interval (Student's t)."""
-    differences = one - other
-    half = stats.t.ppf(0.975, len(differences) - 1) * differences.std(ddof=1) / np.sqrt(len(differences))
-    mean = differences.mean()
-    return {"mean": float(mean), "low": float(mean - half), "high": float(mean + half), "episodes": len(differences)}
+    """Return the mean paired difference with its 95 % interval."""
+    mean = mean_interval(one - other)
+    return {"mean": mean.value, "low": mean.low, "high": mean.high, "episodes": one.size}
 
 
 class Summary:
@@ -201,7 +205,11 @@ def rendered(figures: Mapping[str, Any], fit: Mapping[str, Any]) -> str:
         for row in main
     ]
     lines += _table(["kitchen", "agent", NONE, RANDOM, "ToM", TRUE], rows)
-    lines += ["", "Gain by accuracy: the true actions, mixed with wrong ones (first four kitchens, both agents):", ""]
+    lines += [
+        "",
+        f"Gain by accuracy: the true actions, mixed with wrong ones (first four kitchens, both agents). {FEWER}",
+        "",
+    ]
     lines += _table(
         ["arrows kept true", "accuracy, measured", "gain over none"],
         [

@@ -82,7 +82,7 @@ class _Batch:
 
 
 def played(cell: Cell, episodes: int, horizon: int = HORIZON) -> dict[str, list[float]]:
-    """Return figures of each episode: points, collisions, accuracy (NaN without arrows), soups of the participant."""
+    """Return points, collisions and accuracy (NaN without arrows) of each episode."""
     layout = load_layout(cell.layout)
     found: dict[str, list[float]] = {"points": [], "collisions": [], "accuracy": []}
     for number, first in enumerate(range(0, episodes, AT_ONCE)):
