@@ -2,9 +2,10 @@
 
 import json
 import time
+from contextlib import suppress
 
 import msgspec
-from playwright.sync_api import Page, WebSocket
+from playwright.sync_api import Page, TimeoutError, WebSocket
 
 from kitchenmind.client.seen_kitchen import SeenKitchen
 from models.agents.planner import PlannerPolicy
@@ -14,6 +15,9 @@ from server.play import messages
 KEYS = ("ArrowUp", "ArrowDown", "ArrowRight", "ArrowLeft", "", "Space")
 LOOK_MS = 15
 PRESS_AGAIN_S = 2.0  # a key that came to nothing, e.g. during a pause
+SILENCE_S = 0.5  # without a timestep for this long, it looks for a button that lets the game go on
+BUTTON_MS = 2000.0
+BUTTONS = ("start-button", "pause-button")
 _decoder = msgspec.json.Decoder(messages.Outgoing)
 
 
@@ -35,6 +39,7 @@ class BrowserCook:
         self._lesson = ""
         self._applied = self._sent = -1
         self._pressed = 0.0  # when, if the page has not sent it yet
+        self._heard = 0.0  # when the last timestep came
         page.on("websocket", self._attach)
 
     def _attach(self, socket: WebSocket) -> None:
@@ -58,7 +63,7 @@ class BrowserCook:
                 self._kitchen.show(message.state)
                 self.timesteps.append(message.state.t)
                 self.predictions.append(message.prediction)
-                self._fresh, self._applied = True, message.applied
+                self._fresh, self._applied, self._heard = True, message.applied, time.monotonic()
             case messages.Lesson():
                 self._lesson = "" if message.done else message.key
             case messages.Paused():
@@ -68,11 +73,13 @@ class BrowserCook:
                 self.ended.append(message)
 
     def play(self, until_timestep: int = 10**9, seconds: float = 150.0) -> None:
-        """Play until the episode is over, or has come so far."""
+        """Play until the episode is over, or has come so far; start it, and end its pauses, as a participant would."""
         deadline = time.monotonic() + seconds
         while len(self.ended) == self._ends_seen and (not self.timesteps or self.timesteps[-1] < until_timestep):
             assert time.monotonic() < deadline, f"the game got stuck at timestep {self.timesteps[-1:]}"
             self.page.wait_for_timeout(LOOK_MS)
+            if time.monotonic() - self._heard > SILENCE_S:
+                self._go_on()
             pending = time.monotonic() - self._pressed < PRESS_AGAIN_S
             if self._fresh and not pending and self._applied >= self._sent and self._kitchen is not None:
                 self._act(self._kitchen)
@@ -87,3 +94,15 @@ class BrowserCook:
 
     def _press(self, action: int) -> None:
         self.page.keyboard.press(KEYS[action])
+
+    def _go_on(self) -> None:
+        """Push the button that the page shows, if any. A slow machine can lose the line at any moment, so that the
+        start becomes a pause: a button that has gone by the time it is pushed is none to wait for."""
+        for name in BUTTONS:
+            if self.page.is_visible(f"#{name}"):
+                with suppress(TimeoutError):
+                    self._push(name)
+                self._heard = time.monotonic()
+
+    def _push(self, button: str) -> None:
+        self.page.click(f"#{button}", timeout=BUTTON_MS)

@@ -5,7 +5,7 @@ from typing import Any
 
 from playwright.sync_api import Locator, Page
 
-from tests.support.browser.browser_cook import BrowserCook
+from tests.support.browser.browser_cook import BUTTON_MS, BrowserCook
 
 MOST_TABS = 120
 # What has the focus, and whether it shows: by a ring round it, or round the label or number that stands for it.
@@ -23,7 +23,7 @@ class KeyboardOnly:
     """Tab, space, enter, digits and letters. Whatever has the focus must show it."""
 
     def __init__(self, page: Page) -> None:
-        self.page, self.cook = page, BrowserCook(page)
+        self.page, self.cook = page, KeyCook(page)
         self.unseen: list[str] = []
 
     def go_on(self) -> None:
@@ -64,22 +64,26 @@ class KeyboardOnly:
 
     def play(self) -> None:
         """The game of this page to its end, and on."""
-        if self.page.is_visible("#start-button"):
-            self._to("start-button")
         self.cook.play()
-        self._to("over-next", leaves=True)
+        self.page.wait_for_selector("#over-next:visible")
+        with self.page.expect_navigation():
+            enter(self.page, "over-next")
 
-    def _to(self, wanted: str, leaves: bool = False) -> None:
-        self.page.wait_for_selector(f"#{wanted}:visible")
-        for _ in range(MOST_TABS):
-            if self.page.evaluate("document.activeElement.id") == wanted:
-                break
-            self.page.keyboard.press("Tab")
-        if leaves:
-            with self.page.expect_navigation():
-                self.page.keyboard.press("Enter")
-        else:
-            self.page.keyboard.press("Enter")
+
+def enter(page: Page, wanted: str) -> None:
+    """Press Enter on an element, coming to it by Tab where it has not the focus."""
+    for _ in range(MOST_TABS):
+        if page.evaluate("document.activeElement.id") == wanted:
+            break
+        page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+
+
+class KeyCook(BrowserCook):
+    """A cook who has no mouse."""
+
+    def _push(self, button: str) -> None:
+        enter(self.page, button)
 
 
 class TouchOnly:
@@ -117,8 +121,6 @@ class TouchOnly:
         what.tap()
 
     def play(self) -> None:
-        if self.page.is_visible("#start-button"):
-            self.page.locator("#start-button").tap()
         self.cook.play()
         with self.page.expect_navigation():
             self.page.locator("#over-next").tap()
@@ -131,6 +133,9 @@ class FingerCook(BrowserCook):
         box = self.page.locator(f".touch [data-action='{action}']").bounding_box()
         if box is not None:
             self.page.touchscreen.tap(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+
+    def _push(self, button: str) -> None:
+        self.page.tap(f"#{button}", timeout=BUTTON_MS)
 
 
 def walk(person: "KeyboardOnly | TouchOnly", url: str, seconds: float = 150.0) -> list[str]:
