@@ -9,7 +9,8 @@ from typing import Any, Final
 
 import polars as pl
 
-from server.export.files import table_path, unescaped
+from server.export.files import table_path
+from server.export.spreadsheet_text import unescaped
 
 CODEBOOK: Final = "codebook.json"
 _TYPES: Final[Mapping[str, pl.DataType | type[pl.DataType]]] = {

@@ -1,6 +1,5 @@
 """How a table becomes a file: CSV (texts made safe for spreadsheets) or Parquet (exact)."""
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -9,17 +8,9 @@ import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet
 
+from server.export.spreadsheet_text import FORMULA, NUMBER, with_apostrophe
+
 TABLE_FORMATS = ("csv", "parquet")
-_NUMBER = r"^-?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]+)?$"  # a number alone is not a formula
-# What a spreadsheet takes for the start of a formula, or skips before it: signs, also in full-width and small forms
-# (which it reads too if it is set to Chinese or Japanese), and blanks.
-_SIGN = "[=+\\-@\\t\\r\\n\\x00＝＋－＠−﹢﹣﹦﹫]"
-# Where a cell can begin: the text itself, and what follows a separator of other countries' CSV or of a row; then
-# blanks, which many spreadsheets drop.
-_CELL = '((?:^|[;\\t\\r\\n])[ "\u00a0\u200b\u3000\ufeff]*)'
-_FORMULA = f"{_CELL}'*{_SIGN}"
-_ESCAPE = re.compile(f"{_CELL}(?='*{_SIGN})")
-_UNESCAPE = re.compile(f"{_CELL}'(?='*{_SIGN})")
 
 
 def table_path(folder: Path, file_format: str, table: str) -> Path:
@@ -59,21 +50,10 @@ def escaped(table: pa.Table) -> pa.Table:
         if pa.types.is_string(kind.type):
             texts = table.column(index)
             dangerous = pc.and_(
-                pc.match_substring_regex(texts, _FORMULA), pc.invert(pc.match_substring_regex(texts, _NUMBER))
+                pc.match_substring_regex(texts, FORMULA), pc.invert(pc.match_substring_regex(texts, NUMBER))
             )
             if pc.any(dangerous).as_py():
                 pairs = zip(texts.to_pylist(), dangerous.to_pylist(), strict=True)
-                safe = [_ESCAPE.sub(r"\1'", text) if unsafe else text for text, unsafe in pairs]
+                safe = [with_apostrophe(text) if unsafe else text for text, unsafe in pairs]
                 table = table.set_column(index, kind, pa.array(safe, kind.type))
     return table
-
-
-def escaped_text(text: str) -> str:
-    """Return one text as `escaped` writes it."""
-    is_formula = re.search(_FORMULA, text) is not None and re.fullmatch(_NUMBER, text) is None
-    return _ESCAPE.sub(r"\1'", text) if is_formula else text
-
-
-def unescaped(text: str) -> str:
-    """The text before `escaped`."""
-    return _UNESCAPE.sub(r"\1", text)

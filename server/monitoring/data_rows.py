@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from datetime import datetime
 from typing import Any
 
-from server.export.files import escaped_text
 from server.export.rows import value_text
+from server.export.spreadsheet_text import escaped_text
 from server.store.data_view import DataPage, ViewColumn
 from server.store.participants import label
 from server.study.definition import Study

@@ -16,6 +16,7 @@ from analysis.spreadsheet import safe_text
 from overcooked.trajectory import read_trajectories
 from server.export import codebook, data_dictionary
 from server.export import files as export_files
+from server.export.spreadsheet_text import unescaped
 from server.store import answers, decisions, episodes, participants, tables, ticks
 from server.store.database import Database
 from server.store.tables import answers as answer_table
@@ -240,7 +241,7 @@ def test_escaped_text_comes_back_as_it_was(text: str) -> None:
     import pyarrow as pa
 
     escaped: str = export_files.escaped(pa.table({"value": [text]}))["value"][0].as_py()
-    assert export_files.unescaped(escaped) == text
+    assert unescaped(escaped) == text
     assert safe_text(text) == escaped, "the analysis writes its files by the same rule"
     seen = escaped.lstrip(" \u00a0\u200b\u3000\ufeff")
     assert escaped in ("-1",) or not seen.startswith(tuple("=+-@\t\r\x00＝＋－＠"))
