@@ -37,6 +37,10 @@ class OwnServer:
         self._process: subprocess.Popen[bytes] | None = None
         self._log = Path(tempfile.mkstemp(prefix="kitchenmind-", suffix=".log")[1])
 
+    def add_study(self, study: Path) -> None:
+        """Serve this study too, from the next start on."""
+        self._words += ["--study", str(study)]
+
     def start(self) -> None:
         """Return when pages can be opened; after the first time at the same address. Raises ServerFailed."""
         words = [sys.executable, str(ROOT / "kitchenmind"), "serve", "--port", str(self._port), *self._words]

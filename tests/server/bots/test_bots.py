@@ -1,9 +1,10 @@
-"""Simulated participants walk every study that is shipped, act alike when repeated, and notice every broken promise."""
+"""Simulated participants walk every bundled study, make the same choices when repeated, and notice every violation."""
 
 import asyncio
 import json
 import re
 import shutil
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -49,21 +50,34 @@ def simulated(*words: str) -> tuple[int, dict[str, Any]]:
     return ended.returncode, json.loads(ended.stdout)
 
 
+@pytest.fixture(scope="module")
+def all_bundled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnServer]:
+    """One server with every study of the project, its rounds shortened."""
+    folder = tmp_path_factory.mktemp("bundled")
+    short = [shortened(study, folder) for study in STUDIES]
+    server = OwnServer(f"sqlite:///{folder / 'kept.sqlite3'}", short[0], QUICK)
+    for study in short[1:]:
+        server.add_study(study)
+    with server:
+        yield server
+
+
 @pytest.mark.parametrize("study", STUDIES, ids=lambda study: study.stem)
-def test_every_shipped_study_is_walked_to_its_end_and_its_data_can_be_exported(study: Path, tmp_path: Path) -> None:
-    database = f"sqlite:///{tmp_path / 'kept.sqlite3'}"
+def test_every_bundled_study_is_walked_to_its_end(study: Path, all_bundled: OwnServer) -> None:
     plan = load_study(study).study
     # Two of a condition, where they play with each other.
     number = 2 * len(plan.conditions) if any(agent.human for agent in plan.agents) else 2
-    status, outcome = simulated(
-        str(number), "--study", str(shortened(study, tmp_path)), "--database", database, "--fast"
-    )
-    assert outcome["violations"] == []
-    assert status == 0
-    assert (outcome["started"], outcome["completed"], outcome["dropped"]) == (number, number, 0)
-    assert sum(outcome["by_condition"].values()) == number
-    assert outcome["episodes"] == number * episodes_of(plan)
-    exported = command_line.run("export", "--database", database, "--out", str(tmp_path / "export"))
+    with Database(all_bundled.database, read_only=True) as kept:
+        bots = asyncio.run(simulate(Crowd(number, plan.name, plan), all_bundled.url, kept))
+        outcome = judge(bots, kept)
+    assert outcome.violations == []
+    assert (outcome.started, outcome.completed, outcome.dropped) == (number, number, 0)
+    assert sum(outcome.by_condition.values()) == number
+    assert outcome.episodes == number * episodes_of(plan)
+
+
+def test_the_data_of_all_of_them_can_be_exported(all_bundled: OwnServer, tmp_path: Path) -> None:
+    exported = command_line.run("export", "--database", all_bundled.database, "--out", str(tmp_path / "export"))
     assert exported.returncode == 0, exported.stderr
 
 
