@@ -3,6 +3,7 @@
 import difflib
 import json
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path as FilePath
 
 from models.agents.blackbox import is_foreign
@@ -144,9 +145,9 @@ def doubts(file: StudyFile) -> Iterator[Problem]:
             what = "guesses at random" if agent.predictor == "random" else "knows the scripted guide only"
             reason = f"a condition shows what the predictor says, and `{agent.predictor}` {what}"
             yield Problem(place, reason, "Is that intended? Name a predictor that was trained for it.", warning=True)
-        for layout in study.layouts if not agent.human else ():
-            name = predictor_of(study, agent, study.conditions[0]) or ""
-            base = required.paths.located(without_variant(name))
+        names = {without_variant(predictor_of(study, agent, arm) or "") for arm in study.conditions}
+        for layout, name in product(study.layouts, sorted(names)) if not agent.human else ():
+            base = required.paths.located(name)
             config = folder_of(layout.name, base) / "config.json"
             if is_foreign(base) or base in WITHOUT_WEIGHTS or not config.is_file():
                 continue

@@ -19,6 +19,7 @@ EXAMPLES: Final = (
     "studies/examples/on_demand.yaml",
     "studies/examples/limited_sight.yaml",
     "studies/examples/misleading_marks.yaml",
+    "studies/examples/two_factors.yaml",
 )
 TEXT: Final = "Text"  # the type of what participants read, by language
 QUESTION: Final = "SurveyQuestion"
@@ -128,7 +129,7 @@ class _Page:
                 name = _inner(value)
                 if name in (None, TEXT, QUESTION):
                     continue
-                place = f"{prefix}{key}.NAME" if _mapped(value) else f"{prefix}{key}"
+                place = f"{prefix}{key}{'.NAME' * len(_mappings(value))}"
                 if name not in found:
                     waiting.append((f"{place}.", self.blocks[str(name)]))
                 found.setdefault(str(name), []).append(place)
@@ -146,8 +147,9 @@ class _Page:
             target = _inner(block["properties"][key])
             if target in (None, TEXT):
                 continue
-            is_mapping = _mapped(block["properties"][key]) is not None
-            parts = inner if isinstance(inner, list) else list(inner.values()) if is_mapping else [inner]
+            parts = inner if isinstance(inner, list) else [inner]
+            for _ in _mappings(block["properties"][key]):
+                parts = [entry for part in parts if isinstance(part, dict) for entry in part.values()]
             for part in parts:
                 kind = self._question_of(part) if target == QUESTION else str(target)
                 self._collect(part, self.blocks[kind], kind)
@@ -211,6 +213,13 @@ def _mapped(value: Block) -> Block | None:
         if isinstance(values, dict):
             return values
     return None
+
+
+def _mappings(value: Block) -> list[Block]:
+    """Return the types of the values of a mapping and of the mappings inside it."""
+    held = [value, *value.get("anyOf", ())]
+    mapped = next(filter(None, map(_mapped, held)), None)
+    return [mapped, *_mappings(mapped)] if mapped else []
 
 
 def _inner(value: Block) -> str | None:

@@ -47,8 +47,8 @@ def episode_spec(study: Study, step: StudyStep, condition: str, language: str, p
         watched_seat=1 - seat,
         shown=_SHOWN[arm.predictor],
         seed=step.seed,
-        steps_shown=study.predictor.steps_shown,
-        confidence_opacity=study.predictor.confidence_opacity,
+        steps_shown=arm.steps_shown or study.predictor.steps_shown,
+        confidence_opacity=opacity_of(study, arm),
         horizon=0 if tutorial else study.game.horizon,
         tick_ms=study.game.tick_ms,
         deadline_ms=study.game.deadline_ms,
@@ -77,6 +77,12 @@ def show_of(study: Study, condition: Condition) -> Show:
     return (condition.show or study.predictor.show) if condition.shows_predictions else "always"
 
 
+def opacity_of(study: Study, condition: Condition) -> bool:
+    """Whether the marks of a condition fade with the predictor's confidence."""
+    own = condition.confidence_opacity
+    return study.predictor.confidence_opacity if own is None else own
+
+
 def view_radius_of(study: Study, condition: Condition) -> int:
     """How many cells around their chef people in a condition see; 0: the whole kitchen."""
     own = condition.view_radius
@@ -101,7 +107,7 @@ def predictor_of(study: Study, agent: PartnerSettings, condition: Condition) -> 
     In a degraded condition it is the worsened one, except in the tutorial, where everybody learns to read the marks."""
     if agent.human and agent.predictor is None:
         return None
-    name = agent.predictor or f"{agent.model or agent.name}_predictor_{study.predictor.form}"
+    name = agent.predictor or f"{agent.model or agent.name}_predictor_{condition.form or study.predictor.form}"
     if condition.accuracy is None or agent is study.tutorial.agent:
         return name
     return f"{name}@{100 * condition.accuracy:g}"

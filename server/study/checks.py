@@ -131,9 +131,15 @@ def _conditions(study: Study) -> Iterator[Problem]:
             yield Problem(
                 ("conditions", index), reason, "Set `accuracy: 0.5` next to `predictor: degraded`, or remove it."
             )
-        if condition.show not in (None, "always") and not condition.shows_predictions:
-            reason = f"`show: {condition.show}` in a condition without marks has no effect"
-            yield Problem(("conditions", index, "show"), reason, "Remove it, or choose another `predictor`.")
+        for key in ("show", "steps_shown", "confidence_opacity") if not condition.shows_predictions else ():
+            value = getattr(condition, key)
+            if value in (None, "always", False):
+                continue
+            reason = f"`{key}: {str(value).lower()}` in a condition without marks has no effect"
+            remedy = "Remove it, or choose another `predictor`."
+            if study.factors:  # a full factorial needs it; without it, no interaction can be tested
+                remedy = f"Keep it for a full factorial, or leave it out: `cells: {{without: [{condition.name}]}}`."
+            yield Problem(("conditions", index, key), reason, remedy, warning=bool(study.factors))
 
 
 def _debriefing(study: Study) -> Iterator[Problem]:

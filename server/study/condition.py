@@ -8,6 +8,9 @@ from server.study.questionnaire import Key
 from server.study.strict_model import StrictModel
 
 Show = Literal["always", "on_key", "toggle"]
+Form = Literal["window", "stream"]
+StepsShown = Annotated[int, Field(ge=1, le=3)]
+Predictor = Literal["none", "random", "tom", "degraded", "misleading"]
 
 
 class Misleading(StrictModel):
@@ -19,21 +22,39 @@ class Misleading(StrictModel):
     """The share of these rounds whose marks are wrong: each is drawn with this probability, by the study's seed."""
 
 
-class Condition(StrictModel):
-    """One arm of the study. Participants are never told which they are in."""
+class NamedPart(StrictModel):
+    """What has a name in the data."""
 
     name: Key
     """The condition's name in the data. Participants never see it."""
-    predictor: Literal["none", "random", "tom", "degraded", "misleading"]
-    """What is drawn. none: nothing. random: random steps. tom: the predictor's steps. degraded: those with errors.
-    misleading: the most plausible wrong future; needs a `debriefing`."""
+
+
+class ConditionSettings(StrictModel):
+    """What a level of a factor changes. Settings that no level has are as in the rest of the study."""
+
+    predictor: Predictor | None = None
+    """What is drawn, as in `conditions.predictor`. Where no factor has it, it is tom."""
     accuracy: Annotated[float, Field(ge=0.17, le=1)] | None = None
     """Only with `degraded`: the accuracy to reach (mean over the steps). Errors are added until it is reached."""
     misleading: Misleading = Misleading()
     show: Show | None = None
     """When the marks are drawn in this condition: always, on_key or toggle. Empty: as in `predictor.show`."""
+    form: Form | None = None
+    """The form of the predictor in this condition, window or stream. Empty: as in `predictor.form`."""
+    steps_shown: StepsShown | None = None
+    """How many predicted steps are drawn in this condition. Empty: as in `predictor.steps_shown`."""
+    confidence_opacity: bool | None = None
+    """Draw a step fainter when the predictor is less certain. Empty: as in `predictor.confidence_opacity`."""
     view_radius: Annotated[int, Field(ge=0, le=20)] | None = None
     """Limited sight in this condition. 0: the whole kitchen. Empty: as in `game.view_radius`."""
+
+
+class Condition(ConditionSettings, NamedPart):
+    """One arm of the study. Participants are never told which they are in."""
+
+    predictor: Predictor
+    """What is drawn. none: nothing. random: random steps. tom: the predictor's steps. degraded: those with errors.
+    misleading: the most plausible wrong future; needs a `debriefing`."""
     weight: Annotated[int, Field(ge=1, le=1000)] = 1
     """A condition with weight 2 gets twice as many participants as one with weight 1."""
     quota: Annotated[int, Field(ge=1)] | None = None

@@ -7,7 +7,8 @@ from pydantic import BeforeValidator, Field, model_validator
 from overcooked.other_names import bundled_name
 from server.study.analysis_plan import PrimaryTest, SmallestEffect
 from server.study.condition import Condition as Condition
-from server.study.condition import Show
+from server.study.condition import Form, Show, StepsShown
+from server.study.factors import Cells, Conditions, Factors
 from server.study.locale import languages, locale
 from server.study.questionnaire import AnyQuestion, Key, Questionnaire
 from server.study.recruitment import Recruitment
@@ -71,9 +72,9 @@ class Order(StrictModel):
 class PredictorSettings(StrictModel):
     """The predictor that watches the partner, and how its predictions are drawn."""
 
-    form: Literal["window", "stream"] = "stream"
+    form: Form = "stream"
     """stream: remembers earlier timesteps; bundled. window: looks at ten timesteps, as in the paper; train it first."""
-    steps_shown: Annotated[int, Field(ge=1, le=3)] = 3
+    steps_shown: StepsShown = 3
     """How many predicted steps are drawn."""
     confidence_opacity: bool = False
     """Draw a step fainter when the predictor is less certain."""
@@ -244,7 +245,11 @@ class Study(StrictModel):
     recruitment: Recruitment = Recruitment()
     entry: EntryChecks = EntryChecks()
     consent: Consent
-    conditions: Annotated[tuple[Condition, ...], Field(min_length=1)]
+    factors: Factors = Field(default_factory=dict)
+    """Factors with their levels instead of `conditions`: each combination of levels becomes a condition."""
+    cells: Cells = Cells()
+    conditions: Conditions = ()
+    """The arms of the study. Required unless there are `factors`, which make them."""
     agents: Annotated[tuple[PartnerSettings, ...], Field(min_length=1)]
     layouts: Annotated[tuple[KitchenChoice, ...], Field(min_length=1)]
     predictor: PredictorSettings = PredictorSettings()

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from server.study.checks import Path, Problem, problems
 from server.study.definition import Study
+from server.study.factor_checks import factor_problems, in_factors
 from server.study.plan_checks import plan_problems
 from server.study.validation_messages import mistakes
 
@@ -84,7 +85,8 @@ class LineNumbers:
         for piece in path:
             if (*known, piece) in self._lines:
                 known = (*known, piece)
-        return known
+        made_by_factors = not known and path[:1] == ("conditions",) and ("factors",) in self._lines
+        return ("factors",) if made_by_factors else known
 
     def describe(self, problem: Problem) -> str:
         path = self.nearest(problem.path)
@@ -129,7 +131,7 @@ def parse_study(text: str, source: str = "study.yaml") -> StudyFile:
     except ValidationError as error:
         found = sorted(mistakes(error, places.nearest), key=lambda one: places.line(one.path))
         raise places.error(found) from None
-    together = (*problems(study), *plan_problems(study))
+    together = (*factor_problems(study), *in_factors(study, (*problems(study), *plan_problems(study))))
     found = sorted(together, key=lambda one: places.line(places.nearest(one.path)))
     wrong = [problem for problem in found if not problem.warning]
     if wrong:

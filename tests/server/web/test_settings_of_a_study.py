@@ -51,14 +51,17 @@ OF_TWO_PEOPLE = {"PartnerSettings.human", "Study.waiting_room", "Recruitment.unp
 OF_TWO_PEOPLE |= {"WaitingRoomSettings.limit_s", "WaitingRoomSettings.agent", "WaitingRoomSettings.fallback"}
 
 # Tested by themselves, as they need a debriefing: test_misleading.py, test_debriefing.py.
-MISLEADING = {"Condition.misleading", "Misleading.from_round", "Misleading.share", "Study.debriefing"}
+MISLEADING = {"ConditionSettings.misleading", "Misleading.from_round", "Misleading.share", "Study.debriefing"}
+
+# Tested by themselves, as they take the place of `conditions`: test_factors.py.
+FACTORS = {"Study.factors", "Study.cells", "Cells.without", "Cells.quota"}
 
 
 def test_the_study_sets_everything_that_can_be_set(study: Study) -> None:
     never = {name for name, _ in settings(study)} - {name for name, is_made in settings(study) if is_made}
     # A choice that is an attention check, a number that need not be whole: tested with the questions.
     questions = {"ChoiceQuestion.attention", "NumberQuestion.whole"}
-    assert {name for name in never if name not in OF_TWO_PEOPLE | MISLEADING} == questions
+    assert {name for name in never if name not in OF_TWO_PEOPLE | MISLEADING | FACTORS} == questions
 
 
 def spec(study: Study, condition: str, kind: str = "episode", language: str = "en") -> tuple[StudyStep, EpisodeSpec]:
@@ -69,7 +72,7 @@ def spec(study: Study, condition: str, kind: str = "episode", language: str = "e
 def test_every_setting_of_the_game_reaches_it(study: Study) -> None:
     step, drawn_up = spec(study, "worse", language="zh")
     assert (drawn_up.tick_ms, drawn_up.horizon, drawn_up.deadline_ms) == (100, 30, 70)
-    assert (drawn_up.steps_shown, drawn_up.confidence_opacity, drawn_up.shown) == (2, True, "predictor")
+    assert (drawn_up.steps_shown, drawn_up.confidence_opacity, drawn_up.shown) == (3, False, "predictor")
     assert (drawn_up.pause.each_s, drawn_up.pause.episode_s) == (20, 25)
     assert (drawn_up.progress.onion_in_pot, drawn_up.progress.soup_on_dish) == (2, 11)
     agent = {"cook": "planner@sampled", "pacer": "guide@greedy"}[step.agent]
@@ -78,7 +81,8 @@ def test_every_setting_of_the_game_reaches_it(study: Study) -> None:
     assert (drawn_up.show, drawn_up.view_radius) == ("on_key", 2), "the condition's own, not the study's"
     assert drawn_up.title in ("环", "小角落")
     assert drawn_up.episodes == 8
-    assert spec(study, "bare")[1].shown == "nothing"
+    bare = spec(study, "bare")[1]
+    assert (bare.steps_shown, bare.confidence_opacity, bare.shown) == (2, True, "nothing"), "the study's"
 
 
 def test_the_tutorial_is_the_study_s_own_and_its_marks_are_never_made_worse(study: Study) -> None:
