@@ -12,6 +12,7 @@ from analysis.study import QUESTIONNAIRE_LAYOUTS, main_contrast
 from server.bundle.state import State
 from server.study.assignment import Count, StudyFullError, next_condition, participant_seed
 from server.study.definition import Study
+from server.study.factors import crossed
 from server.study.questionnaire import AnyQuestion
 from server.study.steps import steps
 
@@ -66,6 +67,12 @@ def _question(study: Study, question: AnyQuestion) -> Iterator[str]:
     yield f"  - {json.dumps(rest, ensure_ascii=False, sort_keys=True)}"
 
 
+def _levels(study: Study) -> dict[str, dict[str, str]]:
+    """The level of each factor, by condition."""
+    names = {condition.name for condition in study.conditions}
+    return {name: levels for name, levels in crossed(study.factors) if name in names and study.factors}
+
+
 def planned_analysis(study: Study) -> dict[str, Any]:
     """What `kitchenmind report` will do with this study's data; fixed before there are any."""
     conditions = [condition.name for condition in study.conditions]
@@ -76,6 +83,8 @@ def planned_analysis(study: Study) -> dict[str, Any]:
         "measure": "reward: score plus credit for unfinished soups, per episode",
         "analysed": "episodes played to their end by participants who finished, unless the researcher excluded them",
         "conditions": conditions,
+        "factors": {factor: list(levels) for factor, levels in study.factors.items()} or None,
+        "levels_of_conditions": _levels(study) or None,
         "primary_test": study.primary.model_dump(mode="json") if study.primary else None,
         "smallest_effect": study.smallest_effect.model_dump(mode="json") if study.smallest_effect else None,
         "main_comparison": f"{contrast[0]} - {contrast[1]}" if contrast else None,
@@ -95,6 +104,11 @@ def planned_analysis(study: Study) -> dict[str, Any]:
             "primary_test, else main_comparison, with exclusions undone and without flagged people; attrition",
             "cumulative-link mixed models of the questionnaire; Benjamini-Hochberg over all of them",
             "mixed model with cluster-robust errors, random slopes of the agent, and the round; simple effects",
+            *(
+                ["factorial analysis of variance over people (type III): main effects, interactions, simple effects"]
+                if study.factors
+                else []
+            ),
         ],
         "quality_rules": [
             {

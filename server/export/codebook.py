@@ -57,6 +57,7 @@ PARTICIPANTS = ExportTable(
         Column("attention_failed", "integer", "How many of them were failed.", bits=32),
     ),
 )
+FACTOR = text("factor_{factor}", "Level of this factor in the participant's condition; empty: the version has none.")
 # Made for every participant from episodes and answers; the patterns stand in the codebook, the columns themselves too.
 WIDE = (
     text("layout_{number}", "Layout of the participant's episode with this number."),

@@ -50,7 +50,7 @@ def _lines() -> Iterator[str]:
     yield _HEAD
     yield _EXPORT.format(escaped=codebook.ESCAPED)
     for table in codebook.TABLES:
-        wide = codebook.WIDE if table is codebook.PARTICIPANTS else ()
+        wide = (codebook.FACTOR, *codebook.WIDE) if table is codebook.PARTICIPANTS else ()
         yield f"### {table.name}\n\nA row is {table.row}.\n\n| column | type | unit | meaning |\n|---|---|---|---|\n"
         for column in (*table.columns, *wide):
             yield f"| `{column.name}` | {column.type} | {column.unit} | {column.meaning} |\n"

@@ -12,10 +12,13 @@ from typing import Any
 import msgspec
 from sqlalchemy import Connection, Select, false, func, select, true
 
+from server.export import factor_levels
 from server.export.codebook import WIDE
 from server.export.codebook_columns import Column
+from server.store import studies as versions
 from server.store import ticks as tick_rows
 from server.store.displays import violations
+from server.store.studies import StudyVersion
 from server.store.tables import (
     answers,
     arrivals,
@@ -77,15 +80,23 @@ def participant_rows(chosen: Selection, wide: tuple[Column, ...]) -> Rows:
     query = select(_p.id, *_STUDY, _p.number, _p.condition, _p.status, _p.language, _p.simulated, _p.seed, _p.position)
     query = query.add_columns(_p.started_at, _p.last_seen_at, _p.completed_at, _excluded(None), *attention_counts())
     query = query.join_from(participants, studies)
+    levels = factor_levels.factor_levels(_versions(chosen))
     for row in chosen.rows(query.order_by(*_PARTICIPANT_ORDER), _p.study_id):
         values = dict(_wide_values(chosen, row.id))
+        values |= levels.get(factor_levels.version_key(row.key, row.version), {}).get(row.condition, {})
         yield (*row, *(values.get(column.name) for column in wide))
 
 
+def _versions(chosen: Selection) -> list[StudyVersion]:
+    every = versions.every(chosen.connection)
+    return [version for version in every if chosen.study_ids is None or version.id in chosen.study_ids]
+
+
 def wide_columns(chosen: Selection) -> tuple[Column, ...]:
-    """The columns that the participants' table has for this study's episodes and questions."""
+    """The columns that the participants' table has for this study's factors, episodes and questions."""
     numbers = select(_e.number).where(_e.kind == "episode").distinct().order_by(_e.number)
-    found = [
+    found = list(factor_levels.factor_columns(factor_levels.factor_levels(_versions(chosen))))
+    found += [
         Column(pattern.name.format(number=row.number), pattern.type, pattern.meaning, pattern.unit, pattern.bits)
         for row in chosen.rows(numbers, _e.study_id)
         for pattern in WIDE[:-1]

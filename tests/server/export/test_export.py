@@ -17,13 +17,13 @@ from overcooked.trajectory import read_trajectories
 from server.export import codebook, data_dictionary
 from server.export import files as export_files
 from server.export.spreadsheet_text import unescaped
-from server.store import answers, decisions, episodes, participants, tables, ticks
+from server.store import answers, decisions, episodes, participants, studies, tables, ticks
 from server.store.database import Database
 from server.store.tables import answers as answer_table
 from server.store.tables import episodes as episode_table
 from server.store.tables import metadata
 from server.store.tables import participants as participant_table
-from tests.support.study_data import fill, played
+from tests.support.study_data import fill, new_participant, played
 
 ROOT = Path(__file__).resolve().parents[3]
 TABLES = [table.name for table in codebook.TABLES]
@@ -292,6 +292,25 @@ def test_participants_table_is_wide(filled: Database, exported: Exported) -> Non
     assert row["answer_questions-01_partner"] == "7"
     assert json.loads(row["answer_end_ways"]) == ["a", "-b"]
     assert row["answer_end_agree"] == "true"
+
+
+@of_any_kind
+def test_levels_of_factors_stand_with_each_participant(database: Database, exported: Exported) -> None:
+    def take_part(connection: Connection) -> None:
+        factors = "factors: {prediction: [none, tom], opacity: {off: {}, on: {confidence_opacity: true}}}\n"
+        for text, conditions in ((factors, ("tom_off", "none_on")), ("conditions: []\n", ("tom",)), ("[", ("tom",))):
+            study = studies.register(connection, "crossed", text)
+            for condition in conditions:
+                new_participant(connection, study.id, condition)
+
+    database.write_now(take_part)
+    folder = exported()
+    people = kitchenmind.load(folder).participants.select("condition", "factor_prediction", "factor_opacity")
+    written = [("tom_off", "tom", "off"), ("none_on", "none", "on"), ("tom", None, None), ("tom", None, None)]
+    assert people.rows() == written
+    columns = json.loads((folder / "codebook.json").read_text("utf-8"))["tables"]["participants"]["columns"]
+    assert columns["factor_opacity"]["meaning"].startswith("Level of this factor")
+    assert [row["factor_opacity"] for row in csv_rows(folder, "participants")] == ["off", "on", "", ""]
 
 
 def test_answers_keep_what_they_were(filled: Database, exported: Exported) -> None:

@@ -14,6 +14,7 @@ from tests.support.study_text import SMALL_STUDY
 START, END = SMALL_STUDY.index("conditions:\n"), SMALL_STUDY.index("agents:\n")
 CONDITIONS = SMALL_STUDY[START:END]
 NAMED = "factors: {prediction: [random, tom], opacity: [off, on]}\n"
+EIGHT = ", ".join(f"a{number}: {{}}" for number in range(8))
 BLOCKS = """factors:
   display:
     one: {steps_shown: 1, show: on_key}
@@ -144,8 +145,7 @@ def test_the_form_of_a_condition_chooses_its_predictor() -> None:
             "has more than 40 characters. Use shorter names of levels.",
         ),
         (
-            "factors: {a: {%s}, b: {%s}}\n"
-            % (", ".join(f"a{n}: {{}}" for n in range(8)), "x: {}, y: {}, z: {}, u: {}, v: {}"),
+            f"factors: {{a: {{{EIGHT}}}, b: {{v: {{}}, w: {{}}, x: {{}}, y: {{}}, z: {{}}}}}}\n",
             "factors:",
             "the levels have 40 combinations. Use factors with at most 32.",
         ),
