@@ -32,6 +32,11 @@ class PowerDesign:
     episodes: int = 10  # of a participant: layouts times agents
     alpha: float = 0.05
 
+    @property
+    def mean_sd(self) -> float:
+        """Standard deviation between the means of people."""
+        return math.sqrt(self.person_sd**2 + self.residual_sd**2 / self.episodes)
+
 
 @dataclass(frozen=True)
 class Power:
@@ -114,8 +119,7 @@ def write_points(points: Sequence[Power], path: Path) -> None:
 
 def exact(design: PowerDesign, effect: float, participants: int) -> float:
     """The power of the two-sided t-test over participants' means, from the noncentral t distribution."""
-    spread = math.sqrt(design.person_sd**2 + design.residual_sd**2 / design.episodes)
-    shift = abs(effect) / (spread * math.sqrt(2 / participants))
+    shift = abs(effect) / (design.mean_sd * math.sqrt(2 / participants))
     df = 2 * participants - 2
     bound = float(stats.t.ppf(1 - design.alpha / 2, df))
     below, missed = np.nan_to_num([special.nctdtr(df, shift, -bound), special.nctdtr(df, shift, bound)])

@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from analysis import (
     apa_text,
     equivalence_text,
+    factorial_text,
     figure_style,
     figures,
     formatting,
@@ -124,6 +125,7 @@ def _environment() -> Environment:
         condition=formatting.condition_title,
         contrast=formatting.contrast_title,
         question=questionnaires.title,
+        effect=factorial_text.effect_title,
     )
     environment.globals["outcome"] = equivalence_text.outcome
     environment.tests["computed"] = lambda value: not math.isnan(value)
@@ -170,6 +172,7 @@ def _sentences(analysis: Analysis) -> list[str]:
     first = primary_text.primary_sentence(analysis.declaration, analysis.rows)
     return [
         *([first] if first else []),
+        *factorial_text.factorial_sentences(analysis.rows),
         *apa_text.sentences(analysis),
         *equivalence_text.equivalence_sentences(analysis.rows),
         *_exclusion_sentences(analysis),

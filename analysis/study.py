@@ -13,6 +13,7 @@ from analysis import (
     compare,
     data_quality,
     exclusions,
+    factorial,
     limited_sight,
     measures,
     mixed_model,
@@ -97,7 +98,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         *questionnaires.tests(answers, conditions, agents),
         *accuracy.offline(_offline(export, options), layouts, agents),
         *accuracy.live(episodes, layouts, agents),
-        *display_rows(export, episodes, conditions),
+        *design_rows(export, episodes, answers, conditions),
         *robustness_rows(RobustnessInputs(export, every, episodes, quality, answers, *compared)),
     ]
     powers = _powers(model, episodes, conditions, options)
@@ -117,9 +118,13 @@ def analyse(export: Export, options: Options) -> Analysis:
     )
 
 
-def display_rows(export: Export, episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result]:
-    """What was seen of the marks and the kitchen, and how people relied on the marks, where a study varies that."""
+def design_rows(
+    export: Export, episodes: pl.DataFrame, answers: pl.DataFrame, conditions: Sequence[str]
+) -> list[Result]:
+    """Effects of factors, what was seen of the marks and the kitchen, and how people relied on the marks, where a study
+    varies that."""
     return [
+        *factorial.factorial_rows(export, episodes, answers),
         *on_demand.rows(export.ticks, episodes, conditions),
         *limited_sight.rows(export.ticks, episodes, conditions),
         *reliance.rows(export.reliance, episodes, conditions),

@@ -8,6 +8,7 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -213,8 +214,9 @@ def _pauses(table: pl.DataFrame) -> pl.DataFrame:
 
 
 def _about(folder: Path, study: str, version: int | None) -> dict[str, Any]:
-    """Return what the export has in addition to its tables: about.json, and `title`, `conditions` and `layouts` (names
-    in order) of the chosen version of the study file, else of the newest one, where it lies in the export."""
+    """Return what the export has in addition to its tables: about.json, and `title`, `factors` (with levels),
+    `conditions` and `layouts` (names in order) of the chosen version of the study file, else of the newest one, where
+    it lies in the export."""
     path = folder / "about.json"
     try:
         said = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
@@ -229,7 +231,10 @@ def _about(folder: Path, study: str, version: int | None) -> dict[str, Any]:
         said = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506 - texts only, as they were written
         title = said.get("title")
         about["title"] = next(iter(title.values())) if isinstance(title, dict) else title or about.get("title")
-        about |= {key: [part["name"] for part in said.get(key, [])] for key in ("conditions", "layouts")}
+        about["factors"] = {name: list(levels) for name, levels in (said.get("factors") or {}).items()}
+        about |= {key: [part["name"] for part in said.get(key) or []] for key in ("conditions", "layouts")}
+        if about["factors"]:
+            about["conditions"] = ["_".join(levels) for levels in product(*about["factors"].values())]
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, RecursionError):
         pass  # a title and an order are a help, not a need
     return about

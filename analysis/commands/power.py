@@ -4,7 +4,7 @@ import argparse
 import math
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,8 @@ class StudyPlan:
     residual_sd: float | None = None
     declared: "DeclaredTest | None" = None  # the primary test of the study file
     primary_episodes: int = 0  # of a participant that the primary test uses
+    factors: dict[str, int] = field(default_factory=dict)  # how many levels each has
+    left_out: tuple[str, ...] = ()  # combinations of levels that the study does not have
     answer_sds: tuple[float, float] | None = None  # between and within people, of the primary test's question
 
 
@@ -92,7 +94,10 @@ def run(arguments: argparse.Namespace) -> int:
         print(power.sentence(design, points, effect, participants))
     if arguments.simulated_effect:
         print(simulated_effect.source())
-    for line in _primary_lines(design, plan, participants, arguments):
+    for line in (
+        *_factor_lines(design, plan, participants, arguments),
+        *_primary_lines(design, plan, participants, arguments),
+    ):
         print(line)
     print(f"The curve: {arguments.out / 'power.svg'}; its numbers: {arguments.out / 'power.csv'}")
     return 0
@@ -120,6 +125,19 @@ def _primary_lines(
     of_primary = primary_power.PrimaryDesign(declared, *spread, plan.primary_episodes)
     for effect in dict.fromkeys(effects):
         yield primary_power.sentence(of_primary, effect, participants, arguments.studies, arguments.seed)
+
+
+def _factor_lines(
+    design: "PowerDesign", plan: StudyPlan, participants: int, arguments: argparse.Namespace
+) -> Iterator[str]:
+    """A sentence for each effect of the factors and each size."""
+    from analysis import factorial_power
+
+    if plan.left_out:
+        yield f"Factorial: no power of its effects, as the study leaves out {', '.join(plan.left_out)}."
+    elif plan.factors:
+        for effect in dict.fromkeys(arguments.effect):
+            yield from factorial_power.sentences(design, plan.factors, effect, participants)
 
 
 def _design(arguments: argparse.Namespace) -> "tuple[PowerDesign, StudyPlan, int]":
@@ -170,6 +188,7 @@ def _from_export(folder: Path, arguments: argparse.Namespace, declared: "Declare
     from analysis import measures, mixed_model, primary
     from analysis.declared import declaration_of
     from analysis.exclusions import versions_notice
+    from analysis.factorial import factors_of
     from analysis.study import MEASURE, smallest_condition
     from analysis.tables import read_export
 
@@ -187,6 +206,7 @@ def _from_export(folder: Path, arguments: argparse.Namespace, declared: "Declare
         variance.person_sd,
         variance.residual_sd,
         declared or declaration_of(export).primary,
+        factors={name: len(levels) for name, levels in factors_of(export).items()},
     )
     if plan.declared is None:
         return plan
@@ -207,6 +227,8 @@ def _from_study(path: Path) -> StudyPlan:
         study = yaml.load(path.read_text(encoding="utf-8"), Loader=yaml.BaseLoader)  # noqa: S506 - texts only
         repeat = int(study.get("order", {}).get("repeat", 1))
         layouts, agents = len(study["layouts"]), len(study["agents"])
+        factors = {name: len(levels) for name, levels in (study.get("factors") or {}).items()}
+        left_out = tuple(map(str, (study.get("cells") or {}).get("without", ())))
     except OSError as error:
         raise ValueError(
             f"cannot read {path}: {error.strerror}. Give a study file or the folder of an export."
@@ -218,4 +240,4 @@ def _from_study(path: Path) -> StudyPlan:
     except ValueError as error:
         raise ValueError(f"{path}: {error}. `kitchenmind study check {path}` names the line.") from None
     used = (len(declared.layouts) or layouts) * (len(declared.agents) or agents) * repeat if declared else 0
-    return StudyPlan(layouts * agents * repeat, 29, declared=declared, primary_episodes=used)
+    return StudyPlan(layouts * agents * repeat, 29, None, None, declared, used, factors, left_out)

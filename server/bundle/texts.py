@@ -67,10 +67,31 @@ def _question(study: Study, question: AnyQuestion) -> Iterator[str]:
     yield f"  - {json.dumps(rest, ensure_ascii=False, sort_keys=True)}"
 
 
+_TESTS = (
+    "Kruskal-Wallis over conditions, per agent: conditions permuted over people, corrected over the agents "
+    "(step-down minimum p); next to it as published, over episodes",
+    "analysis of variance per layout",
+    "t-tests per layout and agent over people, Benjamini-Hochberg within each comparison of two conditions",
+    "whether main_comparison depends on layout or agent: conditions permuted over people, corrected over both",
+    "t-tests of the questionnaire on questionnaire_layouts over people, Benjamini-Hochberg over all of them",
+    "mixed model with participants as random effect: restricted maximum likelihood, Satterthwaite's degrees",
+    "accuracy of the predictor with people, per layout and agent",
+    "equivalence within smallest_effect: two one-sided Welch tests over people",
+    "primary_test, else main_comparison, with exclusions undone and without flagged people; attrition",
+    "cumulative-link mixed models of the questionnaire; Benjamini-Hochberg over all of them",
+    "mixed model with cluster-robust errors, random slopes of the agent, and the round; simple effects",
+)
+_FACTORIAL = "factorial analysis of variance over people (type III): main effects, interactions, simple effects"
+
+
+def _tests(study: Study) -> list[str]:
+    return [*_TESTS, _FACTORIAL] if study.factors else list(_TESTS)
+
+
 def _levels(study: Study) -> dict[str, dict[str, str]]:
     """The level of each factor, by condition."""
     names = {condition.name for condition in study.conditions}
-    return {name: levels for name, levels in crossed(study.factors) if name in names and study.factors}
+    return {name: levels for name, levels in crossed(study.factors) if name in names}
 
 
 def planned_analysis(study: Study) -> dict[str, Any]:
@@ -91,25 +112,7 @@ def planned_analysis(study: Study) -> dict[str, Any]:
         "layouts": layouts,
         "agents": [agent.name for agent in study.agents],
         "questionnaire_layouts": layouts[:QUESTIONNAIRE_LAYOUTS],
-        "tests": [
-            "Kruskal-Wallis over conditions, per agent: conditions permuted over people, corrected over the agents "
-            "(step-down minimum p); next to it as published, over episodes",
-            "analysis of variance per layout",
-            "t-tests per layout and agent over people, Benjamini-Hochberg within each comparison of two conditions",
-            "whether main_comparison depends on layout or agent: conditions permuted over people, corrected over both",
-            "t-tests of the questionnaire on questionnaire_layouts over people, Benjamini-Hochberg over all of them",
-            "mixed model with participants as random effect: restricted maximum likelihood, Satterthwaite's degrees",
-            "accuracy of the predictor with people, per layout and agent",
-            "equivalence within smallest_effect: two one-sided Welch tests over people",
-            "primary_test, else main_comparison, with exclusions undone and without flagged people; attrition",
-            "cumulative-link mixed models of the questionnaire; Benjamini-Hochberg over all of them",
-            "mixed model with cluster-robust errors, random slopes of the agent, and the round; simple effects",
-            *(
-                ["factorial analysis of variance over people (type III): main effects, interactions, simple effects"]
-                if study.factors
-                else []
-            ),
-        ],
+        "tests": _tests(study),
         "quality_rules": [
             {
                 "rule": rule.name,

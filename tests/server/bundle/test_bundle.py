@@ -102,6 +102,15 @@ def test_a_bundle_registers_the_primary_test() -> None:
     assert making.texts.planned_analysis(load_study(PUBLISHED).study)["primary_test"] is None
 
 
+def test_planned_analysis_names_the_factors_and_the_levels_of_each_condition() -> None:
+    study = load_study(ROOT / "studies" / "examples" / "two_factors.yaml").study
+    plan = making.texts.planned_analysis(study)
+    assert plan["factors"] == {"steps": ["one", "three"], "opacity": ["off", "on"]}
+    assert plan["levels_of_conditions"]["three_off"] == {"steps": "three", "opacity": "off"}
+    assert "factorial" in plan["tests"][-1]
+    assert making.texts.planned_analysis(load_study(PUBLISHED).study)["factors"] is None
+
+
 def test_the_allocation_list_is_what_participants_get(tmp_path: Path) -> None:
     file = load_study(PUBLISHED)
     listed = {

@@ -1,0 +1,71 @@
+"""Sentences about the factors of a study: main effects, interactions, and simple effects after an interaction."""
+
+from collections.abc import Sequence
+
+from markupsafe import escape
+
+from analysis import formatting
+from analysis.factorial import BY, SECTION, SIMPLE
+from analysis.formatting import listed, number, p_equals
+from analysis.phrases import question, significant, statistic, with_p
+from analysis.results import Result, select
+
+
+def effect_title(term: str) -> str:
+    """prediction x opacity -> Prediction × opacity."""
+    words = term.replace(BY, " × ").replace("_", " ")
+    return words[:1].upper() + words[1:]
+
+
+def factorial_sentences(rows: Sequence[Result]) -> list[str]:
+    """Return a sentence for each outcome, and one for each outcome with an interaction, as HTML."""
+    made = []
+    tests = with_p(select(rows, section=SECTION, test="anova"))
+    for outcome in dict.fromkeys(row.question for row in tests):
+        found = [row for row in tests if row.question == outcome]
+        made += [_effects(outcome, found), *_simple(outcome, found, rows)]
+    return made
+
+
+def _name(outcome: str) -> str:
+    return f"“{question(outcome)}”" if outcome else "reward"
+
+
+def _effects(outcome: str, tests: Sequence[Result]) -> str:
+    """One sentence: which effects were found, each with its test."""
+    parts = [f"{_term(row)} ({_numbers(row)})" for row in tests]
+    return (
+        f"In a factorial analysis of variance of {_name(outcome)} over {tests[0].n} people (type III sums of squares, "
+        f"sum coding), there was {listed(parts)}."
+    )
+
+
+def _term(row: Result) -> str:
+    names = [str(escape(name.replace("_", " "))) for name in row.contrast.split(BY)]
+    kind = f"main effect of {names[0]}" if len(names) == 1 else f"interaction of {listed(names)}"
+    article = "an" if len(names) > 1 else "a"
+    return f"{article} {kind}" if significant(row) else f"no significant {kind}"
+
+
+def _numbers(row: Result) -> str:
+    corrected = "" if row.p_adjusted != row.p_adjusted else f", corrected <i>p</i> {p_equals(row.p_adjusted)}"
+    low, high = number(row.ci_low, 3), number(row.ci_high, 3)
+    return f"{statistic(row)}{corrected}, partial η² = {number(row.effect, 3)}, 90 % CI [{low}, {high}]"
+
+
+def _simple(outcome: str, tests: Sequence[Result], rows: Sequence[Result]) -> list[str]:
+    """Only after an interaction: elsewhere there is nothing to take apart."""
+    if not any(significant(row) and BY in row.contrast for row in tests):
+        return []
+    parts = [
+        f"{_contrast(row)} with {escape(row.condition.replace('_', ' '))}: {formatting.signed(row.estimate)} "
+        f"(corrected <i>p</i> {p_equals(row.p_adjusted)}, Hedges’ <i>g</i> = {number(row.effect)})"
+        for row in with_p(select(rows, section=SIMPLE, question=outcome))
+    ]
+    return [f"As factors interacted in {_name(outcome)}, simple effects over people: {'; '.join(parts)}."]
+
+
+def _contrast(row: Result) -> str:
+    factor, _, levels = row.contrast.partition(": ")
+    first, _, second = levels.partition(" - ")
+    return str(escape(f"{factor}, {first} against {second}".replace("_", " ")))
