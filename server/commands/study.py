@@ -20,19 +20,26 @@ MOST_PLACES, WIDTH = 20, 20
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    verbs = parser.add_subparsers(dest="study_verb", required=True, metavar="new|check|schema")
+    verbs = parser.add_subparsers(dest="study_verb", required=True, metavar="new|check|schema|words")
     new = verbs.add_parser("new", help="create a study file that is ready to serve")
     new.add_argument("name", help="the study's name in its address and data, such as pilot_1")
     new.add_argument("--out", type=Path, help="the file to write (studies/NAME.yaml)")
     check = verbs.add_parser("check", help="list every mistake in a file: line, reason, fix")
     check.add_argument("file", type=Path, help="the study file")
     verbs.add_parser("schema", help="print the JSON Schema of study files, for editors")
+    words = verbs.add_parser("words", help="write the platform's words for translation, or list what is missing")
+    words.add_argument("language", help="the language's code, such as de or pt-BR")
+    words.add_argument(
+        "place", type=Path, nargs="?", default=Path(), metavar="STUDY", help="a study file or its folder (here)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """0 done; 2 the name or the file is wrong."""
     if arguments.study_verb == "new":
         return _new(arguments.name, arguments.out or STUDIES / f"{arguments.name}.yaml")
+    if arguments.study_verb == "words":
+        return _words(arguments.language, arguments.place)
     return _check(arguments.file) if arguments.study_verb == "check" else _schema()
 
 
@@ -120,6 +127,37 @@ def _schema() -> int:
     from server.study.schema import study_schema
 
     print(json.dumps(study_schema(), indent=2, ensure_ascii=False))
+    return 0
+
+
+def _words(language: str, place: Path) -> int:
+    """Write the file of a language beside a study. One that is there stays as it is: what it lacks is listed."""
+    from server.study import own_languages
+    from server.study.locale import is_bundled
+
+    if not own_languages.LANGUAGE.fullmatch(language):
+        return _refuse(f"{language!r} is not the code of a language. Use one such as de or pt-BR.")
+    if is_bundled(language):
+        return _refuse(f"The platform already has words in {language!r}. Use another language.")
+    if not place.exists():
+        return _refuse(f"{place} does not exist. Give a study file or its folder.")
+    path = own_languages.file_beside(place if place.is_dir() else place.parent, language)
+    try:
+        if not path.exists():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(own_languages.template(language), encoding="utf-8")
+            print(f"{path}\nNext: translate it, add {language!r} to the study's `languages` and texts, run this again.")
+            return 0
+        found = own_languages.completeness(path)
+    except own_languages.LanguageError as error:
+        return _refuse(*error.lines)
+    except OSError as error:
+        return _refuse(f"{path}: {error.strerror}. Give a study file or a folder in which you can write.")
+    print(f"{path}: {len(found.missing)} missing, shown in English; {len(found.obsolete)} obsolete, not used")
+    for key, english in found.missing.items():
+        print(f"  missing   {key}: {english}")
+    for key in found.obsolete:
+        print(f"  obsolete  {key}")
     return 0
 
 

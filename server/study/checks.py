@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from server.study.assignment import participant_seed
 from server.study.definition import FIXED_PAGES, Study
-from server.study.locale import FALLBACK, languages
+from server.study.locale import languages
 from server.study.order import episode_order
 from server.study.questionnaire import ChoiceQuestion, MultipleQuestion, Questionnaire, RankingQuestion, asked
 from server.study.steps import episodes_of
@@ -87,7 +87,8 @@ def _names(study: Study) -> Iterator[Problem]:
     for language in study.languages:
         if language not in languages():
             reason = f"the platform itself has no words in {language!r}: its buttons will be English"
-            remedy = f"Translate server/study/locales/{FALLBACK}.yaml into locales/{language}.yaml."
+            made = f"`kitchenmind study words {language}` makes locales/{language}.yaml beside the study"
+            remedy = f"{made}, which you translate."
             yield Problem(("languages",), reason, remedy, warning=True)
     if len(set(study.languages)) < len(study.languages):
         yield Problem(("languages",), "a language is there twice", "Name each once.")

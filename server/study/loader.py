@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from server.study.checks import Path, Problem, problems
 from server.study.definition import Study
 from server.study.factor_checks import factor_problems, in_factors
+from server.study.own_languages import LanguageError, use_languages_beside
 from server.study.plan_checks import plan_problems
 from server.study.validation_messages import mistakes
 
@@ -109,12 +110,16 @@ class LineNumbers:
 
 
 def load_study(path: str | FilePath, models_folder: FilePath | None = None) -> StudyFile:
-    """The study in a file. `models_folder`: where relative paths of models start, if not in the file's folder. Raises
-    StudyError (all problems at once), FileNotFoundError."""
+    """The study in a file, with the languages beside it. `models_folder`: where relative paths of models start, if not
+    in the file's folder. Raises StudyError (all problems at once), FileNotFoundError."""
     file = FilePath(path)
     data = file.read_bytes()
     if len(data) > LARGEST_BYTES:
         raise StudyError([f"{path}:1: the file has {len(data):,} bytes. At most {LARGEST_BYTES:,} are read."])
+    try:
+        use_languages_beside(file.parent)
+    except LanguageError as error:
+        raise StudyError(error.lines) from None
     try:
         return replace(parse_study(data.decode("utf-8"), str(path)), folder=(models_folder or file.parent).absolute())
     except UnicodeDecodeError as error:

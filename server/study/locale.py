@@ -1,4 +1,5 @@
-"""The platform's own words, one file a language in `locales/`. A third language is one more file."""
+"""The platform's own words, one file a language in `locales/`. A third language is one more file, there or in the
+folder `locales` beside a study (see own_languages.py)."""
 
 from dataclasses import dataclass, field
 from functools import cache
@@ -9,6 +10,7 @@ import yaml
 
 LOCALES = Path(__file__).parent / "locales"
 FALLBACK = "en"
+_ADDED: dict[str, Path] = {}  # languages from folders beside studies
 # Words as written, where the usual loader reads `No` or `7.50` as something else; C is ten times as quick.
 _LOADER = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 
@@ -39,14 +41,27 @@ class Locale:
 def locale(language: str) -> Locale:
     """The words of a language; where a file lacks some, the English ones."""
     words = dict(_words(FALLBACK))
-    words.update(_words(language) if language in languages() else {"name": language})
+    words["name"] = words["name"] if language == FALLBACK else language
+    words.update(_words(language) if language in languages() else {})
     return Locale(language, words)
 
 
 @cache
 def languages() -> tuple[str, ...]:
     """The languages that the platform speaks."""
-    return tuple(sorted(path.stem for path in LOCALES.glob("*.yaml")))
+    return tuple(sorted({*(path.stem for path in LOCALES.glob("*.yaml")), *_ADDED}))
+
+
+def is_bundled(language: str) -> bool:
+    """Whether the platform itself has the words of a language: then no other file replaces them."""
+    return (LOCALES / f"{language}.yaml").is_file()
+
+
+def add_language(language: str, path: Path) -> None:
+    """Use the words in a file, as they are now. An empty word is the English one."""
+    _ADDED[language] = path
+    for function in (locale, languages, _words):
+        function.cache_clear()
 
 
 def best_language(accepted: str, offered: tuple[str, ...]) -> str:
@@ -67,8 +82,14 @@ def best_language(accepted: str, offered: tuple[str, ...]) -> str:
 
 @cache
 def _words(language: str) -> dict[str, str]:
-    data = yaml.load((LOCALES / f"{language}.yaml").read_text(encoding="utf-8"), Loader=_LOADER)  # noqa: S506 a safe one
-    return dict(_flat(data, ""))
+    if is_bundled(language) or language not in _ADDED:
+        return words_in((LOCALES / f"{language}.yaml").read_text(encoding="utf-8"))
+    return {key: words for key, words in words_in(_ADDED[language].read_text(encoding="utf-8")).items() if words}
+
+
+def words_in(text: str) -> dict[str, str]:
+    """Return the words of a file by key, as they are written. Raises yaml.YAMLError, AttributeError."""
+    return dict(_flat(yaml.load(text, Loader=_LOADER), ""))  # noqa: S506 a safe one
 
 
 def _flat(data: dict[str, Any], prefix: str) -> list[tuple[str, str]]:
