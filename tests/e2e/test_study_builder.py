@@ -86,6 +86,10 @@ def at(page: Page, *path: str | int) -> Locator:
     return page.locator(f"[data-path='[{words}]']")
 
 
+def place_of(*path: str) -> str:
+    return f"[data-path='[{','.join(f'{chr(34)}{piece}{chr(34)}' for piece in path)}]']"
+
+
 def yaml_of(page: Page) -> Locator:
     return page.locator("#yaml")
 
@@ -283,7 +287,8 @@ def test_questions_are_put_in_order_by_keyboard_and_by_drag(new_page: NewPage) -
 def test_a_study_that_says_everything_goes_through_the_form_byte_for_byte(new_page: NewPage) -> None:
     page = new_page()
     begin(page, "whole")
-    for file in (ROOT / "tests" / "data" / "every_setting.yaml", *sorted((ROOT / "studies").glob("*.yaml"))):
+    crossed = ROOT / "studies" / "examples" / "two_factors.yaml"
+    for file in (ROOT / "tests" / "data" / "every_setting.yaml", crossed, *sorted((ROOT / "studies").glob("*.yaml"))):
         text = file.read_text("utf-8")
         yaml_of(page).fill(text)
         name = re.search(r"^name: (\S+)", text, re.MULTILINE)
@@ -295,6 +300,27 @@ def test_a_study_that_says_everything_goes_through_the_form_byte_for_byte(new_pa
             with page.expect_response("**/look"):
                 control.dispatch_event("input")
         assert yaml_of(page).input_value() == text, file.name
+
+
+def test_levels_of_factors_are_changed_in_the_form_and_their_mistakes_shown_at_the_field(new_page: NewPage) -> None:
+    page = new_page()
+    begin(page, "crossed")
+    text = (ROOT / "studies" / "examples" / "two_factors.yaml").read_text("utf-8")
+    yaml_of(page).fill(text)
+    expect(page.locator("#problems")).to_contain_text("The study is sound")
+    expect(at(page, "factors", "opacity").locator("input[data-control]")).to_have_value("off, on")
+    for part in (("factors",), ("factors", "steps"), ("factors", "steps", "one")):
+        block = page.locator(f"details{place_of(*part)}, {place_of(*part)} > details").first
+        if block.count() and not block.evaluate("one => one.open"):
+            block.locator("summary").first.click()
+    at(page, "factors", "steps", "one", "steps_shown").locator("input").fill("2")
+    changed = text.replace("one: {steps_shown: 1}", "one: {steps_shown: 2}")
+    expect(yaml_of(page)).to_have_value(changed)
+    yaml_of(page).fill(changed.replace("steps_shown: 2", "steps_shown: 9"))
+    expect(at(page, "factors", "steps", "one", "steps_shown")).to_contain_text("9 is too large")
+    yaml_of(page).fill(changed.replace('["off", "on"]', "{plain: {}, faded: {confidence_opacity: true}}"))
+    expect(page.locator("#problems")).to_contain_text("The study is sound")
+    expect(at(page, "factors", "opacity", "faded", "confidence_opacity")).to_be_attached()
 
 
 def test_every_page_of_a_preview_is_shown_and_nothing_is_stored(new_page: NewPage, server: RealServer) -> None:

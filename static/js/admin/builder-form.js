@@ -15,7 +15,7 @@ import { make } from './elements.js';
 /** @type {[string, string[]][]} */
 const SECTIONS = [
   ['Title and languages', ['name', 'title', 'summary', 'languages', 'contact', 'duration_min', 'seed']],
-  ['Conditions, agents and predictor', ['factors', 'conditions', 'agents', 'predictor']],
+  ['Conditions, agents and predictor', ['factors', 'cells', 'conditions', 'agents', 'predictor']],
   ['Kitchens and order', ['layouts', 'order', 'breaks']],
   ['Steps and pages', ['flow', 'pages']],
   ['Consent page', ['consent']],

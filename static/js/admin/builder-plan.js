@@ -41,6 +41,20 @@ export function resolved(root, schema) {
 }
 
 /**
+ * Of a block that can also be written as a list of names (the levels of a factor), the form that the value has.
+ * @param {Schema} schema resolved
+ * @param {any} value
+ * @returns {Schema}
+ */
+function formOf(schema, value) {
+  const map = schema.anyOf?.find((/** @type {Schema} */ one) => one.patternProperties);
+  const names = schema.anyOf?.find((/** @type {Schema} */ one) => one.type === 'array');
+  if (!map || !names) return schema;
+  const { anyOf: _, ...rest } = schema;
+  return { ...(Array.isArray(value) ? names : map), ...rest };
+}
+
+/**
  * @param {Schema} schema resolved
  * @returns {Kind}
  */
@@ -71,7 +85,7 @@ function isPlain(items) {
  * @returns {PlanNode}
  */
 export function planOf(root, given, value, path, required = false) {
-  let schema = resolved(root, given);
+  let schema = formOf(resolved(root, given), value);
   if (schema.oneOf) schema = variantOf(root, schema, value);
   let kind = kindOf(schema);
   if (String(path) === 'flow') kind = 'list'; // its order is what it says
@@ -188,7 +202,7 @@ function labelOf(path) {
  * @returns {any}
  */
 export function blank(root, given, languages, variant) {
-  let schema = resolved(root, given);
+  let schema = formOf(resolved(root, given), undefined);
   if (schema.oneOf) {
     const name = variant ?? Object.keys(schema.discriminator.mapping)[0];
     schema = variantOf(root, schema, { [schema.discriminator.propertyName]: name });
