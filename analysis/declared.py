@@ -57,7 +57,7 @@ class Declaration:
 
 def declaration_of(export: Export) -> Declaration:
     """Return what the study files in the export declare. Raises ExportError for a declaration that cannot be read."""
-    files = _study_files(export)
+    files = study_files(export)
     if not files:
         return Declaration()
     found = {number: _read(declared_test, text, path) for number, (text, path) in files.items()}
@@ -77,8 +77,8 @@ def declaration_of(export: Export) -> Declaration:
     return Declaration(newest, smallest, warning)
 
 
-def _study_files(export: Export) -> dict[int, tuple[Mapping[str, Any], Path]]:
-    """Each version of the study file that the export holds and the report analyses, with where it lies."""
+def study_files(export: Export) -> dict[int, tuple[Mapping[str, Any], Path]]:
+    """Return each version of the study file that the export holds and the report analyses, with where it lies."""
     plain = re.fullmatch(r"[\w-]+", export.study)  # never outside the folder
     wanted = "*" if export.version is None else export.version
     files = export.folder.glob(f"studies/{export.study}_version-{wanted}.yaml") if plain else ()

@@ -27,6 +27,7 @@ from analysis import (
     primary_text,
     questionnaires,
     robustness_text,
+    scales,
     sensitivity_text,
 )
 from analysis.compare import repeats
@@ -55,8 +56,9 @@ class Report:
 def write_report(
     folder: Path, out: Path, options: Options | None = None, study: str | None = None, version: int | None = None
 ) -> Report:
-    """Analyse the export in `folder` and write report.html, results.csv, quality.csv and figures/ into `out`, which is
-    made. `study` and `version` choose from what the export holds. Raises analysis.tables.ExportError."""
+    """Analyse the export in `folder` and write report.html, results.csv, quality.csv, figures/ and, of a study with
+    published scales, scores.csv into `out`, which is made. `study` and `version` choose from what the export holds.
+    Raises analysis.tables.ExportError."""
     options = options or Options()
     analysis = analyse(read_export(folder, study, version), options)
     out.mkdir(parents=True, exist_ok=True)
@@ -64,6 +66,8 @@ def write_report(
     report = Report(out / "report.html", out / "results.csv", out / "quality.csv", analysis)
     write_results(analysis.rows, report.results)
     safe_table(analysis.quality).write_csv(report.quality)
+    if not analysis.scores.is_empty():
+        safe_table(analysis.scores).write_csv(out / "scores.csv")
     report.page.write_text(render(analysis, drawn, options), encoding="utf-8")
     return report
 
@@ -126,6 +130,7 @@ def _environment() -> Environment:
         contrast=formatting.contrast_title,
         question=questionnaires.title,
         effect=factorial_text.effect_title,
+        scale=scales.scale_title,
     )
     environment.globals["outcome"] = equivalence_text.outcome
     environment.tests["computed"] = lambda value: not math.isnan(value)

@@ -22,6 +22,7 @@ from analysis import (
     primary,
     questionnaires,
     reliance,
+    scales,
 )
 from analysis import ranks as ranking
 from analysis.declared import Declaration, DeclaredTest, declaration_of
@@ -63,6 +64,7 @@ class Analysis:
     powers: tuple[power.Power, ...]
     rows: tuple[Result, ...]
     declaration: Declaration = field(default_factory=Declaration)
+    scores: pl.DataFrame = field(default_factory=pl.DataFrame)  # of published scales, one row a page and subscale
 
 
 def _primary_rows(declared: DeclaredTest | None, episodes: pl.DataFrame, answers: pl.DataFrame) -> list[Result]:
@@ -82,7 +84,10 @@ def analyse(export: Export, options: Options) -> Analysis:
     episodes = measures.analysed(every, export.participants)
     conditions = tuple(name for name in export.conditions if name in set(episodes["condition"]))
     chosen = _questionnaire_layouts(options, layouts)
-    answers = questionnaires.answers_on(export.answers, episodes, chosen)
+    used = scales.used_scales(export)
+    singles = export.answers.filter(~pl.col("question").is_in(scales.items_of(used)))
+    answers = questionnaires.answers_on(singles, episodes, chosen)
+    scores = scales.scores(export, episodes, used)
     model = mixed_model.fit(episodes, MEASURE, conditions)
     design = AnalysisDesign(conditions, layouts, agents, main_contrast(conditions))
     declaration = declaration_of(export)
@@ -96,6 +101,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         *assumptions.check(episodes, MEASURE, conditions, cells(layouts, agents)),
         *questionnaires.means(answers, conditions, agents),
         *questionnaires.tests(answers, conditions, agents),
+        *scales.rows(export, scores, used, conditions),
         *accuracy.offline(_offline(export, options), layouts, agents),
         *accuracy.live(episodes, layouts, agents),
         *design_rows(export, episodes, answers, conditions),
@@ -115,6 +121,7 @@ def analyse(export: Export, options: Options) -> Analysis:
         tuple(powers),
         (*rows, *_power_rows(powers)),
         declaration,
+        scores,
     )
 
 

@@ -53,6 +53,7 @@ class Export:
     about: dict[str, Any] = field(default_factory=dict)  # name, title, revision, offline accuracy, ...
     version: int | None = None  # of the study file, if one was chosen
     reliance: pl.DataFrame = field(default_factory=pl.DataFrame)  # as exported; empty where a study does not mislead
+    all_answers: pl.DataFrame = field(default_factory=pl.DataFrame)  # as `answers`, and about the study; with the step
     simulated_left_out: int = 0  # simulated participants, where the export has people, too
 
     @property
@@ -128,6 +129,7 @@ def export_of(raw: Mapping[str, pl.DataFrame], folder: Path, study: str, version
         _about(folder, study, version) if study else {},
         version,
         raw.get("reliance", pl.DataFrame()),
+        _numbers(raw["answers"]).join(participants.select("participant"), on="participant", how="semi"),
     )
 
 
@@ -180,12 +182,18 @@ def _episodes(table: pl.DataFrame) -> pl.DataFrame:
 
 
 def _answers(table: pl.DataFrame) -> pl.DataFrame:
-    """Answers about an episode that were stored as numbers, without attention checks. Free text is left out even where
-    it reads "10" or "nan"."""
+    """Answers about an episode."""
+    return _numbers(table).drop_nulls("episode")
+
+
+def _numbers(table: pl.DataFrame) -> pl.DataFrame:
+    """Answers that were stored as numbers, without attention checks. Free text is left out even where it reads "10" or
+    "nan"."""
+    table = _with_default(table, "step", "")
     table = _with_default(table, "attention", None).filter(pl.col("attention").is_null())
     numbers = table.filter(pl.col("value_type").cast(pl.String) == "number")
     value = pl.col("value").cast(pl.String).cast(pl.Float64, strict=False)
-    return numbers.with_columns(value).filter(pl.col("value").is_finite()).drop_nulls(["episode", "value"])
+    return numbers.with_columns(value).filter(pl.col("value").is_finite()).drop_nulls("value")
 
 
 def _ticks(table: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:

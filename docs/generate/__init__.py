@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from docs.generate.command_line import command_line
+from docs.generate.scales import scales
 from docs.generate.settings import settings
 from docs.generate.study_keys import study_keys
 from docs.generate.training_settings import training_settings
@@ -26,6 +27,7 @@ def protocol() -> str:
 PAGES: Final[dict[str, Callable[[], str]]] = {
     "settings.md": settings,
     "study_keys.md": study_keys,
+    "scales.md": scales,
     "command_line.md": command_line,
     "training_settings.md": training_settings,
     "protocol.md": protocol,

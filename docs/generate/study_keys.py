@@ -80,18 +80,20 @@ class _Page:
 
     def _questions(self) -> Iterator[str]:
         """Yield the keys that all types of questions share once, then those of each type."""
-        first = self.blocks[self.questions[0]]
-        shared = set.intersection(*(set(self.blocks[name]["properties"]) for name in self.questions)) - {"type"}
-        for name in self.questions:
+        asking = [name for name in self.questions if "key" in self.blocks[name]["properties"]]
+        first = self.blocks[asking[0]]
+        shared = set.intersection(*(set(self.blocks[name]["properties"]) for name in asking)) - {"type"}
+        for name in asking:
             self.examples |= {
                 (QUESTION, key): self.examples[name, key] for key in shared if (name, key) in self.examples
             }
-        yield "\n## Questions\n\nEvery question has a `type` and these keys:\n\n"
+        yield "\n## Questions\n\nEvery question has a `type` and, unless it is `published`, these keys:\n\n"
         yield from self._table(_only(first, shared), QUESTION)
         for name in self.questions:
             block = self.blocks[name]
             yield f"\n### type: {block['properties']['type']['const']}\n\n{_summary(block)}\n\n"
-            yield from self._table(_only(block, block["properties"].keys() - shared - {"type"}), name)
+            left_out = {"type", *(shared if name in asking else ())}
+            yield from self._table(_only(block, block["properties"].keys() - left_out), name)
 
     def _table(self, block: Block, name: str) -> Iterator[str]:
         """Yield a row for each key of a block."""

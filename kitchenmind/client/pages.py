@@ -88,7 +88,7 @@ def _inputs(field: StepField) -> Iterator[tuple[str, list[Field]]]:
         case "check":
             yield field.name, [Field("checkbox", field.value, needed)]
         case "scale":
-            points = range(int(field.low or 1), int(field.high or 1) + 1)
+            points = range(int(field.low or 0), int(field.high or 1) + 1, field.step)
             yield field.name, [Field("radio", str(point), needed) for point in points]
         case "choice" | "multiple":
             kind = "radio" if field.type == "choice" else "checkbox"

@@ -54,10 +54,10 @@ class Respondent:
         if name in self._known and (name in faults or self._chance.random() < 0.9):
             return self._known[name]
         if last is not None and all(value.isdigit() for value in values):
-            return self._rating(name, len(values), last)
+            return values[self._rating(name, len(values), last) - 1]
         return self._chance.choice(values)
 
-    def _rating(self, name: str, points: int, last: Impression) -> str:
+    def _rating(self, name: str, points: int, last: Impression) -> int:
         """1 to `points`, on the whole the higher the better the episode went for what the question is about."""
         smooth = 1 - min(1.0, 5 * last.share(last.blocked, last.tried))
         pace = min(1.0, last.soups_in_80_s / 8)
@@ -69,4 +69,4 @@ class Respondent:
         else:
             level = 0.55 * pace + 0.3 * smooth + 0.15 * foresight
         wanted = 1 + level * (points - 1) + (self._traits.mood + self._chance.gauss(0, 0.8)) * points / 7
-        return str(max(1, min(points, round(wanted))))
+        return max(1, min(points, round(wanted)))

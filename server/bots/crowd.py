@@ -169,7 +169,7 @@ def _habits(crowd: Crowd, number: int) -> Habits:
 def _right_answers(study: Study) -> Iterator[tuple[str, str]]:
     """Of the quiz and of attention checks: what somebody who reads would answer."""
     pages = [*study.questionnaires.values(), *([study.quiz] if study.quiz else [])]
-    for question in (question for page in pages for question in page.questions):
+    for question in (question for page in pages for question in page.asks):
         right = getattr(question, "correct", None) or getattr(question, "attention", None)
         if right is not None:
             yield question.key, str(right)

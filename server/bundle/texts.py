@@ -51,7 +51,7 @@ def questions(study: Study) -> str:
     for key, block in blocks.items():
         after = ", after each episode" if key == study.after_episode else ""
         lines += ["", f"## {key}{after}", ""]
-        for question in block.questions:
+        for question in block.asks:
             lines += _question(study, question)
     return "\n".join(lines) + "\n"
 

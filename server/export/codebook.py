@@ -241,7 +241,7 @@ ANSWERS = ExportTable(
         PARTICIPANT,
         text("episode", "Episode that the question is about; empty: about the study."),
         STEP,
-        text("question", "Key of the question in the study file."),
+        text("question", "Key of the question in the study file, or of the item of a published scale (`scales`)."),
         text("value", "The answer; lists and yes/no as JSON."),
         text("value_type", "text, number, boolean, list or null."),
         time("submitted_at", "When the page was submitted."),

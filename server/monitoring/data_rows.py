@@ -20,7 +20,7 @@ def asked_of_some(studies: Iterable[Study]) -> tuple[str, ...]:
     keys: set[str] = set()
     for study in studies:
         questionnaires = [*study.questionnaires.values(), *([study.quiz] if study.quiz else [])]
-        keys |= {question.key for one in questionnaires for question in one.questions if question.conditions != "all"}
+        keys |= {question.key for one in questionnaires for question in one.asks if question.conditions != "all"}
     return tuple(sorted(keys))
 
 

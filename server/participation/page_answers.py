@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 
 from server.store.participants import Participant
+from server.study.answer_checks import AnswerError, Checked, check_answers
 from server.study.definition import Study
-from server.study.questionnaire import AnswerError, Checked, asked, check_answers, is_attentive, is_correct
+from server.study.questionnaire import asked, is_attentive, is_correct
 from server.study.steps import StudyStep
 
 

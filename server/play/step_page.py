@@ -23,7 +23,8 @@ class StepOption(Struct):
 
 class StepField(Struct, omit_defaults=True):
     """One field of a form. `hidden`: send it back as it is. `check`: a box; send its value if it is ticked. `ranking`:
-    a field NAME.OPTION for each option, with its place from 1."""
+    a field NAME.OPTION for each option, with its place from 1. `scale`: a number from `low` to `high` in steps of
+    `step`; `labels` are the words of its ends, or of all points."""
 
     name: str
     type: StepFieldType
@@ -34,6 +35,7 @@ class StepField(Struct, omit_defaults=True):
     options: list[StepOption] = []
     low: float | None = None
     high: float | None = None
+    step: int = 1
     whole: bool = False
     most: int | None = None
     labels: list[str] = []

@@ -11,7 +11,16 @@ from server.study.assignment import participant_seed
 from server.study.definition import FIXED_PAGES, Study
 from server.study.locale import languages
 from server.study.order import episode_order
-from server.study.questionnaire import ChoiceQuestion, MultipleQuestion, Questionnaire, RankingQuestion, asked
+from server.study.published_scales import scale_languages
+from server.study.questionnaire import (
+    ChoiceQuestion,
+    MultipleQuestion,
+    PublishedScale,
+    Questionnaire,
+    RankingQuestion,
+    asked,
+    questions_of,
+)
 from server.study.steps import episodes_of
 from server.study.text import Text
 
@@ -39,7 +48,7 @@ def problems(study: Study) -> Iterator[Problem]:
         yield from _questions(study, questionnaire, ("questionnaires", key))
     if study.quiz:
         yield from _questions(study, study.quiz, ("quiz",))
-        if not any(isinstance(question, ChoiceQuestion) and question.correct for question in study.quiz.questions):
+        if not any(isinstance(question, ChoiceQuestion) and question.correct for question in study.quiz.asks):
             yield Problem(
                 ("quiz",), "no question of the quiz has a correct answer", "Add `correct:` to its choice questions."
             )
@@ -168,12 +177,14 @@ def _debriefing(study: Study) -> Iterator[Problem]:
 
 
 def _questions(study: Study, questionnaire: Questionnaire, path: Path) -> Iterator[Problem]:
-    keys = [question.key for question in questionnaire.questions]
+    taken: set[str] = set()
     conditions = {condition.name for condition in study.conditions}
     for index, question in enumerate(questionnaire.questions):
         place = (*path, "questions", index)
-        if question.key in keys[:index]:
-            yield Problem((*place, "key"), f"{question.key!r} is there twice", "Give each question its own key.")
+        keys = [one.key for one in questions_of(question)]
+        if twice := [key for key in keys if key in taken]:
+            yield Problem((*place, "key"), f"{twice[0]!r} is there twice", "Give each question its own key.")
+        taken.update(keys)
         if isinstance(question.conditions, tuple):
             for name in set(question.conditions) - conditions:
                 yield Problem(
@@ -181,10 +192,19 @@ def _questions(study: Study, questionnaire: Questionnaire, path: Path) -> Iterat
                     f"there is no condition {name!r}",
                     f"Known: {', '.join(sorted(conditions))}.",
                 )
+        if isinstance(question, PublishedScale):
+            yield from _scale_languages(study, question, (*place, "scale"))
         if isinstance(question, ChoiceQuestion | MultipleQuestion | RankingQuestion):
             values = [option.value for option in question.options]
             if len(set(values)) < len(values):
                 yield Problem((*place, "options"), "two options have the same value", "Give each its own value.")
+
+
+def _scale_languages(study: Study, entry: PublishedScale, path: Path) -> Iterator[Problem]:
+    for language in study.languages:
+        if language not in scale_languages(entry.scale):
+            remedy = f"Write its items out as questions of your own, or take {language!r} out of `languages`."
+            yield Problem(path, f"{entry.scale} has no words in {language!r}", remedy)
 
 
 def _attention(study: Study) -> Iterator[Problem]:

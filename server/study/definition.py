@@ -284,8 +284,8 @@ class Study(StrictModel):
     def questions(self, key: str) -> tuple[AnyQuestion, ...]:
         """The questions of a questionnaire, or of the quiz."""
         if key == "quiz" and self.quiz is not None:
-            return self.quiz.questions
-        return self.questionnaires[key].questions
+            return self.quiz.asks
+        return self.questionnaires[key].asks
 
 
 def _named(parts: tuple[Named, ...], name: str) -> Named:

@@ -31,7 +31,7 @@ _WORDS = {
     "union_tag_invalid": ("unknown type", "Use {expected_tags}."),
     "union_tag_not_found": (
         "the type is missing",
-        "Add `type:`, one of scale, choice, multiple, text, number, ranking.",
+        "Add `type:`, one of scale, choice, multiple, text, number, ranking, published.",
     ),
     "literal_error": ("{input} is not possible here", "Use {expected}."),
 }

@@ -91,7 +91,7 @@ FormDep = Annotated[Form, Depends(own_form)]
 
 
 async def answers_form(request: Request, web: WebDep) -> Form:
-    """`own_form` of a page with questions, whose answers are checked one by one (server.study.questionnaire)."""
+    """`own_form` of a page with questions, whose answers are checked one by one (server.study.answer_checks)."""
     return await read_form(request, web.csrf, controls=True)
 
 

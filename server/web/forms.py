@@ -7,7 +7,7 @@ from urllib.parse import parse_qs
 import msgspec
 from fastapi import HTTPException, Request
 
-from server.study.questionnaire import CONTROL
+from server.study.answer_checks import CONTROL
 from server.web.auth import FORM_FIELD, NOBODY, CsrfProtection, session_of
 
 LARGEST_FORM_BYTES = 128 * 1024

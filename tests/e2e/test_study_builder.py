@@ -284,6 +284,23 @@ def test_questions_are_put_in_order_by_keyboard_and_by_drag(new_page: NewPage) -
     expect(page.locator("#problems")).to_contain_text("The study is sound")
 
 
+def test_a_published_scale_is_added_from_the_list(new_page: NewPage) -> None:
+    page = new_page()
+    begin(page, "scales")
+    page.locator("#form > details > summary", has_text="Questionnaires").click()
+    at(page, "questionnaires", "teamwork").locator("summary").first.click()
+    page.get_by_label("Type of the new one").first.select_option("published")
+    page.get_by_role("button", name="Add to questions").first.click()
+    entry = at(page, "questionnaires", "teamwork", "questions", 4)
+    scale = entry.get_by_label("Scale", exact=True)
+    expect(scale.locator("option")).to_have_text(["nasa_tlx_raw", "trust_in_automation"])
+    scale.select_option("trust_in_automation")
+    expect(yaml_of(page)).to_have_value(re.compile(r"type: published\b"))
+    expect(page.locator("#problems")).to_contain_text("The study is sound")
+    asked = parse_study(yaml_of(page).input_value()).study.questions("teamwork")
+    assert [one.key for one in asked[-2:]] == ["tia_pro3", "tia_rc6"]
+
+
 def test_a_study_that_says_everything_goes_through_the_form_byte_for_byte(new_page: NewPage) -> None:
     page = new_page()
     begin(page, "whole")

@@ -148,8 +148,8 @@ def _question(question: AnyQuestion, language: str, faults: Mapping[str, str]) -
     )
     match question:
         case ScaleQuestion():
-            field.low, field.high = 1, question.points
-            field.labels = [question.low.of(language), question.high.of(language)]
+            field.low, field.high, field.step = question.values[0], question.values[-1], question.step
+            field.labels = [each.of(language) for each in question.labels or (question.low, question.high)]
         case NumberQuestion():
             field.low, field.high, field.whole = question.minimum, question.maximum, question.whole
         case TextQuestion():

@@ -12,8 +12,9 @@ from server.participation.recruiter_links import WayBack, way_back
 from server.store import episodes, events, participants
 from server.store.participants import Participant
 from server.store.tables import RECRUITMENT_ID
+from server.study.answer_checks import AnswerError
 from server.study.definition import Section, Study
-from server.study.questionnaire import AnswerError, asked
+from server.study.questionnaire import asked
 from server.study.recruitment import Exit
 from server.study.steps import PHASES, Kind, StudyStep, episodes_of
 from server.web.dependencies import PageResponse
@@ -113,7 +114,7 @@ async def _questions(page: PageResponse, participant: Participant, step: StudySt
     messages = {name: _message(page, study, name, fault) for name, fault in filled.faults.items()}
     return {
         "questionnaire": questionnaire,
-        "questions": asked(questionnaire.questions, condition.name, condition.shows_predictions),
+        "questions": asked(questionnaire.asks, condition.name, condition.shows_predictions),
         "form": filled.form,
         "faults": messages,
         "attempts": None,
@@ -130,7 +131,7 @@ async def _quiz(page: PageResponse, participant: Participant, step: StudyStep, f
 def _message(page: PageResponse, study: Study, name: str, fault: AnswerError) -> str:
     if fault.reason != "wrong":
         return page.words(f"faults.{fault.reason}", **fault.numbers)
-    question = next((one for one in study.quiz.questions if one.key == name), None) if study.quiz else None
+    question = next((one for one in study.quiz.asks if one.key == name), None) if study.quiz else None
     explanation = getattr(question, "explanation", None)
     return explanation.of(page.language) if explanation else page.words("quiz.wrong_answer")
 

@@ -21,7 +21,7 @@ const go = find('#go', HTMLButtonElement);
 const NOT_DRAFTED = ['step', 'attempt', 'form_token'];
 const CONTEXT_LENGTH = 20;
 
-const CONTROL = /[\u0000-\u0008\u000b\u000c\u000e-\u001f\u007f-\u009f]/; // as in server/study/questionnaire.py
+const CONTROL = /[\u0000-\u0008\u000b\u000c\u000e-\u001f\u007f-\u009f]/; // as in server/study/answer_checks.py
 
 /** @type {(field: HTMLElement) => Control[]} */
 const controls = (field) => [...field.querySelectorAll('input, textarea, select')].filter(isControl);
@@ -206,7 +206,7 @@ function digitPressed(event) {
   const focused = document.activeElement;
   if (isControl(focused) && /^(text|number|textarea|select-one)$/.test(focused.type)) return;
   const field = scaleToAnswer(focused);
-  const radio = field && controls(field)[number - 1];
+  const radio = field && controls(field).find((each) => each.value === String(number));
   if (!field || !(radio instanceof HTMLInputElement)) return;
   event.preventDefault();
   radio.checked = true;
@@ -222,7 +222,7 @@ function digitPressed(event) {
  */
 function scaleToAnswer(focused) {
   /** @type {(field: HTMLElement) => boolean} */
-  const isScale = (field) => field.dataset.type === 'scale';
+  const isScale = (field) => field.dataset.type === 'scale' && controls(field).length <= 9; // a digit is all of it
   /** @type {HTMLElement | null} */
   const here = focused?.closest('.q') ?? null;
   return here && isScale(here) ? here : fields.find((each) => isScale(each) && !answered(each));

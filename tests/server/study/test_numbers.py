@@ -2,8 +2,9 @@
 
 import pytest
 
+from server.study.answer_checks import AnswerError, check_answers
 from server.study.numbers import read_number
-from server.study.questionnaire import AnswerError, NumberQuestion, check_answers
+from server.study.questionnaire import NumberQuestion
 from tests.support.written_numbers import WRITTEN
 
 

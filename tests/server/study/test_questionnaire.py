@@ -2,8 +2,9 @@
 
 import pytest
 
+from server.study.answer_checks import AnswerError, check_answers
 from server.study.loader import parse_study
-from server.study.questionnaire import AnswerError, TextQuestion, asked, check_answers, is_attentive, is_correct
+from server.study.questionnaire import TextQuestion, asked, is_attentive, is_correct
 from tests.support.study_text import SMALL_STUDY
 
 STUDY = parse_study(SMALL_STUDY).study
