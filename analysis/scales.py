@@ -79,9 +79,10 @@ def _mapping(value: Any) -> Mapping[str, Any]:
     return value if isinstance(value, dict) else {}
 
 
-def items_of(used: Mapping[str, Sequence[str]]) -> list[str]:
-    """Return the questions that belong to a scale: they count in its score and not one by one."""
-    return [item for names in used.values() for name in names for one in subscales(name) for item in one.items]
+def without_items(answers: pl.DataFrame, used: Mapping[str, Sequence[str]]) -> pl.DataFrame:
+    """Return the answers to other questions: items of a scale count in its score and not one by one."""
+    items = [item for names in used.values() for name in names for one in subscales(name) for item in one.items]
+    return answers.filter(~pl.col("question").is_in(items))
 
 
 def scores(export: Export, episodes: pl.DataFrame, used: Mapping[str, Sequence[str]]) -> pl.DataFrame:

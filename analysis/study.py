@@ -85,8 +85,7 @@ def analyse(export: Export, options: Options) -> Analysis:
     conditions = tuple(name for name in export.conditions if name in set(episodes["condition"]))
     chosen = _questionnaire_layouts(options, layouts)
     used = scales.used_scales(export)
-    singles = export.answers.filter(~pl.col("question").is_in(scales.items_of(used)))
-    answers = questionnaires.answers_on(singles, episodes, chosen)
+    answers = questionnaires.answers_on(scales.without_items(export.answers, used), episodes, chosen)
     scores = scales.scores(export, episodes, used)
     model = mixed_model.fit(episodes, MEASURE, conditions)
     design = AnalysisDesign(conditions, layouts, agents, main_contrast(conditions))
@@ -110,10 +109,7 @@ def analyse(export: Export, options: Options) -> Analysis:
     powers = _powers(model, episodes, conditions, options)
     return Analysis(
         export,
-        conditions,
-        layouts,
-        agents,
-        design.contrast,
+        *(conditions, layouts, agents, design.contrast),
         tuple(chosen),
         episodes,
         quality,

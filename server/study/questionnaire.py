@@ -43,15 +43,15 @@ class ScaleQuestion(SurveyQuestion):
     type: Literal["scale"]
     points: Annotated[int, Field(ge=2, le=21)] = 7
     """The number of points on the scale."""
-    first: Annotated[int, Field(ge=0, le=1000)] = 1
+    first: Annotated[int, Field(ge=0, le=1000, examples=[0])] = 1
     """The number of the first point."""
-    step: Annotated[int, Field(ge=1, le=1000)] = 1
+    step: Annotated[int, Field(ge=1, le=1000, examples=[5])] = 1
     """The difference between one point and the next."""
     low: Text
     """The label at the first point."""
     high: Text
     """The label at the last point."""
-    labels: tuple[Text, ...] = ()
+    labels: tuple[Text, ...] = Field(default=(), examples=[["never", "sometimes", "often"]])
     """The words below the points, one text for each. Empty: only the two ends have labels."""
     attention: int | None = None
     """Makes the question an attention check: the number that its text asks for. A wrong answer is only recorded."""
@@ -149,9 +149,9 @@ class PublishedScale(StrictModel):
     """The scale."""
     subscales: tuple[str, ...] = Field(default=(), examples=[["trust"]])
     """The subscales to ask. Empty: all of them."""
-    required: bool = True
+    required: bool = Field(default=True, examples=[False])
     """Whether each item must be answered."""
-    conditions: Literal["all", "with_predictor"] | tuple[str, ...] = "all"
+    conditions: Literal["all", "with_predictor"] | tuple[str, ...] = Field(default="all", examples=["with_predictor"])
     """Who is asked: `all`, `with_predictor` (participants who see predictions), or a list of conditions."""
 
     @model_validator(mode="after")
