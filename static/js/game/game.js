@@ -25,6 +25,7 @@ import { listenToKeyboard, watchPresence } from './keyboard.js';
 import { KeysDialog, storedBindings } from './keys-dialog.js';
 import { MarksControl } from './marks-control.js';
 import { away, input, ready } from './messages.js';
+import { ResearcherNotice } from './notice.js';
 import { Sound } from './sound.js';
 import { listenTouch } from './touch.js';
 import { TutorialCoach } from './tutorial-coach.js';
@@ -70,6 +71,9 @@ const renderer = new Renderer(
 const hud = new Hud(page, text);
 const sound = new Sound(find('#sound', HTMLElement, page), text);
 const announcer = new Announcer(find('#polite', HTMLElement, page), find('#urgent', HTMLElement, page), text);
+const notice = new ResearcherNotice(find('#notice', HTMLElement, page), stage, backToGame, (words) =>
+  announcer.sayNow(words),
+);
 const bubble = find('#coach', HTMLElement, page);
 const coach = new TutorialCoach(
   stage,
@@ -119,7 +123,7 @@ function receive(message) {
   if (message.type === 'welcome') welcome(message);
   if (message.type === 'tick') tick(now);
   if (message.type === 'ended') sound.play('over');
-  if (message.type === 'notice') notice(message.text);
+  if (message.type === 'notice') notice.show(message.text);
 }
 
 /** @param {number} now */
@@ -207,12 +211,6 @@ function back() {
   if (leftPage && state.phase !== 'ended') start();
 }
 
-/** @param {string} words */
-function notice(words) {
-  find('#notice-text', HTMLElement, page).textContent = words;
-  find('#notice', HTMLElement, page).hidden = false;
-}
-
 function lessonKeyCaps() {
   return keyCaps(bindings, text, layout);
 }
@@ -293,10 +291,6 @@ async function begin() {
   listenToKeys();
   offerOtherKeys();
   find('#sound', HTMLElement, page).addEventListener('click', backToGame);
-  find('#notice button', HTMLElement, page).addEventListener('click', () => {
-    find('#notice', HTMLElement, page).hidden = true;
-    backToGame();
-  });
   keysChanged();
   await renderer.sprites.load();
   new ResizeObserver(fit).observe(stage);

@@ -1,0 +1,70 @@
+"""What is said during a game does not lie on what it is about: the researcher's messages."""
+
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Page, expect
+
+from server.play.messages import Notice
+from tests.support.browser.fake_game_server import FakeGameServer
+from tests.support.browser.game_page import DESKTOP, opened, screenshot, start, violations
+
+pytestmark = [pytest.mark.browser, pytest.mark.timeout(120)]
+TOUCH = {"has_touch": True, "is_mobile": True}
+SCREENS: dict[str, dict[str, Any]] = {
+    "laptop": {"viewport": {"width": 1366, "height": 768}},
+    "portrait": {"viewport": {"width": 390, "height": 844}, **TOUCH},
+    "landscape": {"viewport": {"width": 844, "height": 390}, **TOUCH},
+}
+LONG = "Please finish this round. Then wait in the room: somebody comes to you and starts the second part. " * 3
+
+
+def box(page: Page, what: str) -> dict[str, float]:
+    found = page.locator(what).bounding_box()
+    assert found is not None
+    return dict(found)
+
+
+def overlap(one: dict[str, float], other: dict[str, float]) -> bool:
+    across = one["x"] < other["x"] + other["width"] and other["x"] < one["x"] + one["width"]
+    return across and one["y"] < other["y"] + other["height"] and other["y"] < one["y"] + one["height"]
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+@pytest.mark.parametrize("words", ["Lunch at noon.", LONG], ids=["short", "long"])
+def test_a_message_of_the_researcher_covers_no_station(
+    chromium: Browser, server: FakeGameServer, screen: str, words: str
+) -> None:
+    with opened(chromium, server, **SCREENS[screen]) as page:
+        start(page, server)
+        server.send(Notice(words))
+        page.wait_for_selector("#notice:visible")
+        screenshot(page, f"notice-{screen}-{len(words)}")
+        notice = box(page, "#notice")
+        assert not overlap(notice, box(page, "canvas.board"))
+        assert notice["y"] >= 0
+        assert notice["height"] >= 30
+        assert overlap(box(page, "#notice button"), notice), "it can be closed"
+        expect(page.locator("#urgent")).to_have_text(words.strip())
+        assert violations(page) == []
+
+
+def test_a_message_leaves_by_itself_once_it_was_read(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server, viewport=DESKTOP) as page:
+        start(page, server)
+        module = page.evaluate("[...document.scripts].find((one) => one.src.includes('game.js')).src")
+        reading = f"(words) => import('{module}'.replace('game.js', 'notice.js')).then((it) => it.readingMs(words))"
+        short, longer, chinese = (page.evaluate(reading, words) for words in ("Lunch.", "a" * 400, "请" * 100))
+        assert (short, longer, chinese) == (10_000, 41_000, 40_000)
+        page.clock.install(time=0)
+        page.clock.pause_at(60_000)  # from here on time passes only as the test says
+        server.send(Notice("Lunch."))
+        page.wait_for_selector("#notice:visible")
+        page.clock.run_for(short - 100)
+        assert page.is_visible("#notice")
+        page.focus("#notice button")  # whoever is about to close it is not hurried
+        page.clock.run_for(5000)
+        assert page.is_visible("#notice")
+        page.evaluate("document.querySelector('.stage').focus()")
+        page.clock.run_for(5000)
+        assert page.is_hidden("#notice")
