@@ -1,12 +1,13 @@
-"""What is said during a game does not lie on what it is about: the researcher's messages."""
+"""What is said during a game does not lie on what it is about: the researcher's messages and the tutorial's bubble."""
 
 from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from server.play.messages import Notice
-from tests.support.browser.fake_game_server import FakeGameServer
+from server.play.messages import Lesson, Notice
+from tests.e2e.test_game_browser_looks import lesson_page
+from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick
 from tests.support.browser.game_page import DESKTOP, opened, screenshot, start, violations
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(120)]
@@ -68,3 +69,26 @@ def test_a_message_leaves_by_itself_once_it_was_read(chromium: Browser, server: 
         page.evaluate("document.querySelector('.stage').focus()")
         page.clock.run_for(5000)
         assert page.is_hidden("#notice")
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_the_lesson_on_marks_leaves_the_marks_in_sight(chromium: Browser, server: FakeGameServer, screen: str) -> None:
+    lesson_page(server)
+    with opened(chromium, server, **SCREENS[screen]) as page:
+        state = kitchen(t=1, players=((2, 2, 3, 0), (5, 3, 0, 0)))
+        start(page, server, state)
+        server.send(Lesson("marks", 6, 7, False), tick(state, ((0, 95), (0, 80), (0, 60))))
+        expect(page.locator("#lessons .now")).to_contain_text("Read a green mark")
+        gliding = "document.querySelector('#coach').getAnimations().length"
+        page.wait_for_function(
+            f"() => document.querySelector('#coach').dataset.side && {gliding} === 0 || innerWidth < 500"
+        )
+        screenshot(page, f"lesson-marks-{screen}")
+        if screen == "portrait":
+            assert page.is_hidden("#coach"), "the explanation stands below the board"
+            return
+        board, bubble = box(page, "canvas.board"), box(page, "#coach")
+        side = board["width"] / 7
+        for column, row in ((5, 1), (5, 2), (5, 3)):  # the marks lead up from the chef
+            cell = {"x": board["x"] + column * side, "y": board["y"] + row * side, "width": side, "height": side}
+            assert not overlap(bubble, cell), (column, row)

@@ -14,6 +14,7 @@ import { find } from '../browser/dom.js';
 
 const GAP = 14;
 const MARGIN = 8;
+const MARKS_REACH = 3; // cells: a mark for each of the next steps
 
 /**
  * Return the cell that a lesson points at now, as a function of the lesson and what is on screen; null for none.
@@ -77,6 +78,41 @@ export function bubblePlace(cell, state, board, size, stage) {
 }
 
 /**
+ * Return where a bubble about the marks hides fewest of the cells that marks can reach; it points at nothing.
+ * @param {Cell} cell of the watched chef
+ * @param {StartedState} state
+ * @param {BoardBox} board
+ * @param {Size} size of the bubble
+ * @param {Size} stage
+ * @returns {Place & { tip: number }}
+ */
+export function placeBesideMarks(cell, state, board, size, stage) {
+  const { grid } = state.game;
+  /** @type {(place: Place) => number} */
+  const cost = (place) => {
+    let sum = hiddenCost(place, size, state, board);
+    grid.forEach((row, y) =>
+      [...row].forEach((_, x) => {
+        const far = distance([x, y], cell);
+        const isStraight = x === cell[0] || y === cell[1];
+        if (far <= MARKS_REACH && covers([x, y], place, size, board)) sum += isStraight ? 20 : 4;
+      }),
+    );
+    return sum;
+  };
+  /** @type {Place[]} */
+  const places = [];
+  for (let left = MARGIN; left <= stage.width - size.width - MARGIN; left += GAP) {
+    for (let top = MARGIN; top <= stage.height - size.height - MARGIN; top += GAP) {
+      places.push({ side: 'free', left, top });
+    }
+  }
+  /** @type {Place} */
+  const corner = { side: 'free', left: MARGIN, top: MARGIN };
+  return { ...places.reduce((a, b) => (cost(b) < cost(a) ? b : a), corner), tip: 0 };
+}
+
+/**
  * Return which text explains a lesson: marks on demand have their own.
  * @param {string} key
  * @param {State} state
@@ -99,23 +135,24 @@ function outside({ top }, { height }, stage) {
  * Return how much of use lies below the bubble: a floor cell costs 1, a station 2, a chef 4.
  * @type {(place: Place, size: Size, state: StartedState, board: BoardBox) => number}
  */
-function hiddenCost({ left, top }, size, state, board) {
-  /** @type {(x: number, y: number) => boolean} */
-  const covers = (x, y) => {
-    const cellLeft = board.left + x * board.cell;
-    const cellTop = board.top + y * board.cell;
-    const overlapsX = cellLeft < left + size.width && cellLeft + board.cell > left;
-    return overlapsX && cellTop < top + size.height && cellTop + board.cell > top;
-  };
+function hiddenCost(place, size, state, board) {
   const { grid } = state.game;
   let cost = 0;
   grid.forEach((row, y) =>
     [...row].forEach((tile, x) => {
-      if (covers(x, y)) cost += isFloor(grid, x, y) ? 1 : tile === 'X' ? 0 : 2;
+      if (covers([x, y], place, size, board)) cost += isFloor(grid, x, y) ? 1 : tile === 'X' ? 0 : 2;
     }),
   );
-  for (const [x, y] of state.current.players) if (covers(x, y)) cost += 4;
+  for (const [x, y] of state.current.players) if (covers([x, y], place, size, board)) cost += 4;
   return cost;
+}
+
+/** @type {(cell: readonly number[], place: Place, size: Size, board: BoardBox) => boolean} */
+function covers([x, y], { left, top }, size, board) {
+  const cellLeft = board.left + x * board.cell;
+  const cellTop = board.top + y * board.cell;
+  const overlapsX = cellLeft < left + size.width && cellLeft + board.cell > left;
+  return overlapsX && cellTop < top + size.height && cellTop + board.cell > top;
 }
 
 export class TutorialCoach {
@@ -210,7 +247,11 @@ export class TutorialCoach {
   #move(cell, state, board) {
     const size = { width: this.bubble.offsetWidth, height: this.bubble.offsetHeight };
     const stage = { width: this.stage.clientWidth, height: this.stage.clientHeight };
-    const { left, top, side, tip } = bubblePlace(cell, state, board, size, stage);
+    const isOnMarks = state.lesson?.key === 'marks' && cell;
+    const placed = isOnMarks
+      ? placeBesideMarks(cell, state, board, size, stage)
+      : bubblePlace(cell, state, board, size, stage);
+    const { left, top, side, tip } = placed;
     this.bubble.style.left = `${left}px`;
     this.bubble.style.top = `${top}px`;
     this.bubble.style.setProperty('--tip', `${tip}px`);
