@@ -25,6 +25,7 @@ PRESET: Final = """
 roles are `population_sp`, `target_sp`, `population_fcp`, `target_fcp` and `features` (the agent with the pretrained
 encoder). `auxiliary_partners` in `[layout.NAME]` is the number of further SP agents (and half as many FCP agents) that
 only predictors train with. `[predictor]` changes all predictors, `[predictor.window]` one form.
+`like = "coordination_ring"` in `[layout.NAME]` gives a kitchen all tables of another one; its own come on top.
 """
 PARTS: Final[tuple[tuple[type[TrainingSettings], str, str], ...]] = (
     (AgentConfig, "Agent", "`kitchenmind train agent --set`, `--config`, and the tables of roles in a preset."),

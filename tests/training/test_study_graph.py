@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from training.pipeline.agent_tasks import STUDY_LAYOUTS, agent_tasks, prediction_tasks, study_tasks
-from training.pipeline.presets import load_preset
+from training.pipeline.presets import ROLES, load_preset
 from training.pipeline.study_tasks import Graph, Task, Work
 from training.runlog import open_run
 from training.settings import ConfigError
@@ -142,6 +142,14 @@ def _preset(folder: Path, text: str) -> str:
             "population = 1\ntargets = 1\n[layout.matrix]\nauxiliary_partners = -4",
             "[layout.matrix] auxiliary_partners is -4. Write a whole number of at least 0.",
         ),
+        (
+            "population = 1\ntargets = 1\n[layout.ring]\nlike = 'rign'",
+            "[layout.ring] like is 'rign'. Write a kitchen that has tables of its own.",
+        ),
+        (
+            "population = 1\ntargets = 1\n[layout.a]\ncrowd = 1\n[layout.b]\nlike = 'a'\n[layout.c]\nlike = 'b'",
+            "[layout.c] like is 'b'. Write one of a.",
+        ),
     ],
 )
 def test_a_preset_with_a_wrong_setting_says_which(tmp_path: Path, text: str, words: str) -> None:
@@ -180,6 +188,30 @@ def test_the_former_names_of_settings_give_the_same_tasks(tmp_path: Path) -> Non
     assert keys[0] == keys[1]
     assert "matrix/crowd_sp_102" in keys[0]
     assert "matrix/weights" not in keys[0]
+
+
+def test_a_kitchen_like_another_has_its_settings_and_its_own_on_top(tmp_path: Path) -> None:
+    text = (
+        "population = 1\ntargets = 1\n[target_sp]\ngamma = 0.5\n[layout.b]\nlike = 'a'\nauxiliary_partners = 0\n"
+        "[layout.b.target_sp]\ntotal_timesteps = 9\n[layout.b.predictor]\nupdates = 3\n"
+        "[layout.a]\ncrowd = 4\n[layout.a.target_sp]\ntimesteps = 8\nclip = 0.1\n"
+        "[layout.a.predictor]\nupdates = 2\npatience = 5\n"
+    )
+    preset = load_preset(_preset(tmp_path, text))
+    own, other, third = (preset.config(layout, "target_sp") for layout in "bac")
+    assert (own.gamma, own.clip_coef, own.total_timesteps) == (0.5, 0.1, 9)
+    assert (other.gamma, other.clip_coef, other.total_timesteps) == (0.5, 0.1, 8)
+    assert third.clip_coef != 0.1
+    assert preset.predictor_settings("b") == {"updates": 3, "patience": 5}
+    assert [preset.auxiliary_partners(layout) for layout in "abc"] == [4, 0, 0]
+
+
+def test_the_other_classic_kitchens_are_learned_as_coordination_ring_without_auxiliary_partners() -> None:
+    preset = load_preset("cpu")
+    for layout in ("cramped_room", "asymmetric_advantages", "forced_coordination", "counter_circuit"):
+        assert preset.auxiliary_partners(layout) == 0
+        for role in ROLES:
+            assert preset.config(layout, role) == preset.config("coordination_ring", role)
 
 
 def test_a_run_that_learned_nothing_is_trained_again_with_another_seed(tmp_path: Path) -> None:

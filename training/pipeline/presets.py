@@ -2,7 +2,8 @@
 
 A preset is a TOML file (`training/configs/study_*.toml`). Its tables name roles: `[population_sp]` changes the settings
 of a role in every kitchen, `[layout.NAME.ROLE]` in one kitchen, and a table named after one run (`population_sp_1`)
-changes that run alone. `[predictor]` changes the predictors' settings.
+changes that run alone. `[predictor]` changes the predictors' settings. `like = "NAME"` in `[layout.OTHER]` gives a
+kitchen the tables of kitchen NAME; its own come on top.
 """
 
 import difflib
@@ -25,6 +26,7 @@ FIRST_SEEDS = {
 }  # fmt: skip
 _RUN = re.compile(rf"({'|'.join((*ROLES, *AUXILIARY_ROLES))})_\d+")
 _AUXILIARY_KEYS = ("auxiliary_partners", "crowd")  # the second is the former name
+_LIKE = "like"
 
 
 class StudyScale(TrainingSettings):
@@ -49,26 +51,33 @@ class Preset(StudyScale):
 
     def auxiliary_partners(self, layout: str) -> int:
         """Return how many SP agents, and half as many FCP agents, are partners in training predictors only."""
-        table = self._of_layout(layout)
-        return next((int(table[key]) for key in _AUXILIARY_KEYS if key in table), 0)
+        found = [table[key] for _, table in self._tables_of(layout) for key in _AUXILIARY_KEYS if key in table]
+        return int(found[-1]) if found else 0
 
     def config(self, layout: str, role: str, run: str = "") -> AgentConfig:
         """Return the training config of a role in a kitchen, and of one of its runs. Auxiliary partners learn as the
         population does. Raises ConfigError."""
         role = role.replace("crowd", "population")
         config = AgentConfig()
-        for tables, prefix in ((self.tables, ""), (self._of_layout(layout), f"layout.{layout}.")):
+        for prefix, tables in (("", self.tables), *self._tables_of(layout)):
             for name in (role, run):
                 config = config.changed(tables.get(name, {}), f"{self.name}: [{prefix}{name}]")
         return config
 
     def predictor_settings(self, layout: str) -> dict[str, Any]:
         """Return the changed settings of a kitchen's predictors; a table in it belongs to one form."""
-        return {**self.tables.get("predictor", {}), **self._of_layout(layout).get("predictor", {})}
+        settings = dict(self.tables.get("predictor", {}))
+        for _, table in self._tables_of(layout):
+            settings.update(table.get("predictor", {}))
+        return settings
 
-    def _of_layout(self, layout: str) -> Mapping[str, Any]:
-        found: Mapping[str, Any] = self.tables.get("layout", {}).get(layout, {})
-        return found
+    def _tables_of(self, layout: str) -> list[tuple[str, Mapping[str, Any]]]:
+        """Return the tables of a kitchen, each after its prefix: first those of the kitchen that it is like, then its
+        own, which come on top."""
+        layouts: Mapping[str, Mapping[str, Any]] = self.tables.get("layout", {})
+        own = layouts.get(layout, {})
+        names = (own[_LIKE], layout) if _LIKE in own else (layout,)
+        return [(f"layout.{name}.", layouts.get(name, {})) for name in names]
 
 
 def load_preset(name: str) -> Preset:
@@ -86,6 +95,7 @@ def load_preset(name: str) -> Preset:
     _check_tables(tables, "", ("predictor", "layout"), path)
     for layout, table in tables.get("layout", {}).items():
         _check_layout(layout, table, path)
+        _check_like(layout, tables["layout"], path)
     return Preset(name=name, tables=tables, **scale.model_dump())
 
 
@@ -96,8 +106,17 @@ def _check_layout(layout: str, table: Any, path: Path) -> None:
     for key in _AUXILIARY_KEYS:
         if type(table.get(key, 0)) is not int or table.get(key, 0) < 0:
             raise ConfigError(f"{place} {key} is {table[key]!r}. Write a whole number of at least 0.")
-    names = [key for key in table if key not in _AUXILIARY_KEYS]
+    names = [key for key in table if key not in (*_AUXILIARY_KEYS, _LIKE)]
     _check_tables({key: table[key] for key in names}, f"layout.{layout}.", ("predictor",), path)
+
+
+def _check_like(layout: str, layouts: Mapping[str, Any], path: Path) -> None:
+    """Refuse a `like` that names no kitchen with settings of its own."""
+    table = layouts[layout]
+    known = [name for name, other in layouts.items() if isinstance(other, dict) and _LIKE not in other]
+    if _LIKE in table and table[_LIKE] not in known:
+        names = f"one of {', '.join(known)}" if known else "a kitchen that has tables of its own"
+        raise ConfigError(f"{path}: [layout.{layout}] like is {table[_LIKE]!r}. Write {names}.")
 
 
 def _check_tables(tables: Mapping[str, Any], prefix: str, others: Iterable[str], path: Path) -> None:
