@@ -1,8 +1,8 @@
 """Partners like people: small networks that do what humans did in recorded games (behaviour cloning).
 
-The recordings are Carroll et al.'s human-human games on the five classic layouts (tests/data). The later half of the
-games makes the clone with whom predictors are measured, the earlier half the clones that they learn with: no pair of
-people is in both. Run it as `python -m training.behaviour_cloning`.
+The recordings are Carroll et al.'s human-human games on the five classic layouts (tests/data). On each, the later half
+of the games makes the clone with whom agents and predictors are measured, the earlier half the clones that predictors
+learn with: no game is in both. Run it as `python -m training.behaviour_cloning --layout NAME`.
 """
 
 import argparse
@@ -26,12 +26,17 @@ from overcooked.layout import Layout, load_layout
 from overcooked.state import Kitchens
 from training.runlog import revision
 
-RECORDED = "coordination_ring"
+RECORDED = {  # games of people on each layout
+    "cramped_room": 8,
+    "asymmetric_advantages": 9,
+    "coordination_ring": 8,
+    "forced_coordination": 6,
+    "counter_circuit": 8,
+}
+_DEFAULT = "coordination_ring"
 _DATA = Path(__file__).parent.parent / "tests" / "data"
-RECORDINGS = _DATA / "coordination_ring_train.jsonl.gz"
 NAME = "human_bc"
 LIKE_PEOPLE = Mode(temperature=1.0, stuck_after=3, stuck_mix=0.5)  # cloned people get stuck far more than people do
-MEASURED_GAMES, LEARNT_GAMES = (4, 5, 6, 7), (0, 1, 2, 3)  # of the 8 recorded
 CLONES_OF_A_KIND = 3
 
 
@@ -39,7 +44,7 @@ CLONES_OF_A_KIND = 3
 class CloningConfig:
     """How the clone learns."""
 
-    games: tuple[int, ...] = MEASURED_GAMES  # that it imitates; the last one only says when to stop
+    games: tuple[int, ...]  # that it imitates; the last one only says when to stop
     hidden: tuple[int, ...] = (64, 64)
     epochs: int = 100  # at most
     minibatch: int = 256
@@ -56,6 +61,16 @@ class HumanGames:
     observations: NDArray[np.int8]  # (rows, width, height, 26)
     actions: NDArray[np.int64]  # (rows,)
     game: NDArray[np.int64]  # (rows,): which game, so that one can be kept apart
+
+    @property
+    def count(self) -> int:
+        """How many games there are."""
+        return int(self.game[-1]) + 1
+
+
+def recordings(layout: Layout) -> Path:
+    """Return where the bundled games of people on a layout are."""
+    return _DATA / f"{layout.name}_train.jsonl.gz"
 
 
 def read_human_games(path: Path, layout: Layout) -> HumanGames:
@@ -77,24 +92,30 @@ def read_human_games(path: Path, layout: Layout) -> HumanGames:
     return HumanGames(observations, np.array(done, np.int64).ravel(), np.array(games, np.int64).ravel())
 
 
-def measured_games(games: HumanGames) -> tuple[int, ...]:
-    """The later half of the recorded games: those that the clone for measuring imitates."""
-    count = int(games.game[-1]) + 1
+def measured_games(count: int) -> tuple[int, ...]:
+    """Return the later half of `count` recorded games: those that the clone for measuring imitates."""
     return tuple(range(count // 2, count))
 
 
-def companions() -> dict[str, tuple[CloningConfig, Mode]]:
-    """The clones that predictors learn with, by name: unlike one another, as people are."""
+def learnt_games(count: int) -> tuple[int, ...]:
+    """Return the earlier half of `count` recorded games: those that predictors' companions imitate."""
+    return tuple(range(count // 2))
+
+
+def companions(count: int) -> dict[str, tuple[CloningConfig, Mode]]:
+    """The clones that predictors learn with, by name, where `count` games are recorded: unlike one another, as people
+    are."""
+    learnt = learnt_games(count)
     decided, patient = replace(LIKE_PEOPLE, temperature=0.7), replace(LIKE_PEOPLE, stuck_after=8)
     kinds = (
-        (CloningConfig(), LIKE_PEOPLE),
-        (CloningConfig(hidden=(32,), noise=0.2), LIKE_PEOPLE),
-        (CloningConfig(hidden=(128, 64), weight_decay=0.3), decided),
-        (CloningConfig(noise=0.3), patient),
+        (CloningConfig(learnt), LIKE_PEOPLE),
+        (CloningConfig(learnt, hidden=(32,), noise=0.2), LIKE_PEOPLE),
+        (CloningConfig(learnt, hidden=(128, 64), weight_decay=0.3), decided),
+        (CloningConfig(learnt, noise=0.3), patient),
     )
     found = {}
-    for number, (last, (config, mode), _) in enumerate(product(LEARNT_GAMES, kinds, range(CLONES_OF_A_KIND))):
-        games = (*(game for game in LEARNT_GAMES if game != last), last)
+    for number, (last, (config, mode), _) in enumerate(product(learnt, kinds, range(CLONES_OF_A_KIND))):
+        games = (*(game for game in learnt if game != last), last)
         found[f"human_{number:02}"] = replace(config, games=games, seed=number), mode
     return found
 
@@ -142,12 +163,12 @@ def _changing(games: HumanGames, config: CloningConfig, network: MlpPolicy) -> t
     return torch.from_numpy((seen != seen[0]).any(0).astype(np.float32))
 
 
-def make_companions(folder: Path, recordings: Path = RECORDINGS) -> list[Path]:
+def make_companions(folder: Path, layout: Layout, recorded: Path | None = None) -> list[Path]:
     """Write the clones that predictors learn with, a checkpoint folder each, and say where they are; those that are
     there already stay."""
-    layout, made = load_layout(RECORDED), []
-    games = read_human_games(recordings, layout)
-    for name, (config, mode) in companions().items():
+    made: list[Path] = []
+    games = read_human_games(recorded or recordings(layout), layout)
+    for name, (config, mode) in companions(games.count).items():
         made.append(folder / name)
         if made[-1].is_dir():
             continue
@@ -205,17 +226,17 @@ def main() -> None:
     """Clone the bundled recordings and write the agent where studies and evaluations find it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--recordings", type=Path, help="default: tests/data/LAYOUT_train.jsonl.gz")
-    parser.add_argument("--layout", default=RECORDED)
+    parser.add_argument("--layout", default=_DEFAULT)
     parser.add_argument("--out", type=Path, help="default: models/weights/LAYOUT/human_bc")
     parser.add_argument("--companions", type=Path, metavar="FOLDER", help="instead those that predictors learn with")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    if arguments.companions:
-        print(*make_companions(arguments.companions, arguments.recordings or RECORDINGS), sep="\n")
-        return
     layout = load_layout(arguments.layout)
-    games = read_human_games(arguments.recordings or _DATA / f"{layout.name}_train.jsonl.gz", layout)
-    config = CloningConfig(games=measured_games(games))
+    if arguments.companions:
+        print(*make_companions(arguments.companions, layout, arguments.recordings), sep="\n")
+        return
+    games = read_human_games(arguments.recordings or recordings(layout), layout)
+    config = CloningConfig(measured_games(games.count))
     network, figures = clone(games, layout, config)
     folder = arguments.out or WEIGHTS / layout.name / NAME
     save_clone(folder, network, layout, config, figures)

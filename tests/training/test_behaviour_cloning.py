@@ -1,5 +1,6 @@
 """The cloned human does what people did in the recordings."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -12,11 +13,14 @@ from overcooked.constants import STAY
 from overcooked.layout import load_layout
 from training.behaviour_cloning import (
     NAME,
-    RECORDINGS,
+    RECORDED,
     CloningConfig,
     clone,
     companions,
+    make_companions,
+    measured_games,
     read_human_games,
+    recordings,
     save_clone,
 )
 
@@ -25,7 +29,7 @@ RING = load_layout("coordination_ring")
 
 @pytest.fixture(scope="module")
 def games():
-    return read_human_games(RECORDINGS, RING)
+    return read_human_games(recordings(RING), RING)
 
 
 def test_every_recorded_action_is_read_for_both_people(games):
@@ -36,7 +40,7 @@ def test_every_recorded_action_is_read_for_both_people(games):
 
 def test_a_clone_predicts_people_better_than_their_habits_alone(games, tmp_path):
     torch.set_num_threads(1)
-    config = CloningConfig(epochs=15)
+    config = CloningConfig(measured_games(8), epochs=15)
     network, figures = clone(games, RING, config)
     apart = games.actions[games.game == 7]
     shares = np.bincount(apart) / len(apart)
@@ -48,20 +52,43 @@ def test_a_clone_predicts_people_better_than_their_habits_alone(games, tmp_path)
     assert np.allclose(agent.policy.probabilities(seen), NetworkPolicy(network).probabilities(seen), atol=0.01)
 
 
-def test_predictors_never_learn_with_the_people_they_are_measured_with():
-    learnt = {game for config, _ in companions().values() for game in config.games}
-    assert learnt.isdisjoint(CloningConfig().games)
-    assert learnt | set(CloningConfig().games) == set(range(8))
+@pytest.mark.parametrize("name", RECORDED)
+def test_predictors_never_learn_with_the_people_they_are_measured_with(name):
+    layout = load_layout(name)
+    games = read_human_games(recordings(layout), layout)
+    assert games.count == RECORDED[name]
+    learnt = [config.games for config, _ in companions(games.count).values()]
+    measured = set(measured_games(games.count))
+    assert measured.isdisjoint(set().union(*learnt))
+    assert measured.union(*learnt) == set(range(games.count))
+    assert {imitated[-1] for imitated in learnt} == set(range(games.count // 2))  # each is kept apart by some
 
 
-def test_the_shipped_clone_says_which_games_it_imitates():
-    card = (WEIGHTS / "coordination_ring" / NAME / "card.md").read_text()
-    assert "the people of games 5, 6, 7, 8 of 8" in card
+@pytest.mark.parametrize("name", RECORDED)
+def test_the_shipped_clone_imitates_none_of_the_games_that_predictors_learn_from(name):
+    config = json.loads((WEIGHTS / name / NAME / "config.json").read_text("utf-8"))
+    card = (WEIGHTS / name / NAME / "card.md").read_text("utf-8")
+    games = measured_games(RECORDED[name])
+    assert (config["layout"], config["grid"]) == (name, load_layout(name).text)
+    assert f"'games': {games}" in card
+    assert "the people of games " + ", ".join(str(game + 1) for game in games) in card
+
+
+def test_companions_are_made_for_the_kitchen_that_is_asked_for(tmp_path, monkeypatch):
+    monkeypatch.setattr("training.behaviour_cloning.CLONES_OF_A_KIND", 1)
+    monkeypatch.setattr("training.behaviour_cloning.clone", lambda games, layout, config: (layout, {}))
+    made = {}
+    monkeypatch.setattr("training.behaviour_cloning.save_clone", lambda *given: made.update({given[0].name: given}))
+    layout = load_layout("forced_coordination")
+    folders = make_companions(tmp_path, layout)
+    assert [folder.name for folder in folders] == list(made)
+    assert len(made) == 3 * 4
+    assert all(given[2] is layout and set(given[3].games) == {0, 1, 2} for given in made.values())
 
 
 def test_a_clone_knows_only_the_games_it_is_given(games):
     torch.set_num_threads(1)
-    config = CloningConfig(epochs=2)
+    config = CloningConfig(measured_games(8), epochs=2)
     others = ~np.isin(games.game, config.games)
     changed = replace(
         games,

@@ -1,6 +1,6 @@
 """The tasks that make a kitchen's predictors: games of each target, a predictor in each form, the published folders.
 
-In the kitchen of which people's games are recorded, predictors also train with behaviour-cloned (BC) humans.
+In the kitchens of which people's games are recorded, predictors also train with behaviour-cloned (BC) humans.
 """
 
 from collections.abc import Mapping, Sequence
@@ -39,9 +39,10 @@ def predictor_tasks(
     change the configs for all forms, or in a table for one. Without `extras` the games are those with the paper's 31
     partners; with `publish` the predictors also replace those in models/weights."""
     tasks = []
-    if extras and layout.name == RECORDED:
-        clones = {name: [asdict(config), asdict(mode)] for name, (config, mode) in companions().items()}
-        tasks.append(Task(layout.name, CLONES, _clone, clones, (), 2.0))
+    if extras and layout.name in RECORDED:
+        found = companions(RECORDED[layout.name]).items()
+        clones = {name: [asdict(config), asdict(mode)] for name, (config, mode) in found}
+        tasks.append(Task(layout.name, CLONES, partial(_clone, layout), clones, (), 2.0))
         partners = (*partners, CLONES)
     for agent in AGENTS:
         chosen, games = f"choose_{agent}", f"games_{agent}"
@@ -68,8 +69,8 @@ def _target(work: Work, layout: Layout, agent: str) -> Target:
     return Target(agent, found.policy, found.mode, found.sha256)
 
 
-def _clone(work: Work) -> None:
-    make_companions(work.folder)
+def _clone(layout: Layout, work: Work) -> None:
+    make_companions(work.folder, layout)
 
 
 def _collect(layout: Layout, agent: str, extras: bool, work: Work) -> None:
@@ -77,7 +78,7 @@ def _collect(layout: Layout, agent: str, extras: bool, work: Work) -> None:
     folders = [folder for _, folder in _inputs(work, "population")]
     partners = with_itself_and_extras(target, load_population(folders, layout), layout, extras)
     auxiliary = {f"{name}_{k}": folder / str(k) for name, folder in _inputs(work, "crowd") for k in SKILLS}
-    clones = {name: at / name for _, at in _inputs(work, CLONES) for name in companions()}
+    clones = {name: at / name for _, at in _inputs(work, CLONES) for name in companions(RECORDED[layout.name])}
     partners += load_extras({**auxiliary, **clones}, layout)
     collect(work.folder / "games", layout, target, partners, CollectionPlan(), work.report)
 
