@@ -14,7 +14,7 @@ from models.protocols import Policy
 from overcooked.constants import HORIZON
 from overcooked.layout import Layout
 from training.agents import PEOPLE, SKILLS, publish
-from training.evaluate_agents import EvaluatedAgent, measured
+from training.evaluate_agents import EvaluatedAgent, measured, measured_with
 from training.pipeline.study_tasks import Work
 
 HELD_OUT = "held_out"
@@ -87,6 +87,20 @@ def evaluate_bundled(
     present = [name for name in names if name == "planner" or (WEIGHTS / layout.name / name).is_dir()]
     players = {name: EvaluatedAgent(*load_agent(name, layout)) for name in present}
     return [measured(layout, name, player, unseen_partners, episodes, timesteps) for name, player in players.items()]
+
+
+def evaluate_with(
+    layout: Layout, partner: str, names: Sequence[str] = ("sp", "fcp"), episodes: int = 40, timesteps: int = HORIZON
+) -> list[dict[str, Any]]:
+    """What `kitchenmind evaluate agents --partner PARTNER --json` prints for one layout. Raises what `load_agent`
+    raises."""
+    torch.set_num_threads(1)
+    present = [name for name in names if (WEIGHTS / layout.name / name).is_dir()]
+    other = EvaluatedAgent(*load_agent(partner, layout))
+    players = {name: EvaluatedAgent(*load_agent(name, layout)) for name in present}
+    return [
+        measured_with(layout, name, player, partner, other, (episodes, timesteps)) for name, player in players.items()
+    ]
 
 
 def _is_unseen(name: str, chosen: str, inputs: Iterable[str]) -> bool:

@@ -109,6 +109,33 @@ def measured(
     return {**entry, "episodes": episodes}
 
 
+def measured_with(
+    layout: Layout, name: str, player: EvaluatedAgent, partner: str, other: EvaluatedAgent, games: tuple[int, int]
+) -> dict[str, Any]:
+    """One entry of `kitchenmind evaluate agents --partner ... --json`: self-play, and points with one partner, who acts
+    as its card says, in both seats (first the entry in which the agent is chef 1). `games`: episodes a seat, and
+    timesteps of each."""
+    episodes, timesteps = games
+    own = with_itself(layout, player, episodes, timesteps=timesteps).scores
+    seats = [
+        play(layout, pair, episodes, seed, timesteps).scores
+        for seed, pair in enumerate(((player, other), (other, player)))
+    ]
+    errors = [values.std(ddof=1) / len(values) ** 0.5 if len(values) > 1 else 0.0 for values in seats]
+    both = {
+        "mean": round(float(np.mean(seats)), 1),
+        "se": round(float(np.hypot(*errors)) / PLAYERS, 1),
+    }
+    return {
+        "layout": layout.name,
+        "agent": name,
+        "self_play": _mean_se(own),
+        "partner": partner,
+        "with_partner": {**both, "seats": [_mean_se(values) for values in seats]},
+        "episodes": episodes,
+    }
+
+
 def _mean_se(values: NDArray[np.float64]) -> dict[str, float]:
     spread = values.std(ddof=1) / len(values) ** 0.5 if len(values) > 1 else 0.0
     return {"mean": round(float(values.mean()), 1), "se": round(float(spread), 1)}

@@ -5,9 +5,9 @@ import pytest
 
 from models.agents.catalogue import load_agent
 from models.protocols import Mode, Observations, Probabilities
-from overcooked.constants import INTERACT
-from overcooked.layout import load_layout
-from training.evaluate_agents import EvaluatedAgent, measured, play, with_itself, with_partners
+from overcooked.constants import INTERACT, STAY
+from overcooked.layout import load_layout, parse_layout
+from training.evaluate_agents import EvaluatedAgent, measured, measured_with, play, with_itself, with_partners
 
 RINGS = load_layout("double_rings")
 
@@ -55,3 +55,21 @@ def test_an_entry_has_what_the_command_prints() -> None:
     assert entry["episodes"] == 2
     assert set(entry["self_play"]) == set(entry["held_out"]) == {"mean", "se"}
     assert entry["self_play"]["mean"] > entry["held_out"]["mean"]
+
+
+class Standing:
+    """Never moves."""
+
+    def probabilities(self, observations: Observations) -> Probabilities:
+        return np.eye(6, dtype=np.float32)[[STAY] * len(observations)]
+
+
+def test_an_agent_meets_the_partner_in_both_seats_and_the_partner_acts_as_its_card_says() -> None:
+    """In this kitchen, only chef 1 can reach anything."""
+    layout = parse_layout("XXXPX\nX1  O\nXDXSX\nX2  X\nXXXXX", "one")
+    planner, standing = EvaluatedAgent(*load_agent("planner", layout)), EvaluatedAgent(Standing(), Mode(0.0, 400, 0.0))
+    entry = measured_with(layout, "planner", planner, "standing", standing, (2, 400))
+    first, second = entry["with_partner"]["seats"]
+    assert first["mean"] > 0 == second["mean"]
+    assert entry["with_partner"]["mean"] == pytest.approx(first["mean"] / 2, abs=0.1)
+    assert (entry["agent"], entry["partner"], entry["episodes"]) == ("planner", "standing", 2)

@@ -11,6 +11,14 @@ LAYOUT = STUDY_LAYOUTS[0]
 CELLS = sorted((LAYOUT, agent) for agent in ("sp", "fcp"))
 MEAN = {"mean": float, "se": float}
 AGENT = {"layout": str, "agent": str, "self_play": MEAN, "held_out": MEAN, "episodes": int}
+WITH_PARTNER = {
+    "layout": str,
+    "agent": str,
+    "self_play": MEAN,
+    "partner": str,
+    "with_partner": {**MEAN, "seats": list},
+    "episodes": int,
+}
 PREDICTOR = {
     "layout": str,
     "agent": str,
@@ -39,6 +47,34 @@ def test_agents_are_a_list_of_points_with_themselves_and_with_strangers(capsys):
     assert [kinds(entry) for entry in entries] == [AGENT] * len(entries)
     assert sorted((entry["layout"], entry["agent"]) for entry in entries) == CELLS
     assert all(entry["episodes"] == 1 for entry in entries)
+
+
+def test_agents_with_one_partner_are_a_list_of_points_in_both_seats(capsys):
+    short = ("--episodes", "2", "--timesteps", "60", "--partner", "human_bc")
+    entries = printed(capsys, "agents", "--layouts", "random1", *short)
+    assert [kinds(entry) for entry in entries] == [WITH_PARTNER] * len(entries)
+    assert sorted((entry["layout"], entry["agent"]) for entry in entries) == CELLS
+    for entry in entries:
+        both, seats = entry["with_partner"], entry["with_partner"]["seats"]
+        assert [kinds(seat) for seat in seats] == [MEAN] * 2
+        assert both["mean"] == pytest.approx((seats[0]["mean"] + seats[1]["mean"]) / 2, abs=0.1)
+    assert kitchenmind.main(["evaluate", "agents", "--layouts", "random1", *short]) == 0
+    table = capsys.readouterr().out
+    assert "with human_bc" in table
+    assert table.count("as chef 2") == len(entries)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--partner", "human_cb"], "no layout has an agent 'human_cb'. Known: fcp,"),
+        (["--partner", "./mine.onnx"], "./mine.onnx: say for which layouts: --layouts NAME."),
+        (["--partner", "human_bc", "--layouts", "matrix"], "no agent 'human_bc' for matrix. Known: planner,"),
+    ],
+)
+def test_a_partner_that_cannot_be_met_is_refused(capsys, words, said):
+    assert kitchenmind.main(["evaluate", "agents", "--episodes", "1", "--timesteps", "5", *words]) == 2
+    assert said in capsys.readouterr().err
 
 
 def test_predictors_are_a_list_of_accuracies_beside_ceiling_and_baselines(capsys):

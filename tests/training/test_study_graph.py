@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+import kitchenmind
 from training.pipeline.agent_tasks import STUDY_LAYOUTS, agent_tasks, prediction_tasks, study_tasks
 from training.pipeline.presets import ROLES, load_preset
 from training.pipeline.study_tasks import Graph, Task, Work
@@ -212,6 +213,17 @@ def test_the_other_classic_kitchens_are_learned_as_coordination_ring_without_aux
         assert preset.auxiliary_partners(layout) == 0
         for role in ROLES:
             assert preset.config(layout, role) == preset.config("coordination_ring", role)
+
+
+def test_a_study_is_trained_under_the_name_that_the_layout_has_in_the_data(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--layouts", "random0", "random3", "--only", "population_sp_1", "--plan", "--runs", str(tmp_path)]
+    assert kitchenmind.main(["train", "study", *words]) == 0
+    said = capsys.readouterr().out
+    assert "forced_coordination/" in said
+    assert "counter_circuit/" in said
+    assert "random" not in said
 
 
 def test_a_run_that_learned_nothing_is_trained_again_with_another_seed(tmp_path: Path) -> None:

@@ -22,6 +22,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=400,
         help="length of an episode; the published points are for 400 (default: 400)",
     )
+    agents.add_argument(
+        "--partner",
+        metavar="AGENT",
+        help="this partner instead of the unseen ones, in both seats, such as human_bc",
+    )
     predictor = kinds.add_parser(
         "predictor", help="measure accuracy with unseen partners, next to ceiling and baselines"
     )
@@ -65,11 +70,30 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _agents(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     from overcooked.layout import layout_names, load_layout
-    from training.choose import evaluate_bundled
+    from training.choose import evaluate_bundled, evaluate_with
 
     layouts = [load_layout(name) for name in arguments.layouts or layout_names()]
     size = {"episodes": arguments.episodes, "timesteps": arguments.timesteps}
-    return [entry for layout in layouts for entry in evaluate_bundled(layout, **size)]
+    if arguments.partner is None:
+        return [entry for layout in layouts for entry in evaluate_bundled(layout, **size)]
+    if not arguments.layouts:
+        layouts = _with_partner(layouts, arguments.partner)
+    return [entry for layout in layouts for entry in evaluate_with(layout, arguments.partner, **size)]
+
+
+def _with_partner(layouts: list["Layout"], partner: str) -> list["Layout"]:
+    """The layouts that a bundled partner can play on. Raises ValueError where there are none or it is not bundled."""
+    from models.agents.blackbox import is_foreign
+    from models.agents.catalogue import agent_names
+
+    name = partner.partition("@")[0]
+    if "/" in partner or is_foreign(partner):
+        raise ValueError(f"{partner}: say for which layouts: --layouts NAME.")
+    found = [layout for layout in layouts if name in agent_names(layout.name)]
+    if not found:
+        names = sorted({name for layout in layouts for name in agent_names(layout.name)})
+        raise ValueError(f"no layout has an agent {partner!r}. Known: {', '.join(names)}.")
+    return found
 
 
 def _predictors(arguments: argparse.Namespace) -> list[dict[str, Any]]:
@@ -139,8 +163,22 @@ def _predictor_table(entries: list[dict[str, Any]]) -> None:
 
 
 def _agent_table(entries: list[dict[str, Any]]) -> None:
+    if "partner" in entries[0]:
+        _partner_table(entries)
+        return
     print(f"{'layout':18} {'agent':10} with itself     with partners never met (points per 400 timesteps +- s.e.)")
     for entry in entries:
         own, others = entry["self_play"], entry.get("held_out")
         met = f"{others['mean']:5.1f} +- {others['se']:.1f}" if others else "    -"
         print(f"{entry['layout']:18} {entry['agent']:10} {own['mean']:5.1f} +- {own['se']:<5.1f}  {met}")
+
+
+def _partner_table(entries: list[dict[str, Any]]) -> None:
+    print(f"{'layout':22} {'agent':10} with itself     with {entries[0]['partner']} (points per 400 timesteps +- s.e.)")
+    for entry in entries:
+        own, met = entry["self_play"], entry["with_partner"]
+        seats = ", ".join(f"{seat['mean']:.1f} as chef {number + 1}" for number, seat in enumerate(met["seats"]))
+        print(
+            f"{entry['layout']:22} {entry['agent']:10} {own['mean']:5.1f} +- {own['se']:<5.1f}  "
+            f"{met['mean']:5.1f} +- {met['se']:.1f} ({seats})"
+        )

@@ -124,13 +124,14 @@ def _show(config: AgentConfig) -> None:
 
 def _train_study(arguments: argparse.Namespace) -> int:
     from overcooked.layout import load_layout
+    from overcooked.other_names import bundled_name
     from training.pipeline.agent_tasks import STUDY_LAYOUTS, prediction_tasks, study_tasks
     from training.pipeline.presets import load_preset
     from training.pipeline.schedule import run_here, run_on_ray, run_task, show_plan
     from training.pipeline.study_tasks import Graph
 
     preset = load_preset(arguments.preset)
-    layouts = arguments.layouts or list(STUDY_LAYOUTS)
+    layouts = [bundled_name(name) for name in arguments.layouts or STUDY_LAYOUTS]
     for layout in layouts:
         load_layout(layout)
     # All agents first: they can be played with while the predictors learn.
