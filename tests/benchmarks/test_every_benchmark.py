@@ -15,6 +15,7 @@ ROOT = Path(__file__).parent.parent.parent
 # What makes each short.
 QUICK = {
     "agent_modes": ["--quick"],
+    "classic_kitchens": ["--quick"],
     "browser": ["--seconds", "1", "--json"],
     "results": ["--quick"],
     "dashboard": ["--games", "4", "--window-s", "2", "--turns", "1", "--json"],
