@@ -1,5 +1,6 @@
 """How well agents cook: with themselves and with partners they never met, in the mode in which people meet them."""
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -124,7 +125,7 @@ def measured_with(
     errors = [values.std(ddof=1) / len(values) ** 0.5 if len(values) > 1 else 0.0 for values in seats]
     both = {
         "mean": round(float(np.mean(seats)), 1),
-        "se": round(float(np.hypot(*errors)) / PLAYERS, 1),
+        "se": round(math.hypot(*errors) / PLAYERS, 1),
     }
     return {
         "layout": layout.name,
