@@ -295,7 +295,7 @@ def test_a_published_scale_is_added_from_the_list(new_page: NewPage) -> None:
     scale = entry.get_by_label("Scale", exact=True)
     expect(scale.locator("option")).to_have_text(["nasa_tlx_raw", "trust_in_automation"])
     scale.select_option("trust_in_automation")
-    expect(yaml_of(page)).to_have_value(re.compile(r"type: published\b"))
+    expect(yaml_of(page)).to_have_value(re.compile("scale: trust_in_automation"))
     expect(page.locator("#problems")).to_contain_text("The study is sound")
     asked = parse_study(yaml_of(page).input_value()).study.questions("teamwork")
     assert [one.key for one in asked[-2:]] == ["tia_pro3", "tia_rc6"]
