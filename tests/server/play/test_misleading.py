@@ -113,7 +113,11 @@ def test_a_share_of_the_rounds_is_drawn_by_the_seed() -> None:
     [
         ("debriefing: purpose\n", "", "marks that mislead people need a debriefing that says so"),
         ("debriefing: purpose", "debriefing: nowhere", "there is no page 'nowhere'. Known pages: purpose."),
-        ("tutorial, episodes, purpose", "purpose, tutorial, episodes", "the debriefing does not follow the rounds"),
+        (
+            "tutorial, episodes, trust, purpose",
+            "purpose, tutorial, episodes, trust",
+            "the debriefing does not follow the rounds",
+        ),
         ("{from_round: 2}", "{from_round: 3}", "there is no round 3: the study has 2"),
         ("predictor: misleading, ", "predictor: tom, ", "`misleading` has no effect with another predictor"),
     ],
