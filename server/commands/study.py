@@ -90,8 +90,10 @@ def _summary(file: "StudyFile") -> str:
     conditions = ", ".join(f"{one.name} x{one.weight}" for one in study.conditions)
     pages = len(steps(study, study.conditions[0].name, study.seed))
     episodes, languages = episodes_of(study), ", ".join(study.languages)
+    factors = "; ".join(f"{name}: {', '.join(levels)}" for name, levels in study.factors.items())
     lines = [
         f"{file.source} is a study: {study.name}, version {file.sha256[:12]}",
+        *([f"  factors      {factors}"] if factors else []),
         f"  conditions   {conditions}",
         f"  way          {pages} steps, {episodes} episode{'s' * (episodes != 1)}; languages {languages}",
         f"  primary      {_primary(study)}",

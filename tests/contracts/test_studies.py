@@ -48,6 +48,13 @@ def test_every_game_of_every_condition_can_be_drawn_up(path: Path) -> None:
                 assert spec.predictor is not None
 
 
+def test_check_says_how_factors_are_crossed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert kitchenmind.main(["study", "check", str(STUDIES / "examples" / "two_factors.yaml")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "  factors      steps: one, three; opacity: off, on" in lines
+    assert "  conditions   one_off x1, one_on x1, three_off x1, three_on x1" in lines
+
+
 def test_conditions_differ_in_what_is_shown_and_in_nothing_else() -> None:
     study = load_study(STUDIES / "external_predictor.yaml").study
     specs = {}
