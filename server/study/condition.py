@@ -32,20 +32,20 @@ class NamedPart(StrictModel):
 class ConditionSettings(StrictModel):
     """What a level of a factor changes. Settings that no level has are as in the rest of the study."""
 
-    predictor: Predictor | None = None
+    predictor: Predictor | None = Field(default=None, examples=["random"])
     """What is drawn, as in `conditions.predictor`. Where no factor has it, it is tom."""
-    accuracy: Annotated[float, Field(ge=0.17, le=1)] | None = None
+    accuracy: Annotated[float, Field(ge=0.17, le=1)] | None = Field(default=None, examples=[0.6])
     """Only with `degraded`: the accuracy to reach (mean over the steps). Errors are added until it is reached."""
     misleading: Misleading = Misleading()
-    show: Show | None = None
+    show: Show | None = Field(default=None, examples=["on_key"])
     """When the marks are drawn in this condition: always, on_key or toggle. Empty: as in `predictor.show`."""
-    form: Form | None = None
+    form: Form | None = Field(default=None, examples=["stream"])
     """The form of the predictor in this condition, window or stream. Empty: as in `predictor.form`."""
     steps_shown: StepsShown | None = None
     """How many predicted steps are drawn in this condition. Empty: as in `predictor.steps_shown`."""
-    confidence_opacity: bool | None = None
+    confidence_opacity: bool | None = Field(default=None, examples=[True])
     """Draw a step fainter when the predictor is less certain. Empty: as in `predictor.confidence_opacity`."""
-    view_radius: Annotated[int, Field(ge=0, le=20)] | None = None
+    view_radius: Annotated[int, Field(ge=0, le=20)] | None = Field(default=None, examples=[2])
     """Limited sight in this condition. 0: the whole kitchen. Empty: as in `game.view_radius`."""
 
 

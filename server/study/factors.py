@@ -22,9 +22,9 @@ LONGEST_NAME: Final = 40
 class Cells(StrictModel):
     """How the levels of `factors` are combined. Each combination is a condition with the same weight."""
 
-    without: tuple[Key, ...] = ()
+    without: tuple[Key, ...] = Field(default=(), examples=[["none_on"]])
     """Conditions to leave out, by the names of their levels: `none_on`. Empty: all combinations, a full factorial."""
-    quota: Annotated[int, Field(ge=1)] | None = None
+    quota: Annotated[int, Field(ge=1)] | None = Field(default=None, examples=[20])
     """The largest number of participants in each condition. Empty: no limit."""
 
 
