@@ -1,4 +1,4 @@
-"""Measure the agents of the five classic kitchens with the human proxy, beside what Carroll et al. (2019) measured.
+"""Measure the agents of the five classic kitchens with the human proxy, next to what Carroll et al. (2019) measured.
 
 python benchmarks/classic_kitchens.py            measures and prints the table
 python benchmarks/classic_kitchens.py --write    also writes classic_kitchens.json and docs/explanation/results.md

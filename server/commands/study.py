@@ -133,7 +133,7 @@ def _schema() -> int:
 
 
 def _words(language: str, place: Path) -> int:
-    """Write the file of a language beside a study. One that is there stays as it is: what it lacks is listed."""
+    """Write the file of a language next to a study. One that is there stays as it is: what it lacks is listed."""
     from server.study import own_languages
     from server.study.locale import is_bundled
 

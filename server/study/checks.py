@@ -96,7 +96,7 @@ def _names(study: Study) -> Iterator[Problem]:
     for language in study.languages:
         if language not in languages():
             reason = f"the platform itself has no words in {language!r}: its buttons will be English"
-            made = f"`kitchenmind study words {language}` makes locales/{language}.yaml beside the study"
+            made = f"`kitchenmind study words {language}` makes locales/{language}.yaml next to the study"
             remedy = f"{made}, which you translate."
             yield Problem(("languages",), reason, remedy, warning=True)
     if len(set(study.languages)) < len(study.languages):

@@ -110,7 +110,7 @@ class LineNumbers:
 
 
 def load_study(path: str | FilePath, models_folder: FilePath | None = None) -> StudyFile:
-    """The study in a file, with the languages beside it. `models_folder`: where relative paths of models start, if not
+    """The study in a file, with the languages next to it. `models_folder`: where relative paths of models start, if not
     in the file's folder. Raises StudyError (all problems at once), FileNotFoundError."""
     file = FilePath(path)
     data = file.read_bytes()

@@ -1,5 +1,5 @@
 """The platform's own words, one file a language in `locales/`. A third language is one more file, there or in the
-folder `locales` beside a study (see own_languages.py)."""
+folder `locales` next to a study (see own_languages.py)."""
 
 from dataclasses import dataclass, field
 from functools import cache
@@ -10,7 +10,7 @@ import yaml
 
 LOCALES = Path(__file__).parent / "locales"
 FALLBACK = "en"
-_ADDED: dict[str, Path] = {}  # languages from folders beside studies
+_ADDED: dict[str, Path] = {}  # languages from folders next to studies
 # Words as written, where the usual loader reads `No` or `7.50` as something else; C is ten times as quick.
 _LOADER = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 

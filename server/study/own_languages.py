@@ -1,4 +1,4 @@
-"""A language of one's own: the platform's words in the folder `locales` beside a study, `locales/de.yaml`."""
+"""A language of one's own: the platform's words in the folder `locales` next to a study, `locales/de.yaml`."""
 
 import json
 import re
@@ -41,9 +41,9 @@ def file_beside(folder: Path, language: str) -> Path:
 
 
 def template(language: str) -> str:
-    """Return a file of words to translate: the English beside each empty entry."""
+    """Return a file of words to translate: the English next to each empty entry."""
     head = (
-        f"# The platform's words in {language}. Write each translation between the quotes, beside the English.\n"
+        f"# The platform's words in {language}. Write each translation between the quotes, next to the English.\n"
         "# Keep {words in braces}: they are filled in. An empty entry is shown in English.\n"
         "# `name` is what the language calls itself.\n"
     )
@@ -139,7 +139,7 @@ def _line_of(text: str, key: str) -> int:
 
 
 def use_languages_beside(folder: Path) -> None:
-    """Use the languages in the folder `locales` beside a study. The platform's own languages stay as they are. Raises
+    """Use the languages in the folder `locales` next to a study. The platform's own languages stay as they are. Raises
     LanguageError."""
     for path in sorted((folder / FOLDER).glob("*.yaml")):
         if LANGUAGE.fullmatch(path.stem) and not is_bundled(path.stem):

@@ -61,14 +61,14 @@ export class ResearcherNotice {
     this.box.hidden = true;
   }
 
-  /** Use the room above the board; where there is none, that beside it. A long text scrolls there. */
+  /** Use the room above the board; where there is none, that next to it. A long text scrolls there. */
   #place() {
     const board = this.stage.querySelector('canvas.board')?.getBoundingClientRect();
     if (this.box.hidden || !board) return;
     const { style } = this.box;
     const isBeside = board.top - 2 * MARGIN < LEAST_ROOM;
     const room = Math.max(board.left, innerWidth - board.right) - 2 * MARGIN;
-    this.box.classList.toggle('beside', isBeside);
+    this.box.classList.toggle('next to', isBeside);
     this.box.classList.remove('tight');
     style.maxHeight = `${isBeside ? innerHeight - 2 * MARGIN : board.top - 2 * MARGIN}px`;
     style.width = isBeside ? `${room}px` : '';

@@ -1,4 +1,4 @@
-"""A language of one's own, in the folder `locales` beside a study."""
+"""A language of one's own, in the folder `locales` next to a study."""
 
 from collections.abc import Iterator
 from pathlib import Path
