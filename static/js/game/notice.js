@@ -68,7 +68,7 @@ export class ResearcherNotice {
     const { style } = this.box;
     const isBeside = board.top - 2 * MARGIN < LEAST_ROOM;
     const room = Math.max(board.left, innerWidth - board.right) - 2 * MARGIN;
-    this.box.classList.toggle('next to', isBeside);
+    this.box.classList.toggle('at-side', isBeside);
     this.box.classList.remove('tight');
     style.maxHeight = `${isBeside ? innerHeight - 2 * MARGIN : board.top - 2 * MARGIN}px`;
     style.width = isBeside ? `${room}px` : '';
