@@ -50,23 +50,43 @@ def test_a_message_of_the_researcher_covers_no_station(
         assert violations(page) == []
 
 
-def test_a_message_leaves_by_itself_once_it_was_read(chromium: Browser, server: FakeGameServer) -> None:
-    with opened(chromium, server, viewport=DESKTOP) as page:
+def test_without_room_above_the_board_a_message_goes_to_its_side(chromium: Browser, server: FakeGameServer) -> None:
+    with opened(chromium, server, viewport={"width": 1000, "height": 540}) as page:
         start(page, server)
-        module = page.evaluate("[...document.scripts].find((one) => one.src.includes('game.js')).src")
-        reading = f"(words) => import('{module}'.replace('game.js', 'notice.js')).then((it) => it.readingMs(words))"
+        page.evaluate("document.querySelector('canvas.board').style.cssText += 'position: fixed; top: 0; left: 0'")
+        server.send(Notice(LONG))
+        page.wait_for_selector("#notice.at-side:visible")
+        notice = box(page, "#notice")
+        assert not overlap(notice, box(page, "canvas.board"))
+        assert notice["x"] + notice["width"] <= 1000
+        assert overlap(box(page, "#notice button"), notice), "it can be closed"
+
+
+NOTICE_ALONE = """async () => {
+  document.body.innerHTML = '<main tabindex="-1"></main><div id="notice" hidden><p></p><button>Close</button></div>';
+  const { ResearcherNotice } = await import(location.href);
+  const [stage, box] = [document.querySelector('main'), document.querySelector('#notice')];
+  new ResearcherNotice(box, stage, () => {}, () => {}).show('Lunch.');
+}"""
+
+
+def test_a_message_leaves_by_itself_once_it_was_read(chromium: Browser, server: FakeGameServer) -> None:
+    """By itself, without a game: one that hears nothing for so long connects again, and its dialog takes the focus."""
+    with opened(chromium, server, viewport=DESKTOP) as page:
+        game = page.evaluate("[...document.scripts].find((one) => one.src.includes('game.js')).src")
+        page.goto(game.replace("game.js", "notice.js"))
+        reading = "async (words) => (await import(location.href)).readingMs(words)"
         short, longer, chinese = (page.evaluate(reading, words) for words in ("Lunch.", "a" * 400, "请" * 100))
         assert (short, longer, chinese) == (10_000, 41_000, 40_000)
         page.clock.install(time=0)
         page.clock.pause_at(60_000)  # from here on time passes only as the test says
-        server.send(Notice("Lunch."))
-        page.wait_for_selector("#notice:visible")
+        page.evaluate(NOTICE_ALONE)
         page.clock.run_for(short - 100)
         assert page.is_visible("#notice")
-        page.focus("#notice button")  # whoever is about to close it is not hurried
+        page.focus("#notice button")  # somebody who is about to close it is not hurried
         page.clock.run_for(5000)
         assert page.is_visible("#notice")
-        page.evaluate("document.querySelector('.stage').focus()")
+        page.focus("main")
         page.clock.run_for(5000)
         assert page.is_hidden("#notice")
 

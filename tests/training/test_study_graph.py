@@ -144,6 +144,10 @@ def _preset(folder: Path, text: str) -> str:
             "[layout.matrix] auxiliary_partners is -4. Write a whole number of at least 0.",
         ),
         (
+            "population = 1\ntargets = 1\n[layout.random0]\nauxiliary_partners = 1",
+            "[layout.random0]: random0 is called forced_coordination here. Write [layout.forced_coordination].",
+        ),
+        (
             "population = 1\ntargets = 1\n[layout.ring]\nlike = 'rign'",
             "[layout.ring] like is 'rign'. Write a kitchen that has tables of its own.",
         ),

@@ -15,6 +15,7 @@ from typing import Any
 
 from pydantic import Field
 
+from overcooked.other_names import bundled_name
 from training.config import CONFIG_FOLDER, AgentConfig
 from training.settings import ConfigError, TrainingSettings
 
@@ -103,6 +104,9 @@ def _check_layout(layout: str, table: Any, path: Path) -> None:
     place = f"{path}: [layout.{layout}]"
     if not isinstance(table, dict):
         raise ConfigError(f"{place} is {table!r}. Write a table, e.g. [layout.{layout}.population_sp].")
+    if bundled_name(layout) != layout:
+        name = bundled_name(layout)
+        raise ConfigError(f"{place}: {layout} is called {name} here. Write [layout.{name}].")
     for key in _AUXILIARY_KEYS:
         if type(table.get(key, 0)) is not int or table.get(key, 0) < 0:
             raise ConfigError(f"{place} {key} is {table[key]!r}. Write a whole number of at least 0.")

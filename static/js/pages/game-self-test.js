@@ -24,6 +24,7 @@ import { listenToKeyboard } from '../game/keyboard.js';
 import { rebind } from '../game/keys-dialog.js';
 import { MarksControl } from '../game/marks-control.js';
 import { parse } from '../game/messages.js';
+import { readingMs } from '../game/notice.js';
 import { Sound } from '../game/sound.js';
 import { listenTouch } from '../game/touch.js';
 import { bubblePlace, target } from '../game/tutorial-coach.js';
@@ -101,6 +102,7 @@ function tryTexts() {
   session.getItem('kitchenmind.tab');
   tabName({ getItem: () => null, setItem() {}, removeItem() {} }, new EventTarget());
   retryDelay(1);
+  if (!(readingMs('请稍等') > 0)) throw new Error('no time to read a message');
   const place = document.createElement('i');
   place.dataset.mark = 'hand';
   drawLegend(place);

@@ -59,8 +59,10 @@ FACTORS = {"Study.factors", "Study.cells", "Cells.without", "Cells.quota"}
 
 def test_the_study_sets_everything_that_can_be_set(study: Study) -> None:
     never = {name for name, _ in settings(study)} - {name for name, is_made in settings(study) if is_made}
-    # A choice that is an attention check, a number that need not be whole: tested with the questions.
+    # A choice that is an attention check, a number that need not be whole, a scale with other numbers and words: tested
+    # with the questions and the published scales.
     questions = {"ChoiceQuestion.attention", "NumberQuestion.whole"}
+    questions |= {"ScaleQuestion.first", "ScaleQuestion.step", "ScaleQuestion.labels"}
     assert {name for name in never if name not in OF_TWO_PEOPLE | MISLEADING | FACTORS} == questions
 
 
