@@ -4,8 +4,6 @@ python benchmarks/classic_kitchens.py            measures and prints the table
 python benchmarks/classic_kitchens.py --write    also writes classic_kitchens.json and docs/explanation/results.md
 """
 
-import argparse
-import json
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -15,12 +13,13 @@ from typing import Any
 
 os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
 # `training.py` next to this file bears a package's name: Python must look for that one elsewhere.
-sys.path[:] = [folder for folder in sys.path if Path(folder).resolve() != Path(__file__).resolve().parent]
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolve() != ROOT / "benchmarks")]
 
+from benchmarks.support import kept_figures  # noqa: E402
 from models.agents.catalogue import WEIGHTS, agent_sha256  # noqa: E402
 from overcooked.layout import load_layout  # noqa: E402
 
-ROOT = Path(__file__).parent.parent
 FIGURES, DOCUMENT = Path(__file__).with_suffix(".json"), ROOT / "docs" / "explanation" / "results.md"
 BEGIN, END = "<!-- table of benchmarks/classic_kitchens.py -->", "<!-- end of the table -->"
 LAYOUTS = ("cramped_room", "asymmetric_advantages", "coordination_ring", "forced_coordination", "counter_circuit")
@@ -49,18 +48,12 @@ PUBLISHED = {
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--write", action="store_true", help="write the figures and the table")
-    parser.add_argument("--quick", action="store_true", help="one short game of each: a rough look, not to be kept")
-    arguments = parser.parse_args()
-    if arguments.quick and arguments.write:
-        parser.error("--quick measures too little to be kept: leave out --write.")
+    arguments = kept_figures.parsed(__doc__)
     figures = measured(arguments.quick)
     print(rendered(figures))
     if arguments.write:
-        FIGURES.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
-        text = DOCUMENT.read_text(encoding="utf-8")
-        DOCUMENT.write_text(f"{text.partition(BEGIN)[0]}{rendered(figures)}{text.partition(END)[2]}", encoding="utf-8")
+        kept_figures.keep(figures, FIGURES)
+        kept_figures.put(rendered(figures), DOCUMENT, BEGIN, END)
 
 
 def measured(quick: bool = False) -> dict[str, Any]:

@@ -7,7 +7,6 @@ The accuracy on test partners is read from the predictors' cards; `kitchenmind e
 again.
 """
 
-import argparse
 import json
 import os
 import sys
@@ -17,12 +16,13 @@ from typing import Any
 
 os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
 # `training.py` next to this file bears a package's name: Python must look for that one elsewhere.
-sys.path[:] = [folder for folder in sys.path if Path(folder).resolve() != Path(__file__).resolve().parent]
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolve() != ROOT / "benchmarks")]
 
+from benchmarks.support import kept_figures  # noqa: E402
 from models.agents.catalogue import WEIGHTS, agent_sha256  # noqa: E402
 from overcooked.layout import load_layout  # noqa: E402
 
-ROOT = Path(__file__).parent.parent
 FIGURES = Path(__file__).with_suffix(".json")
 README, DOCUMENT = ROOT / "README.md", ROOT / "docs" / "explanation" / "results.md"
 BEGIN, END = "<!-- tables of benchmarks/results.py -->", "<!-- end of the tables -->"
@@ -43,20 +43,14 @@ training nor for early stopping."""
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--write", action="store_true", help="write the figures and the tables")
-    parser.add_argument("--quick", action="store_true", help="one short game of each: a rough look, not to be kept")
-    arguments = parser.parse_args()
-    if arguments.quick and arguments.write:
-        parser.error("--quick measures too little to be kept: leave out --write.")
+    arguments = kept_figures.parsed(__doc__)
     figures = measured(arguments.quick)
     entries = shipped_entries()
     print(rendered(entries, figures))
     if arguments.write:
-        FIGURES.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
-        for path, tables in ((README, summary(entries, figures)), (DOCUMENT, rendered(entries, figures))):
-            text = path.read_text(encoding="utf-8")
-            path.write_text(f"{text.partition(BEGIN)[0]}{tables}{text.partition(END)[2]}", encoding="utf-8")
+        kept_figures.keep(figures, FIGURES)
+        kept_figures.put(summary(entries, figures), README, BEGIN, END)
+        kept_figures.put(rendered(entries, figures), DOCUMENT, BEGIN, END)
 
 
 def measured(quick: bool = False) -> dict[str, Any]:

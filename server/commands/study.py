@@ -95,7 +95,7 @@ def _summary(file: "StudyFile") -> str:
         f"{file.source} is a study: {study.name}, version {file.sha256[:12]}",
         *([f"  factors      {factors}"] if factors else []),
         f"  conditions   {conditions}",
-        f"  way          {pages} steps, {episodes} episode{'s' * (episodes != 1)}; languages {languages}",
+        f"  steps        {pages}, with {episodes} episode{'s' * (episodes != 1)}; languages {languages}",
         f"  primary      {_primary(study)}",
         f"  order        {study.order.rule}; how many of 60 simulated participants meet what in which episode:",
         *_balance(file, min(episodes, MOST_PLACES)),

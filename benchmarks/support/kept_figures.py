@@ -1,0 +1,28 @@
+"""What benchmarks share whose figures are kept in a file and written into documents."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+
+def parsed(description: str | None) -> argparse.Namespace:
+    """Return the command line: `write` and `quick`. Ends the program for both at once."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--write", action="store_true", help="write the figures and the tables")
+    parser.add_argument("--quick", action="store_true", help="one short game of each: a rough look, not to be kept")
+    arguments = parser.parse_args()
+    if arguments.quick and arguments.write:
+        parser.error("--quick measures too little to be kept: leave out --write.")
+    return arguments
+
+
+def keep(figures: Any, path: Path) -> None:
+    """Write the figures that the tables are made from."""
+    path.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+
+
+def put(tables: str, path: Path, begin: str, end: str) -> None:
+    """Put tables into a document in place of everything from `begin` to `end`; `tables` has both marks."""
+    text = path.read_text(encoding="utf-8")
+    path.write_text(f"{text.partition(begin)[0]}{tables}{text.partition(end)[2]}", encoding="utf-8")
