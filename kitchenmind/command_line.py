@@ -2,6 +2,8 @@
 
 import argparse
 import importlib
+import os
+import select
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -42,8 +44,30 @@ VERBS: dict[str, tuple[str, str]] = {
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one verb; return the exit status: 0 done, 1 failed, 2 wrong input, 130 stopped by Ctrl+C."""
-    words = list(sys.argv[1:] if argv is None else argv)
+    """Run one verb; return the exit status: 0 done, 1 failed, 2 wrong input, 130 stopped by Ctrl+C, 141 nobody reads
+    what it prints, as after `| head`."""
+    try:
+        status = _run(list(sys.argv[1:] if argv is None else argv))
+        sys.stdout.flush()
+    except BrokenPipeError:
+        if not _is_unread():
+            raise
+        return 141
+    return status
+
+
+def _is_unread() -> bool:
+    """Whether the reader of standard output has gone. Then what is left to print goes nowhere, so that Python does not
+    fail again at its end."""
+    poll = select.poll()
+    poll.register(sys.stdout.fileno(), 0)
+    if not poll.poll(0):
+        return False
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return True
+
+
+def _run(words: list[str]) -> int:
     verb = words[0] if words else None
     parser = argparse.ArgumentParser(prog="kitchenmind", description=__doc__ if verb is None else None)
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)

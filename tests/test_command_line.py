@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import os
 import re
 import subprocess
 import sys
@@ -31,6 +32,17 @@ def test_verb_is_there_and_explains_itself(verb: str, capsys: pytest.CaptureFixt
         kitchenmind.main([verb, "--help"])
     assert leaving.value.code == 0
     assert f"kitchenmind {verb}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("words", [["study", "check", "studies/quick_look.yaml"], ["study", "schema"]])
+def test_output_that_nobody_reads_ends_the_command_without_a_traceback(words: list[str]) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)  # as `| head -0`
+    done = subprocess.run(
+        [sys.executable, ROOT / "kitchenmind", *words], stdout=writer, stderr=subprocess.PIPE, text=True, cwd=ROOT
+    )
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (141, "")
 
 
 @pytest.mark.parametrize("words", [[], ["bake"], ["replay"], ["replay", "a", "--unknown"]])

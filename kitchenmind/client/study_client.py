@@ -108,9 +108,11 @@ class StudyClient:
         """Return the fields of the page's form. Raises ClientFailed."""
         fields = page.form(path)
         if fields is None:
-            is_consent = path == self.consent_path
+            if path == self.consent_path:
+                raise ClientFailed("the consent page has no form")
             raise ClientFailed(
-                "the consent page has no form" if is_consent else "a page has neither form nor game nor code"
+                "a page has neither form nor game nor code: the study has ended here, for example after a failed "
+                "attention check"
             )
         return fields
 
