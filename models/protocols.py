@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 STEPS = 3  # l: how many of the agent's next actions are predicted
 HISTORY = 10  # n: how many steps the paper's predictor looks at
+INTENTION_HORIZON = 20  # timesteps: an interaction that is farther ahead counts as none
 
 Observations = NDArray[np.int8]  # (games, width, height, 26): the lossless encoding as the agent sees it
 Probabilities = NDArray[np.float32]  # (games, 6)
@@ -55,12 +56,24 @@ class Mode:
 
 
 @dataclass(frozen=True)
+class Intention:
+    """What a predictor says the watched agent does next at a station: one of `possible_interactions(layout)`."""
+
+    kind: int  # an `InteractionKind`; NONE: no interaction within INTENTION_HORIZON timesteps
+    x: int  # the station's cell; -1 for NONE
+    y: int
+    steps: int  # in how many timesteps it is done, 1 being the coming one; 0 for NONE
+    probability: float  # of this kind at this station
+
+
+@dataclass(frozen=True)
 class Decision:
     """What the models said about one game in one timestep."""
 
     action: int  # the agent's action, 0-5
     probabilities: tuple[float, ...]  # of the action as drawn (after `Mode`), 6 values
     prediction: tuple[tuple[float, ...], ...]  # STEPS x 6; empty where no predictor watches
+    intentions: tuple[Intention, ...] = ()  # the likeliest, then the runner-up; empty where the predictor has none
 
 
 Card = dict[str, Any]
