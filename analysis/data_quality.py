@@ -1,4 +1,4 @@
-"""A verdict on every episode: keep, look or drop, with the rules that say so. A proposal; dropping is the researcher's.
+"""Propose for every episode to keep it, look at it or drop it, with the rules that say so. The researcher decides.
 
 Thresholds are fixed here, before anybody sees data. Knows the measures of episodes, not how they were taken.
 """
@@ -44,7 +44,7 @@ RULES = (
     Rule(
         "display",
         "display_share",
-        "share of timesteps in which the screen did not show what the condition promises",
+        "share of timesteps in which the screen did not show what the condition requires",
         1e-9,
         0.05,
     ),
@@ -53,7 +53,7 @@ RULES = (
 )
 
 
-def verdicts(episodes: pl.DataFrame, answers: pl.DataFrame, rules: Sequence[Rule] = RULES) -> pl.DataFrame:
+def proposals(episodes: pl.DataFrame, answers: pl.DataFrame, rules: Sequence[Rule] = RULES) -> pl.DataFrame:
     """One row per episode of the measures' table: episode, participant, condition, layout, agent, number, proposal
     (keep, look or drop), rules (names of those that hold, the reasons to drop first), excluded, and every measure."""
     table = episodes.join(straight_lined(answers), on="episode", how="left", maintain_order="left").with_columns(

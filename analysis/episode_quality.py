@@ -1,4 +1,4 @@
-"""The verdict on single episodes while a study runs: the same rules, measures and code as the report's."""
+"""Quality proposals for single episodes while a study runs: the same rules, measures and code as the report's."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,5 +11,5 @@ from analysis.tables import export_of, frame
 def judge(tables: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
     """Episode -> proposal and the rules that say so. `tables`: those of an export, as anything Arrow-like."""
     export = export_of({name: frame(table) for name, table in tables.items()}, Path(), "")
-    found = data_quality.verdicts(measures.episode_measures(export), export.answers)
+    found = data_quality.proposals(measures.episode_measures(export), export.answers)
     return {row[0]: (row[1], row[2] or "") for row in found.select("episode", "proposal", "rules").iter_rows()}

@@ -14,7 +14,7 @@ PUSHES = 8  # as often the same move in a row goes into a wall or a person: kitc
 
 def episode_measures(export: Export) -> pl.DataFrame:
     """The export's episodes with reward, and measures from their ticks: idle_share, longest_idle_s, interactions,
-    pushing_share, late_share, display_share (timesteps not shown as promised), lag_ms, hidden_share, accuracy and
+    pushing_share, late_share, display_share (timesteps not shown as required), lag_ms, hidden_share, accuracy and
     accuracy_1..3 (shares, 0 to 1; null without ticks). attention_failed counts the attention checks that the person
     failed in the whole study."""
     ticks = export.ticks

@@ -92,10 +92,10 @@ def primary_sentence(declaration: Declaration, rows: Sequence[Result]) -> str:
     if math.isnan(row.p):
         return f"The primary test could not be computed: {note(row)}."
     first, second = (condition(name) for name in declared.comparison)
-    return f"In the primary test, {measure_words(declared)} {_verdict(declared, row, first, second)} ({_numbers(row)})."
+    return f"In the primary test, {measure_words(declared)} {_outcome(declared, row, first, second)} ({_numbers(row)})."
 
 
-def _verdict(declared: DeclaredTest, row: Result, first: str, second: str) -> str:
+def _outcome(declared: DeclaredTest, row: Result, first: str, second: str) -> str:
     way = {"greater": "higher", "less": "lower"}.get(declared.direction, "")
     plural = declared.measure != REWARD
     if row.p < level_of(declared, row.n):

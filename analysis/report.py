@@ -196,7 +196,7 @@ def _flagged(analysis: Analysis) -> pl.DataFrame:
 
 
 def _displays(export: Export) -> list[tuple[str, int, int, int]]:
-    """By condition: timesteps that did not show what the condition promises, episodes that have any, all episodes."""
+    """By condition: timesteps that did not show what the condition requires, episodes that have any, all episodes."""
     found = []
     for condition in export.conditions:
         counts = export.episodes.filter(pl.col("condition") == condition)["display_violations"].drop_nulls()

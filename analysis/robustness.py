@@ -17,7 +17,7 @@ class RobustnessInputs:
     export: Export
     every: pl.DataFrame  # all episodes with their measures
     episodes: pl.DataFrame  # those analysed
-    quality: pl.DataFrame  # a verdict on every episode
+    quality: pl.DataFrame  # a proposal for every episode
     answers: pl.DataFrame  # about the analysed episodes on the questionnaire's layouts
     conditions: tuple[str, ...]
     layouts: tuple[str, ...]

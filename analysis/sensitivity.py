@@ -30,7 +30,7 @@ def sensitivity_rows(
     declared: DeclaredTest, every: pl.DataFrame, analysed: pl.DataFrame, quality: pl.DataFrame, export: Export
 ) -> list[Result]:
     """Return the declared test over each of POPULATIONS. `every`: all episodes with their measures; `quality`: their
-    verdicts. At an interim look, all have the level of the people analysed; before the first one there are none."""
+    decisions. At an interim look, all have the level of the people analysed; before the first one there are none."""
     finished = every.filter(pl.col("status") == "done")
     completed = export.participants.filter(pl.col("status") == "completed").select("participant")
     flagged = quality.join(analysed.select("episode"), on="episode", how="semi")

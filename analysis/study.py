@@ -90,7 +90,7 @@ def analyse(export: Export, options: Options) -> Analysis:
     model = mixed_model.fit(episodes, MEASURE, conditions)
     design = AnalysisDesign(conditions, layouts, agents, main_contrast(conditions))
     declaration = declaration_of(export)
-    quality = data_quality.verdicts(every, export.answers)
+    quality = data_quality.proposals(every, export.answers)
     compared = (conditions, layouts, agents, design.contrast, declaration, options.seed)
     rows = [
         *_primary_rows(declaration.primary, episodes, export.answers),

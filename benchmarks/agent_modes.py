@@ -1,4 +1,4 @@
-"""How decided an agent should be: points with itself and with strangers, certainty and jams for several modes.
+"""How deterministic an agent should be: points with itself and unseen partners, certainty and jams by mode.
 
     python benchmarks/agent_modes.py [--layout coordination_ring] [--agent sp] [--quick]
 
@@ -40,13 +40,13 @@ def main() -> None:
     layout = load_layout(arguments.layout)
     policy = load_agent(arguments.agent, layout).policy
     folders = sorted((WEIGHTS / layout.name / "population").glob("*_100"))
-    strangers = [NetworkPolicy(load_network(folder)) for folder in folders]
-    print("mode (temperature, after, mix)     self  strangers  certainty   stuck  longest jam")
+    unseen = [NetworkPolicy(load_network(folder)) for folder in folders]
+    print("mode (temperature, after, mix)     self     unseen  certainty   stuck  longest jam")
     for mode in MODES[:2] if arguments.quick else MODES:
         me = EvaluatedAgent(policy, mode)
         own = with_itself(layout, me, own_games)
-        others = [play(layout, (me, EvaluatedAgent(stranger, mode)), games, 0) for stranger in strangers]
-        others += [play(layout, (EvaluatedAgent(stranger, mode), me), games, 1) for stranger in strangers]
+        others = [play(layout, (me, EvaluatedAgent(partner, mode)), games, 0) for partner in unseen]
+        others += [play(layout, (EvaluatedAgent(partner, mode), me), games, 1) for partner in unseen]
         name = f"{mode.temperature:g}, {mode.stuck_after}, {mode.stuck_mix:g}"
         print(f"{name:32}{own.scores.mean():7.1f}{_points(others):11.1f}{_certainty(others):11.3f}", end="")
         print(f"{np.mean([games.stuck for games in others]):8.1%}{max(games.longest_jam for games in others):13d}")

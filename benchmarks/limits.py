@@ -27,16 +27,16 @@ LIKELY = 0.003  # courses less likely than this, of one timestep, are not follow
 Ints = NDArray[np.integer]
 
 
-def law_ahead(
+def distribution_ahead(
     kitchens: Kitchens, agents: tuple[LoadedAgent, LoadedAgent], seat: Ints, stuck: Ints, timesteps: int
 ) -> Probabilities:
-    """(games, 6): the first agent's action law `timesteps` from now, it in `seat` (games,), `stuck` (games, 2)."""
+    """(games, 6): the first agent's action distribution in `timesteps`, it in `seat` (games,), `stuck` (games, 2)."""
     games, seen = np.arange(kitchens.games), kitchens.encode()
     seats = np.stack([seat, 1 - seat])
-    own = _law(agents[0].policy, agents[0].mode, seen[games, seats[0]], stuck[:, 0])
+    own = _distribution(agents[0].policy, agents[0].mode, seen[games, seats[0]], stuck[:, 0])
     if timesteps == 0:
         return own
-    other = _law(agents[1].policy, agents[1].mode, seen[games, seats[1]], stuck[:, 1])
+    other = _distribution(agents[1].policy, agents[1].mode, seen[games, seats[1]], stuck[:, 1])
     joint = own[:, :, None] * other[:, None, :]
     game, *actions = np.nonzero(joint > LIKELY)
     share = joint[game, actions[0], actions[1]]
@@ -48,13 +48,13 @@ def law_ahead(
         by_seat[rows, seats[k, game]] = actions[k]
     after.step(by_seat, np.zeros((len(game), PLAYERS), np.int32))
     still = (after.players == before).all(-1)[rows[:, None], seats[:, game].T]  # (courses, 2), the agent's own first
-    ahead = law_ahead(after, agents, seat[game], np.where(still, stuck[game] + 1, 0), timesteps - 1)
+    ahead = distribution_ahead(after, agents, seat[game], np.where(still, stuck[game] + 1, 0), timesteps - 1)
     action_distribution = np.zeros((kitchens.games, ACTIONS))
     np.add.at(action_distribution, game, share[:, None] * ahead)
     return np.asarray(action_distribution, np.float32)
 
 
-def _law(policy: Policy, mode: Mode, seen: Observations, stuck: Ints) -> Probabilities:
+def _distribution(policy: Policy, mode: Mode, seen: Observations, stuck: Ints) -> Probabilities:
     return distribution(policy.probabilities(np.ascontiguousarray(seen)), stuck, mode)
 
 
@@ -71,7 +71,9 @@ def limits(layout: Layout, agent: str, partner: str, states: int) -> list[float]
     best = []
     for step in range(STEPS):
         kitchens = Kitchens(layout, at["players"].copy(), at["contents"].copy(), clock.copy())
-        action_distribution = law_ahead(kitchens, agents, seat.ravel()[chosen], at["stuck"].astype(np.int64), step)
+        action_distribution = distribution_ahead(
+            kitchens, agents, seat.ravel()[chosen], at["stuck"].astype(np.int64), step
+        )
         best.append(round(100 * float(action_distribution.max(1).mean()), 1))
     return best
 

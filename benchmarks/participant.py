@@ -128,7 +128,7 @@ def measure(page_of: Browser) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Exit status 1 when a figure is beyond what we promise."""
+    """Exit status 1 when a figure is beyond its limit."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()

@@ -45,7 +45,7 @@ training nor for early stopping."""
 def main() -> None:
     arguments = kept_figures.parsed(__doc__)
     figures = measured(arguments.quick)
-    entries = shipped_entries()
+    entries = bundled_entries()
     print(rendered(entries, figures))
     if arguments.write:
         kept_figures.keep(figures, FIGURES)
@@ -54,7 +54,7 @@ def main() -> None:
 
 
 def measured(quick: bool = False) -> dict[str, Any]:
-    """What stands on no card: points of agents with the same strangers, predictors with a cloned human, and which
+    """What stands on no card: points of agents with the same unseen partners, predictors with a cloned human, and which
     agents that was."""
     import torch
 
@@ -85,20 +85,20 @@ def measured(quick: bool = False) -> dict[str, Any]:
         games = unseen_games(ring, load_target(agent, ring), network, population_folder(ring), plan, HUMAN)
         with_human.append(evaluate(network, games).entry(ring.name, agent, form))
     return {
-        "sha256": shipped_agents(),
+        "sha256": bundled_agents(),
         "agents": [*(entry for layout in layouts for entry in evaluate_bundled(layout, AGENTS, **size)), *planners],
         "with_human_bc": with_human,
     }
 
 
-def shipped_agents() -> dict[str, str]:
+def bundled_agents() -> dict[str, str]:
     """Layout/agent -> sha256, of everybody whose figures are kept."""
     layouts = [load_layout(name) for name in LAYOUTS]
     names = {f"{layout.name}/{agent}": agent_sha256(agent, layout) for layout in layouts for agent in AGENTS}
     return {**names, f"coordination_ring/{HUMAN}": agent_sha256(HUMAN, load_layout("coordination_ring"))}
 
 
-def shipped_entries() -> list[dict[str, Any]]:
+def bundled_entries() -> list[dict[str, Any]]:
     """What the cards of the bundled predictors say, as `kitchenmind evaluate predictor --json` would."""
     configs = sorted(WEIGHTS.glob("*/*_predictor_*/config.json"))
     return [json.loads(config.read_text(encoding="utf-8"))["measured"] for config in configs]

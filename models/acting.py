@@ -1,4 +1,4 @@
-"""From probabilities to actions: the law by which agents act in data, evaluation and the live game. Numpy only."""
+"""From probabilities to actions: what agents draw from in data, evaluation and the live game. Numpy only."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ SAMPLED = Mode(temperature=1.0, stuck_mix=0.0)
 
 
 def distribution(probabilities: Probabilities, stuck: NDArray[np.integer], mode: Mode) -> Probabilities:
-    """The law of the action: (games, 6), rows sum to one. `stuck` (games,) as `Stuck` counts it; rules in `Mode`."""
+    """Return action distributions (games, 6). `stuck` (games,) as `Stuck` counts it; rules in `Mode`."""
     if mode.temperature > 0:
         logs = np.log(np.maximum(probabilities, 1e-30)) / mode.temperature
         action_distribution = np.exp(logs - logs.max(axis=1, keepdims=True))

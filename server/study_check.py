@@ -38,7 +38,7 @@ def stage_problems(file: StudyFile, loads: bool = True) -> Iterator[Problem]:
 
 def _variant_problems(study: Study) -> Iterator[Problem]:
     """Predictors written with a variant: `sp_predictor_stream@60` would be made worse without a word in conditions
-    that promise the predictor itself."""
+    that show the predictor itself."""
     places: list[tuple[Path, PartnerSettings]] = [(("agents", index), one) for index, one in enumerate(study.agents)]
     places += [(("waiting_room", "agent"), study.waiting_room.agent), (("tutorial", "agent"), study.tutorial.agent)]
     for place, agent in places:

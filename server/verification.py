@@ -27,7 +27,7 @@ class VerificationResult:
 
 
 def verify_all(connection: Connection, study_ids: tuple[int, ...] | None = None) -> Iterator[VerificationResult]:
-    """The verdict on every episode of these study versions (None: on all that there are), oldest first."""
+    """Return the result for every episode of these study versions (None: on all that there are), oldest first."""
     for episode_id in list(episode_ids(Selection(connection, study_ids))):
         yield verify(connection, episode_id)
 

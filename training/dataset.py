@@ -28,7 +28,7 @@ class Episodes:
     features: torch.Tensor  # (E, T, size) float16: what the eyes make of each state as the target sees it
     before: NDArray[np.int8]  # (E, T, 2): the joint action that led to the state, target first; -1 at the start
     own: NDArray[np.int8]  # (E, T): the action taken in the state
-    certainty: NDArray[np.float32]  # (E, T): the largest probability of that action's law
+    certainty: NDArray[np.float32]  # (E, T): the largest probability of that action's distribution
     stuck: NDArray[np.int16]  # (E, T, 2): timesteps since a chef's cell, facing or hand changed, target first
 
     def __len__(self) -> int:

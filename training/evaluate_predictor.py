@@ -35,7 +35,7 @@ class Evaluation:
     accuracy: OfflineAccuracy
     repeat: OfflineAccuracy  # the target's last action, said three times
     frequent: OfflineAccuracy  # the action that it takes most
-    ceiling: float  # of step 1: mean of the largest probability of the target's law
+    ceiling: float  # of step 1: mean of the largest probability of the target's action distribution
     free: OfflineAccuracy  # where nobody was stuck
     free_repeat: OfflineAccuracy
     free_frequent: OfflineAccuracy

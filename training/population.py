@@ -105,7 +105,7 @@ def _is_agent(config: Path) -> bool:
 
 def load_extras(folders: Mapping[str, Path], layout: Layout) -> list[Partner]:
     """Agents in these checkpoint folders, by name, that are only ever trained on: the more ways of cooking a predictor
-    has met, the better it predicts with strangers. Who samples by its card always does. Raises what `load_agent`
+    has met, the better it predicts with unseen partners. Who samples by its card always does. Raises what `load_agent`
     raises."""
     extras = []
     for name, folder in folders.items():

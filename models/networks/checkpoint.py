@@ -81,7 +81,7 @@ def _stored(tensor: NDArray[Any], half: bool) -> NDArray[Any]:
 
 
 def _expected(folder: Path) -> dict[str, str]:
-    """File name -> the digest that `sha256` promises."""
+    """File name -> the digest in `sha256`."""
     if not (folder / SUMS).is_file():
         raise CheckpointError(
             f"{folder / SUMS}: missing, so nothing here can be checked. Fetch the whole folder again."

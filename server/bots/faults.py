@@ -17,13 +17,13 @@ from server.store.database import Database
 
 BROWSER_FAULTS: Final = ("reload", "second_tab", "half_open")
 STATES_BEFORE_THE_KILL: Final = 40  # that each participant has seen, on average
-# What is promised, and the words by which a violation says that it was broken.
+# What is guaranteed, and the words by which a violation says that it does not hold.
 GUARANTEES: Final = {
     "nothing that was shown is lost": ("lost timesteps", "is not stored", "is not in the database"),
     "nothing that was shown is changed or doubled": ("in two ways", "as another one", "played twice"),
     "every episode re-simulates to its hashes": ("does not re-simulate",),
     "everybody keeps their condition": ("condition changed", "but played episode"),
-    "everybody is shown what their condition promises": ("condition promises",),
+    "everybody is shown what their condition requires": ("condition requires",),
     "nobody sees a page twice or loses their place": ("came twice", "a reload led", "a tab that was left"),
     "a code means that everything is stored": ("code",),
     "everybody gets to the end": ("no way on", "ended at timestep", "refused"),

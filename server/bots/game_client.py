@@ -14,7 +14,7 @@ from server.bots.cook import Cook, Impression, Traits
 from server.bots.foresight.cook import cook
 from server.play import messages
 from server.play.close_codes import CloseCode
-from server.play.marks import NOTHING_SHOWN, is_as_promised
+from server.play.marks import NOTHING_SHOWN, is_as_required
 from server.study.order import derived_seed
 
 PARTLY_SEEN: Final = ""  # for the hash of a state of which the participant saw a part only
@@ -33,7 +33,7 @@ class Journal:
     answers: list[tuple[str, dict[str, Any]]] = field(default_factory=list)  # step key, what was sent
     games: dict[str, messages.Welcome] = field(default_factory=dict)  # episode -> how it was introduced
     impressions: list[Impression] = field(default_factory=list)  # of the episodes played to their end
-    broken_displays: dict[str, set[int]] = field(default_factory=dict)  # episode -> timesteps not shown as promised
+    broken_displays: dict[str, set[int]] = field(default_factory=dict)  # episode -> timesteps not shown as required
     violations: list[str] = field(default_factory=list)
     reconnects: int = 0
     browser_faults: dict[str, int] = field(
@@ -108,11 +108,11 @@ class BotGame(GameClient):
             self.violations.append(f"episode {place[0]} timestep {state.t} was shown in two ways")
 
     def _saw_marks(self, tick: messages.Tick) -> None:
-        """Note a timestep whose display is not what the welcome promised."""
+        """Note a timestep whose display is not what the welcome announced."""
         if self.welcome is None or self.welcome.show != "always" or not tick.partner_seen:
             return  # the database knows in which timesteps the marks were asked for and in view
         shown = "predictor" if self.welcome.shows_predictions else "nothing"
-        if not is_as_promised(shown, tick.prediction):
+        if not is_as_required(shown, tick.prediction):
             self._journal.broken_displays.setdefault(self.welcome.episode, set()).add(tick.state.t)
 
     async def before_acting(self, socket: ClientConnection, tick: messages.Tick) -> None:

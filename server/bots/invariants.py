@@ -1,4 +1,4 @@
-"""Holds what simulated participants saw against what is stored. A violation is a sentence about a broken promise.
+"""Compare what simulated participants saw with what is stored. A violation says which guarantee does not hold.
 
 Reads a database and journals; knows nothing about how either came about.
 """
@@ -38,7 +38,7 @@ def broken_in_journal(journal: Journal) -> Iterator[str]:
             what = "nothing" if journal.games[episode].shows_predictions else "a prediction"
             yield (
                 f"episode {episode} showed {what} in {len(broken)} of {last} timesteps, first in {broken[0]}: "
-                "that is not what its condition promises"
+                "that is not what its condition requires"
             )
     for episode, ended in journal.ended.items():
         welcome = journal.games[episode]
@@ -84,9 +84,9 @@ def broken_in_store(connection: Connection, claim: Claim) -> Iterator[str]:
         if condition != mine.condition:
             yield f"participant {mine.number} is in {mine.condition}, but played episode {episode} in {condition}"
         yield from _timesteps(connection, episode, claim.journal)
-        verdict = verify(connection, episode)
-        if verdict.difference is not None:
-            yield f"episode {episode} does not re-simulate: {verdict.difference} (timestep {verdict.timestep})"
+        result = verify(connection, episode)
+        if result.difference is not None:
+            yield f"episode {episode} does not re-simulate: {result.difference} (timestep {result.timestep})"
     for episode in sorted(set(claim.journal.games) - {episode for episode, _ in own}):
         yield f"episode {episode} was played and is not stored"
 

@@ -68,7 +68,7 @@ def _content(archive: zipfile.ZipFile) -> dict[str, bytes]:
         if not _NAME.fullmatch(entry.filename):
             raise BundleRefused(f"this archive has a file {entry.filename!r}. It is not a bundle.")
         with archive.open(entry) as file:
-            content[entry.filename] = file.read(left + 1)  # what a header promises is not believed
+            content[entry.filename] = file.read(left + 1)  # the size in a header is not trusted
         left -= len(content[entry.filename])
         if left < 0:
             raise BundleRefused("what is in this archive is too large for a bundle.")

@@ -1,4 +1,4 @@
-"""`kitchenmind bots`: simulated participants walk a study over real HTTP and sockets, and every promise is checked."""
+"""`kitchenmind bots`: simulated participants walk a study over real HTTP and sockets; every guarantee is checked."""
 
 import argparse
 import json
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0: every promise was kept; 1: some were broken, or the server failed; 2: wrong input."""
+    """0: every guarantee holds; 1: some do not, or the server failed; 2: wrong input."""
     from server.bots.local_server import ServerFailed
     from server.store.database import DatabaseDown
     from server.study.loader import StudyError

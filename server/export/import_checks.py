@@ -38,14 +38,14 @@ def check_files(folder: Path) -> None:
 
     The hashes come from SHA256SUMS; from croissant.json in exports that were written before there was SHA256SUMS.
     """
-    promised, complete = _promised(folder)
+    listed, complete = _listed(folder)
     for path in _entries(folder):
         name = path.relative_to(folder).as_posix()
         if not _READ.fullmatch(name):
             continue
-        if complete and name not in promised:
+        if complete and name not in listed:
             raise ImportRefused(f"{path} is not listed in {SUMS}: it was added later. Export the study again.")
-        if name in promised and _sha256(path) != promised[name]:
+        if name in listed and _sha256(path) != listed[name]:
             raise ImportRefused(f"{path} was changed after the export: its SHA-256 differs. Export the study again.")
 
 
@@ -90,7 +90,7 @@ def _entries(folder: Path) -> Iterator[Path]:
             yield path
 
 
-def _promised(folder: Path) -> tuple[dict[str, str], bool]:
+def _listed(folder: Path) -> tuple[dict[str, str], bool]:
     """Return the recorded hashes by file name, and whether they name all files."""
     sums = folder / SUMS
     if sums.is_file():

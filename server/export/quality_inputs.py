@@ -1,4 +1,4 @@
-"""Some episodes as the export would write them: what a verdict on them is made from."""
+"""Some episodes as the export would write them: what the quality rules look at."""
 
 from collections.abc import Sequence
 

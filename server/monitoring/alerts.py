@@ -164,11 +164,11 @@ def _is_of_game(alert: Alert) -> bool:
 
 
 def _displays(name: str, broken: list[int]) -> Iterator[Alert]:
-    """Of running games whose screens did not show what their condition promises. `broken`: timesteps of each."""
+    """Of running games whose screens did not show what their condition requires. `broken`: timesteps of each."""
     games = sum(count > 0 for count in broken)
     if games:
         what = f"{sum(broken)} timestep{'s' * (sum(broken) != 1)} of {games} running game{'s' * (games != 1)}"
-        text = f"{name}: in {what} the screen did not show what the condition promises. Look at the models' log."
+        text = f"{name}: in {what} the screen did not show what the condition requires. Look at the models' log."
         yield Alert(f"display {name}", text, f"/admin/s/{name}", name)
 
 

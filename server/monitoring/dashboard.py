@@ -34,7 +34,7 @@ class Dashboard:
         self._accuracy: dict[str, tuple[float, RunningAccuracy]] = {}
         self._displays: dict[str, tuple[float, DisplayCount]] = {}
         self._reading = asyncio.Lock()
-        self.verdicts = DataQuality(live.web.database)
+        self.quality = DataQuality(live.web.database)
 
     async def of(self, study_ids: tuple[int, ...], study: Study, tab: str, blind: bool) -> dict[str, Any]:
         """All figures of a study, and the participants of one tab. Raises DatabaseDown."""
@@ -44,7 +44,7 @@ class Dashboard:
             if kept is None or time.monotonic() - kept[0] > FRESH_S:
                 accuracy = await self._count(study_ids, study.name)
                 display = await self._count_displays(study_ids, study.name)
-                await self.verdicts.look(study_ids)
+                await self.quality.look(study_ids)
                 made = await self._live.web.database.read(self._read, study_ids, study, tab, blind)
                 made |= {"accuracy": accuracy_of(accuracy), "machine": await self._machine()}
                 made["display"] = await self._display_of(study_ids, display)
@@ -66,7 +66,7 @@ class Dashboard:
         return display
 
     async def _display_of(self, study_ids: tuple[int, ...], display: DisplayCount) -> dict[str, int]:
-        """Timesteps not shown as the condition promises: of games that are over, and of those that run."""
+        """Timesteps not shown as the condition requires: of games that are over, and of those that run."""
         here, elsewhere = await self._live.cards(study_ids), await self._live.views(study_ids)
         running = [card.game.session.frames.violations for card in here]
         running += [view.display_violations for view in elsewhere]
@@ -82,10 +82,10 @@ class Dashboard:
         names = arm_names(study, blind)
         took = overview.minutes(connection, study_ids)
         rows = overview.people(connection, study_ids, tab)
-        judged = self.verdicts.by_person()
+        quality = self.quality.by_person()
         shown = {} if blind else names
         return {
-            "people": [self._row(person, shown) | {"quality": judged.get(person.id, {})} for person in rows],
+            "people": [self._row(person, shown) | {"quality": quality.get(person.id, {})} for person in rows],
             "tab": tab,
             "here": overview.here_now(connection, study_ids),
             "minutes": [round(_quantile(took, part), 1) for part in (0.25, 0.5, 0.75)] if took else None,

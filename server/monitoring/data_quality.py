@@ -1,4 +1,4 @@
-"""What the quality rules say of the episodes that are over: judged a few at a time, so that games do not notice."""
+"""What the quality rules say of the episodes that are over: checked a few at a time, so that games do not notice."""
 
 import asyncio
 import importlib
@@ -34,7 +34,7 @@ class DataQuality:
         self._judging = asyncio.Lock()
 
     async def look(self, study_ids: tuple[int, ...]) -> int:
-        """Judge some that are new, latest first; how many are still to be judged. Raises DatabaseDown."""
+        """Check some that are new, latest first; return how many are still to be checked. Raises DatabaseDown."""
         async with self._judging:
             new = [key for key in await self._database.read(_over, study_ids) if self._is_new(key)]
             for start in range(0, min(A_LOOK, len(new)), AT_ONCE):
@@ -44,15 +44,15 @@ class DataQuality:
             return max(0, len(new) - A_LOOK)
 
     def of(self, episode: str) -> EpisodeQuality | None:
-        """None: not over, or not judged yet."""
+        """None: not over, or not checked yet."""
         known = self._known.get(episode)
         return known[1] if known else None
 
     def by_person(self) -> dict[str, Counter[str]]:
         """How often each participant's episodes were proposed to be kept, looked at or dropped."""
         found: dict[str, Counter[str]] = {}
-        for (_, person, _), verdict in self._known.values():
-            found.setdefault(person, Counter())[verdict.proposal] += 1
+        for (_, person, _), one in self._known.values():
+            found.setdefault(person, Counter())[one.proposal] += 1
         return found
 
     def _is_new(self, key: "Key") -> bool:

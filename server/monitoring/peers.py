@@ -23,7 +23,7 @@ class View:
     card: dict[str, Any]
     board: dict[str, Any]
     still: dict[str, Any]
-    display_violations: int = 0  # timesteps not shown as the condition promises
+    display_violations: int = 0  # timesteps not shown as the condition requires
 
 
 @dataclass(frozen=True)

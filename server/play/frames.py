@@ -22,7 +22,7 @@ class Frames:
         self.asked = record.asked  # whether the participant asked for the marks on the current state; None: always
         self.in_sight: bool | None = None  # whether the watched chef is in the view of who sees marks; None: no limit
         self.misleading: bool | None = None  # whether the marks are a wrong future; None: they never are here
-        self.violations = 0  # timesteps, since this process plays it, whose display breaks the promise
+        self.violations = 0  # timesteps, since this process plays it, whose display is not what the condition requires
         radius, seats = record.spec.view_radius, record.spec.human_seats if record.spec.view_radius else ()
         self._sights = {seat: Sight(simulation.layout, seat, radius) for seat in seats}
         self.watch()
@@ -57,7 +57,7 @@ class Frames:
             self.displayed = marks.hidden(self.displayed)
         elif sight is not None:
             self.displayed = sight.cut(self.displayed, self._simulation.kitchen())
-        self.violations += not marks.is_as_promised(self._spec.shown, self.displayed, due)
+        self.violations += not marks.is_as_required(self._spec.shown, self.displayed, due)
 
     def _mislead(self, prediction: Sequence[Sequence[float]], decided: int | None) -> None:
         """Put the most plausible wrong future in the place of the predicted one."""

@@ -30,8 +30,8 @@ def display(spec: EpisodeSpec, timestep: int, prediction: Sequence[Sequence[floa
     return tuple(zip(actions, opacities, strict=True))
 
 
-def is_as_promised(shown: str, displayed: Displayed, due: bool = True) -> bool:
-    """Return whether a frame carries marks where the condition promises some, and none where it does not. `shown` as
+def is_as_required(shown: str, displayed: Displayed, due: bool = True) -> bool:
+    """Return whether a frame carries marks where the condition requires some, and none where it does not. `shown` as
     in `EpisodeSpec`; `due`: whether they were due on this state, e.g. because the participant asked for them."""
     return any(action != NOTHING_SHOWN for action, _ in displayed) == (shown != "nothing" and due)
 

@@ -1,4 +1,4 @@
-"""Timesteps whose display is not what the condition promises: no marks where some are due, or marks where none are.
+"""Timesteps whose display is not what the condition requires: no marks where some are due, or marks where none are.
 Where marks are shown on demand, they are due in the timesteps in which the participant asked for them; with limited
 sight, in those in which the watched chef was in view.
 
@@ -19,7 +19,7 @@ _e = episodes.c
 
 
 def violations(connection: Connection, chosen: Sequence[str]) -> dict[str, int]:
-    """Return how many timesteps of these episodes broke the promise, for each in which any did."""
+    """Return how many timesteps of these episodes are wrong, for each that has any."""
     last = select(func.max(ticks.c.timestep)).where(ticks.c.episode_id == _e.id).correlate(episodes).scalar_subquery()
     drawn = [func.substr(ticks.c.displayed, 1 + _BYTES_A_STEP * step, 1, type_=LargeBinary) for step in range(_STEPS)]
     empty = and_(*(step.in_([bytes([NOTHING_SHOWN]), b""]) for step in drawn))

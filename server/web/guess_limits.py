@@ -61,9 +61,9 @@ class Hashing:
 
     @contextmanager
     def place(self, origin: Origin) -> Iterator[None]:
-        """Hold a place in the queue. Raises Busy. Strangers cannot take the places of known browsers."""
-        of_strangers = sum(count for who, count in self._waiting.items() if who.kind != PASSWORD_OF_KNOWN)
-        full = origin.kind != PASSWORD_OF_KNOWN and of_strangers >= MOST_WAITING
+        """Hold a place in the queue. Raises Busy. Unknown browsers cannot take the places of known browsers."""
+        of_unknown = sum(count for who, count in self._waiting.items() if who.kind != PASSWORD_OF_KNOWN)
+        full = origin.kind != PASSWORD_OF_KNOWN and of_unknown >= MOST_WAITING
         if full or self._waiting[origin] >= MOST_WAITING_OF_ONE:
             raise Busy
         self._waiting[origin] += 1

@@ -1,4 +1,4 @@
-"""Verdicts on episodes, and the way from participants assigned to episodes analysed."""
+"""Quality proposals for episodes, and the way from participants assigned to episodes analysed."""
 
 from dataclasses import replace
 
@@ -32,13 +32,13 @@ NO_ANSWERS = pl.DataFrame(
 )
 
 
-def verdict(**measured: object) -> tuple[str, str]:
-    row = data_quality.verdicts(pl.DataFrame([CLEAN | measured]), NO_ANSWERS).row(0, named=True)
+def proposed(**measured: object) -> tuple[str, str]:
+    row = data_quality.proposals(pl.DataFrame([CLEAN | measured]), NO_ANSWERS).row(0, named=True)
     return row["proposal"], row["rules"]
 
 
 def test_an_ordinary_episode_is_kept() -> None:
-    assert verdict() == ("keep", "")
+    assert proposed() == ("keep", "")
 
 
 @pytest.mark.parametrize(
@@ -62,15 +62,15 @@ def test_an_ordinary_episode_is_kept() -> None:
     ],
 )
 def test_each_rule_proposes_by_its_bounds_and_is_named(measured: dict[str, object], proposal: str, rule: str) -> None:
-    assert verdict(**measured) == (proposal, rule)
+    assert proposed(**measured) == (proposal, rule)
 
 
 def test_reasons_to_drop_come_first_and_all_are_named() -> None:
-    assert verdict(idle_share=0.7, hidden_share=0.5) == ("drop", "hidden, idle")
+    assert proposed(idle_share=0.7, hidden_share=0.5) == ("drop", "hidden, idle")
 
 
 def test_what_was_not_recorded_is_no_reason() -> None:
-    assert verdict(lag_ms=None, idle_share=None, interactions=None) == ("keep", "")
+    assert proposed(lag_ms=None, idle_share=None, interactions=None) == ("keep", "")
 
 
 def test_the_same_answer_everywhere_counts_after_three_episodes() -> None:
@@ -84,8 +84,8 @@ def test_the_same_answer_everywhere_counts_after_three_episodes() -> None:
     assert found == {"a0": True, "a1": True, "a2": True, "a3": False, "b0": False, "c0": False}
 
 
-def test_a_clean_study_is_kept_and_every_episode_has_a_verdict(planted: Export) -> None:
-    found = data_quality.verdicts(measures.episode_measures(planted), planted.answers)
+def test_a_clean_study_is_kept_and_every_episode_has_a_proposal(planted: Export) -> None:
+    found = data_quality.proposals(measures.episode_measures(planted), planted.answers)
     assert found.height == planted.episodes.height
     assert "drop" not in found["proposal"]
 

@@ -35,7 +35,7 @@ def rows_of(export: Export) -> list[Result]:
     five = pl.col("participant") == "p00005"
     every = every.with_columns(idle_share=pl.when(five).then(pl.lit(0.95)).otherwise(pl.col("idle_share")))
     analysed = measures.analysed(every, export.participants)
-    quality = data_quality.verdicts(every, export.answers)
+    quality = data_quality.proposals(every, export.answers)
     return sensitivity_rows(DECLARED, every, analysed, quality, export)
 
 
@@ -151,7 +151,7 @@ def test_at_an_interim_look_all_populations_are_held_against_the_same_level(trou
     """Fewer people after exclusions are no earlier look."""
     every = measures.episode_measures(troubled)
     analysed = measures.analysed(every, troubled.participants)
-    quality = data_quality.verdicts(every, troubled.answers)
+    quality = data_quality.proposals(every, troubled.answers)
     looks = replace(DECLARED, looks=(29, 60))  # 29 people are analysed, fewer without the flagged
     rows = sensitivity_rows(looks, every, analysed, quality, troubled)
     assert rows[0].n == 29

@@ -16,7 +16,7 @@ results = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(results)
 
 FIGURES = json.loads(results.FIGURES.read_text(encoding="utf-8"))
-ENTRIES = results.shipped_entries()
+ENTRIES = results.bundled_entries()
 CELLS = [(layout, agent) for layout in results.LAYOUTS for agent in results.AGENTS]
 REMEDY = "Run: python benchmarks/results.py --write"
 
@@ -34,11 +34,11 @@ def served(layout, agent):
 def test_the_documents_show_the_figures_of_the_bundled_agents():
     assert results.rendered(ENTRIES, FIGURES) in results.DOCUMENT.read_text(encoding="utf-8"), REMEDY
     assert results.summary(ENTRIES, FIGURES) in results.README.read_text(encoding="utf-8"), REMEDY
-    assert results.shipped_agents() == FIGURES["sha256"], REMEDY
+    assert results.bundled_agents() == FIGURES["sha256"], REMEDY
 
 
 @pytest.mark.parametrize(("layout", "agent"), CELLS)
-def test_every_predictor_was_made_for_the_agent_that_is_shipped(layout, agent):
+def test_every_predictor_was_made_for_the_agent_that_is_bundled(layout, agent):
     for config in (WEIGHTS / layout).glob(f"{agent}_predictor_*/config.json"):
         assert json.loads(config.read_text())["agent_sha256"] == FIGURES["sha256"][f"{layout}/{agent}"], config.parent
 
@@ -64,7 +64,7 @@ def test_predictions_are_better_than_published_near_the_ceiling_and_honest(layou
         ("clear_division", 260),
     ],
 )
-def test_agents_cook_well_with_themselves_and_fcp_better_with_strangers(layout, enough):
+def test_agents_cook_well_with_themselves_and_fcp_better_with_unseen_partners(layout, enough):
     sp, fcp, planner = (points(layout, agent) for agent in ("sp", "fcp", "planner"))
     assert sp["self_play"]["mean"] >= enough
     assert fcp["self_play"]["mean"] >= sp["self_play"]["mean"] / 2

@@ -1,4 +1,4 @@
-"""The law by which agents act."""
+"""The distribution from which agents draw their actions."""
 
 import numpy as np
 import pytest
@@ -9,26 +9,26 @@ from models.acting import SAMPLED, Stuck, distribution, draw
 from models.protocols import Mode
 from overcooked.constants import ACTIONS, STAY
 
-LAW = np.array([[0.1, 0.2, 0.3, 0.15, 0.05, 0.2]], np.float32)
+GIVEN = np.array([[0.1, 0.2, 0.3, 0.15, 0.05, 0.2]], np.float32)
 
 
 def test_temperature_zero_takes_the_likeliest_action() -> None:
-    action_distribution = distribution(LAW, np.zeros(1, int), Mode(temperature=0.0))
+    action_distribution = distribution(GIVEN, np.zeros(1, int), Mode(temperature=0.0))
     assert action_distribution.tolist() == [[0, 0, 1, 0, 0, 0]]
 
 
 def test_temperature_one_leaves_the_probabilities_alone() -> None:
-    np.testing.assert_allclose(distribution(LAW, np.array([99]), SAMPLED), LAW, atol=1e-6)
+    np.testing.assert_allclose(distribution(GIVEN, np.array([99]), SAMPLED), GIVEN, atol=1e-6)
 
 
 def test_a_low_temperature_sharpens() -> None:
-    action_distribution = distribution(LAW, np.zeros(1, int), Mode(temperature=0.5))
-    np.testing.assert_allclose(action_distribution, LAW**2 / (LAW**2).sum(), atol=1e-6)
+    action_distribution = distribution(GIVEN, np.zeros(1, int), Mode(temperature=0.5))
+    np.testing.assert_allclose(action_distribution, GIVEN**2 / (GIVEN**2).sum(), atol=1e-6)
 
 
 def test_a_stuck_agent_shares_probability_among_the_four_moves_only() -> None:
     mode = Mode(temperature=0.0, stuck_after=3, stuck_mix=0.5)
-    action_distribution = distribution(np.repeat(LAW, 2, axis=0), np.array([2, 3]), mode)
+    action_distribution = distribution(np.repeat(GIVEN, 2, axis=0), np.array([2, 3]), mode)
     assert action_distribution[0].tolist() == [0, 0, 1, 0, 0, 0]
     assert action_distribution[1].tolist() == [0.125, 0.125, 0.625, 0.125, 0, 0]
 
@@ -44,10 +44,10 @@ def test_draw_never_gives_an_action_without_probability(row: list[float], unifor
     assert action_distribution[0, action] > 0
 
 
-def test_draw_follows_the_law() -> None:
+def test_draw_follows_the_distribution() -> None:
     uniform = (np.arange(20_000) + 0.5) / 20_000
-    actions = draw(np.repeat(LAW, len(uniform), axis=0), uniform)
-    np.testing.assert_allclose(np.bincount(actions, minlength=ACTIONS) / len(uniform), LAW[0], atol=1e-3)
+    actions = draw(np.repeat(GIVEN, len(uniform), axis=0), uniform)
+    np.testing.assert_allclose(np.bincount(actions, minlength=ACTIONS) / len(uniform), GIVEN[0], atol=1e-3)
 
 
 def test_stuck_counts_timesteps_without_a_change_of_own_cell_facing_or_hand() -> None:
@@ -64,10 +64,10 @@ def test_stuck_counts_timesteps_without_a_change_of_own_cell_facing_or_hand() ->
 
 
 @pytest.mark.parametrize("mode", [Mode(0.0, 1, 0.5), Mode(0.3, 2, 1.0), SAMPLED])
-def test_every_law_sums_to_one(mode: Mode) -> None:
+def test_every_distribution_sums_to_one(mode: Mode) -> None:
     random = np.random.default_rng(0)
-    given_law = random.dirichlet(np.ones(ACTIONS), 50).astype(np.float32)
-    action_distribution = distribution(given_law, random.integers(0, 5, 50), mode)
+    given = random.dirichlet(np.ones(ACTIONS), 50).astype(np.float32)
+    action_distribution = distribution(given, random.integers(0, 5, 50), mode)
     np.testing.assert_allclose(action_distribution.sum(axis=1), 1, atol=1e-5)
     assert (action_distribution >= 0).all()
     assert action_distribution.dtype == np.float32

@@ -101,7 +101,7 @@ def address():
             games = len(question["observations"])
             answers = {
                 "/actions": {"actions": [2] * games},
-                "/law": {"probabilities": [[0.5, 0.5, 0, 0, 0, 0]] * games},
+                "/distribution": {"probabilities": [[0.5, 0.5, 0, 0, 0, 0]] * games},
                 "/wrong": {"actions": [9] * games},
                 "/layout": {"actions": [len(question["grid"])] * games},
             }
@@ -135,7 +135,7 @@ def test_an_agent_behind_an_address_answers_with_actions_or_probabilities(addres
     with agent_at(f"{address}/actions") as policy:
         assert policy.probabilities(STATES).argmax(1).tolist() == [2, 2, 2]
         assert policy.probabilities(STATES[:1]).argmax(1).tolist() == [2]
-    with agent_at(f"{address}/law") as policy:
+    with agent_at(f"{address}/distribution") as policy:
         assert policy.probabilities(STATES)[0].tolist() == [0.5, 0.5, 0, 0, 0, 0]
     with agent_at(f"{address}/layout") as policy:
         assert policy.probabilities(STATES[:1]).argmax() == 5

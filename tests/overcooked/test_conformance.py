@@ -73,7 +73,7 @@ def check_transition(kitchen: Kitchens, line: Recorded) -> None:
     assert events_of(events[0]) == sorted(line["ev"])
 
 
-def test_recorded_layouts_are_the_shipped_ones_of_that_name() -> None:
+def test_recorded_layouts_are_the_bundled_ones_of_that_name() -> None:
     recorded_layouts = layouts_of("episodes")
     of_people = {name.removesuffix("_train") for name in GAMES_OF_PEOPLE}
     assert set(recorded_layouts) | of_people == set(layout_names()) - {"practice"}

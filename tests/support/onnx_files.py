@@ -16,8 +16,8 @@ def linear_agent(path, shape, seed=0, softmax=False, kind=TensorProto.FLOAT, gam
         helper.make_node("MatMul", ["flat", "weights"], ["logits"]),
     ]
     if softmax:
-        nodes.append(helper.make_node("Softmax", ["logits"], ["law"]))
-    output = helper.make_tensor_value_info("law" if softmax else "logits", TensorProto.FLOAT, [shape[0], 6])
+        nodes.append(helper.make_node("Softmax", ["logits"], ["probabilities"]))
+    output = helper.make_tensor_value_info("probabilities" if softmax else "logits", TensorProto.FLOAT, [shape[0], 6])
     constants = {}
     if games_inside is not None:
         flat = helper.make_node("Reshape", ["numbers", "flat_shape"], ["flat"])

@@ -65,7 +65,7 @@ def test_predictors_never_learn_with_the_people_they_are_measured_with(name):
 
 
 @pytest.mark.parametrize("name", RECORDED)
-def test_the_shipped_clone_imitates_none_of_the_games_that_predictors_learn_from(name):
+def test_the_bundled_clone_imitates_none_of_the_games_that_predictors_learn_from(name):
     config = json.loads((WEIGHTS / name / NAME / "config.json").read_text("utf-8"))
     card = (WEIGHTS / name / NAME / "card.md").read_text("utf-8")
     games = measured_games(RECORDED[name])

@@ -16,5 +16,5 @@ SCORES = {
     [(200.0, "kind"), (400.0, "strong"), (40.0, "weak"), (0.0, "weak")],
     ids=["half of SP is enough", "nobody reaches half", "all reach half", "SP never served a soup"],
 )
-def test_best_with_strangers_among_those_that_can_cook(of_sp: float, best: str) -> None:
+def test_best_with_unseen_partners_among_those_that_can_cook(of_sp: float, best: str) -> None:
     assert best_fcp(SCORES, of_sp) == best

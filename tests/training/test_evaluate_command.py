@@ -42,7 +42,7 @@ def printed(capsys, *words):
     return json.loads(capsys.readouterr().out)
 
 
-def test_agents_are_a_list_of_points_with_themselves_and_with_strangers(capsys):
+def test_agents_are_a_list_of_points_with_themselves_and_with_unseen_partners(capsys):
     entries = printed(capsys, "agents", "--layouts", LAYOUT, "--episodes", "1", "--timesteps", "20")
     assert [kinds(entry) for entry in entries] == [AGENT] * len(entries)
     assert sorted((entry["layout"], entry["agent"]) for entry in entries) == CELLS

@@ -67,7 +67,7 @@ def test_recorded_actions_lead_from_state_to_state(games):
             assert np.array_equal(kitchens.contents[0], games["contents"][game, t + 1])
 
 
-def test_the_target_acts_by_the_law_that_is_written_down(games):
+def test_the_target_acts_by_the_distribution_that_is_written_down(games):
     own = games["actions"][..., 0].astype(int)
     assert (np.take_along_axis(games["law"], own[..., None], 2) > 0).all()
     free = games["stuck"][..., 0] < planner().mode.stuck_after

@@ -143,7 +143,7 @@ def test_temperature_makes_confidence_honest():
     assert torch.allclose(fitted, torch.full((3,), 3.0), atol=0.4)
 
 
-def test_a_shipped_predictor_says_on_its_card_what_it_does(stream, games, tmp_path):
+def test_a_bundled_predictor_says_on_its_card_what_it_does(stream, games, tmp_path):
     network = stream[0]
     test = load_episodes(games, TEST, RING, network.eyes)
     result = write_predictor(tmp_path / "p", network, RING, target(), test, {"seed": 0})

@@ -42,7 +42,7 @@ def share_of_right_steps(name, games):
 
 
 @pytest.mark.parametrize("name", [name for name in predictor_names(RING) if name.startswith("sp_")])
-def test_a_shipped_predictor_is_as_good_in_play_as_its_card_says(name, games):
+def test_a_bundled_predictor_is_as_good_in_play_as_its_card_says(name, games):
     card = json.loads((WEIGHTS / RING.name / name / "config.json").read_text())["accuracy"]["mean"]
     assert share_of_right_steps(name, games) == pytest.approx(card, abs=0.06)
 

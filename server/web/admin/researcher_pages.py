@@ -180,7 +180,7 @@ async def person_page(request: Request, name: str, person: str, admin: WatchDep,
     )
 
 
-@router.get("/s/{name}/course.json")
+@router.get("/s/{name}/latency.json")
 async def latency_history_of(name: str, admin: WatchDep, services: ServicesDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
     """People of the study and lateness of the server over time."""
     study_ids, _ = study_at(services.web, name)
@@ -207,15 +207,15 @@ async def consort_of(web: Web, name: str, blind: bool) -> dict[str, Any]:
     return {"title": study.title.of("en"), "flow": flow_of(study, held), "arms": arms}
 
 
-@router.get("/s/{name}/verdicts.json")
+@router.get("/s/{name}/quality.json")
 async def quality_of(name: str, admin: WatchDep, services: ServicesDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
-    """What the quality rules say of the latest episodes; `waiting`: how many are still to be judged."""
+    """What the quality rules say of the latest episodes; `waiting`: how many are still to be checked."""
     study_ids, _ = study_at(services.web, name)
-    verdicts = services.dashboard.verdicts
-    waiting = await verdicts.look(study_ids)
+    quality = services.dashboard.quality
+    waiting = await quality.look(study_ids)
     played = [one.id for one in await services.web.database.read(overview.latest, study_ids)]
-    said = {episode: verdict for episode in played if (verdict := verdicts.of(episode))}
-    return {"waiting": waiting, "verdicts": {each: [one.proposal, one.rules] for each, one in said.items()}}
+    found = {episode: proposal for episode in played if (proposal := quality.of(episode))}
+    return {"waiting": waiting, "proposals": {each: [one.proposal, one.rules] for each, one in found.items()}}
 
 
 async def _games(services: Services, study: Study, played: list[Played]) -> list[dict[str, Any]]:
@@ -225,7 +225,7 @@ async def _games(services: Services, study: Study, played: list[Played]) -> list
     reasons = {one.episode_id or one.participant_id: one.reason for one in held}
     rows = []
     for one in played:
-        said: dict[str, Any] = {"verdict": services.dashboard.verdicts.of(one.id)}
+        said: dict[str, Any] = {"quality": services.dashboard.quality.of(one.id)}
         said |= {"excluded": reasons.get(one.id) or reasons.get(one.participant_id, "")}
         rows.append(_game(study, one) | said)
     return rows

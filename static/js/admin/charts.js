@@ -111,7 +111,7 @@ function untilNow({ at, consented, completed }) {
 }
 
 async function load() {
-  const answer = await fetch(`${root}/admin/s/${study}/course.json`, { headers: { accept: 'application/json' } });
+  const answer = await fetch(`${root}/admin/s/${study}/latency.json`, { headers: { accept: 'application/json' } });
   if (!answer.ok) return;
   /** @type {Researcher.History} */
   const { machine, people } = await answer.json();

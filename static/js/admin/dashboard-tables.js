@@ -164,7 +164,7 @@ function showMachine({ machine, stored, display }) {
     ['Tick lateness p50 / p99', times(machine.late_ms)],
     ['Games held, moving', `${machine.games}, ${machine.moving}`],
     ['Sockets open', machine.sockets],
-    ['Timesteps not shown as the condition promises', display.timesteps ? `${display.timesteps} in ${games}` : 'none'],
+    ['Timesteps not shown as the condition requires', display.timesteps ? `${display.timesteps} in ${games}` : 'none'],
     ['Episodes done / aborted', `${stored.done ?? 0} / ${stored.aborted ?? 0}`],
     ['Database', machine.database_mb === undefined ? 'PostgreSQL' : `${machine.database_mb} MB`],
     ['Disk free', machine.disk_free_gb === undefined ? '–' : `${machine.disk_free_gb} GB`],

@@ -14,12 +14,12 @@ const { study } = find('#games', HTMLElement).dataset;
 async function fill() {
   const places = findAll('.quality[data-pending]', HTMLElement);
   if (!places.length) return;
-  const answer = await fetch(`${root}/admin/s/${study}/verdicts.json`, { headers: { accept: 'application/json' } });
+  const answer = await fetch(`${root}/admin/s/${study}/quality.json`, { headers: { accept: 'application/json' } });
   if (!answer.ok) return;
-  /** @type {{ waiting: number, verdicts: Record<string, [proposal: Proposal, rules: string]> }} */
-  const { waiting, verdicts } = await answer.json();
+  /** @type {{ waiting: number, proposals: Record<string, [proposal: Proposal, rules: string]> }} */
+  const { waiting, proposals } = await answer.json();
   for (const place of places) {
-    const found = verdicts[place.dataset.episode ?? ''];
+    const found = proposals[place.dataset.episode ?? ''];
     if (!found) continue;
     const [proposal, rules] = found;
     const flag = make('span', { className: `flag ${FLAGS[proposal]}`, text: proposal });

@@ -1,4 +1,4 @@
-// What the server sends to the researchers' pages (server/web/live.py, figures.py, flow.py, course.py, replay.py).
+// What the server sends to the researchers' pages (server/web/admin, server/monitoring).
 
 declare namespace Researcher {
   type Level = 0 | 1 | 2; // calm, warning, urgent

@@ -268,7 +268,7 @@ def test_bots_come_with_ids_that_look_like_the_recruiter_s(recruitment: dict[str
     ],
     ids=["8", "30"],
 )
-def test_participants_of_whom_some_give_up_break_no_promise(
+def test_participants_of_whom_some_give_up_violate_nothing(
     tmp_path: Path, file: Path, people: int, least: int, most: int
 ) -> None:
     study = shortened(file, tmp_path, 60)

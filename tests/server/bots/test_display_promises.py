@@ -59,7 +59,7 @@ def test_every_timestep_without_the_promised_display_is_counted_by_bots_export_a
     walked = run("bots", "1", *words)
     assert walked.returncode == 1, walked.stderr
     outcome = json.loads(walked.stdout)
-    assert any("is not what its condition promises" in violation for violation in outcome["violations"])
+    assert any("is not what its condition requires" in violation for violation in outcome["violations"])
     exported = run("export", "--database", database, "--out", str(tmp_path / "data"))
     assert exported.returncode == 0, exported.stderr
     episodes = pl.read_parquet(tmp_path / "data" / "parquet" / "episodes.parquet")
@@ -72,7 +72,7 @@ def test_every_timestep_without_the_promised_display_is_counted_by_bots_export_a
     reported = run("report", str(tmp_path / "data"), "--out", str(tmp_path / "report"))
     assert reported.returncode == 0, reported.stderr
     page = (tmp_path / "report" / "report.html").read_text("utf-8")
-    assert "The screen did not always show what the condition promises" in page
+    assert "The screen did not always show what the condition requires" in page
     quality = pl.read_csv(tmp_path / "report" / "quality.csv")
     flagged = quality.filter(pl.col("rules").fill_null("").str.contains("display"))
     assert set(flagged["episode"]) == {episode for episode in empty if episode in set(quality["episode"])}

@@ -242,7 +242,7 @@ async def test_timesteps_without_the_promised_display_are_shown_wherever_the_gam
 
     await until(lambda: counted()["games"] == 1)
     assert counted()["timesteps"] >= 1000
-    await until(lambda: all(alerted(live, "did not show what the condition promises") for live in pair))
+    await until(lambda: all(alerted(live, "did not show what the condition requires") for live in pair))
 
 
 def change_the_study(folder: Path) -> None:

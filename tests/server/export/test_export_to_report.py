@@ -140,7 +140,7 @@ def test_the_example_of_the_guide_runs_and_finds_the_same_accuracy(
 
 
 def test_the_dashboard_says_of_each_episode_what_the_report_says(folder: Path, database: Database) -> None:
-    report = data_quality.verdicts(measures.episode_measures(read_export(folder)), read_export(folder).answers)
+    report = data_quality.proposals(measures.episode_measures(read_export(folder)), read_export(folder).answers)
     wanted = {row["episode"]: (row["proposal"], row["rules"] or "") for row in report.to_dicts()}
     found = {}
     for episode in wanted:  # one at a time, as the dashboard judges them

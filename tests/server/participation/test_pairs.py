@@ -130,7 +130,7 @@ class Kept:
 
 def stored(server: OwnServer, bots: Sequence[Bot]) -> Kept:
     def read(connection: Connection) -> Kept:
-        assert all(verdict.difference is None for verdict in verify_all(connection))
+        assert all(result.difference is None for result in verify_all(connection))
         hashes = [token_hash(bot.token) for bot in bots]
         people = connection.execute(select(participants).where(participants.c.token_hash.in_(hashes))).all()
         ids = [one.id for one in people]

@@ -92,7 +92,7 @@ def test_a_client_that_knows_no_marks_key_plays_on_without_marks() -> None:
     assert player.session.frames.violations == 0
 
 
-def test_marks_that_are_asked_for_and_missing_break_the_promise() -> None:
+def test_marks_that_are_asked_for_and_missing_are_a_violation() -> None:
     player = Player(show="on_key")
     player.press(True)
     player.session.begin_tick(player.now)

@@ -103,7 +103,7 @@ def test_timesteps_whose_display_is_not_what_the_condition_promises_are_counted(
     assert session.frames.violations == broken
 
 
-def test_the_last_state_shows_nothing_and_breaks_no_promise() -> None:
+def test_the_last_state_shows_nothing_and_is_no_violation() -> None:
     session, _ = start(make_spec(horizon=3))
     while not session.over:
         tick(session)

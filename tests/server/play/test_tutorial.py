@@ -31,8 +31,8 @@ def cook(session: Session, most: int = 400) -> list[str]:
         assert lesson is not None
         if not lesson.done and (not seen or seen[-1] != lesson.key):
             seen.append(lesson.key)
-        laws = PlannerPolicy().probabilities(session.simulation.history(0)(1).observations)
-        action = INTERACT if lesson.key == "marks" else int(np.argmax(laws[0]))
+        probabilities = PlannerPolicy().probabilities(session.simulation.history(0)(1).observations)
+        action = INTERACT if lesson.key == "marks" else int(np.argmax(probabilities[0]))
         if action != STAY:
             session.key(0, Input(seq, None, action, 0.0), session.next_deadline)
         session.finish_tick([models.decide(question) for question in session.begin_tick(session.next_deadline)], 1.0)

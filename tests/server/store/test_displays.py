@@ -1,4 +1,4 @@
-"""Timesteps that did not show what their condition promises are counted from what is stored."""
+"""Timesteps that did not show what their condition requires are counted from what is stored."""
 
 from dataclasses import replace
 

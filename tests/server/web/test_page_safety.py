@@ -1,4 +1,4 @@
-"""What strangers, other sites and broken requests meet: refused, with a page, and nothing changed."""
+"""What unknown people, other sites and broken requests meet: refused, with a page, and nothing changed."""
 
 from collections.abc import Iterator
 from dataclasses import replace

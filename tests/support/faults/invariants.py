@@ -51,9 +51,9 @@ def held_against(url: str, clients: Sequence[RecordingClient], silence_s: float 
     with Database(url, read_only=True) as database:
         for check in (_timesteps, _inputs, _ends, _pages, _people):
             database.read_now(check, clients, found)
-        for verdict in database.read_now(lambda connection: list(verify_all(connection))):
-            if verdict.difference is not None:
-                found.mismatches.append(f"{verdict.episode} at {verdict.timestep}: {verdict.difference}")
+        for result in database.read_now(lambda connection: list(verify_all(connection))):
+            if result.difference is not None:
+                found.mismatches.append(f"{result.episode} at {result.timestep}: {result.difference}")
     for client in clients:
         found.untrue += [*client.log.violations, *untrue(client.log, silence_s)]
     return found

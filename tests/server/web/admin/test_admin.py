@@ -395,9 +395,9 @@ def test_the_course_counts_people_and_samples_lateness(site: Site) -> None:
         Visitor(site).consent("small")
     first = site.everybody("small")[0].id
     site.database.write_now(participants.complete, first, "KM-1234")
-    course = site.services.latency_history
-    course.sample(100.0)
-    said = signed_in(site, "watch").get("/admin/s/small/course.json").json()
+    latencies = site.services.latency_history
+    latencies.sample(100.0)
+    said = signed_in(site, "watch").get("/admin/s/small/latency.json").json()
     assert (said["people"]["consented"], said["people"]["completed"]) == ([1, 2, 3, 3], [0, 0, 0, 1])
     assert said["machine"] == {"at": [100], "games": [0], "p50_ms": [None], "p99_ms": [None]}
 
@@ -410,8 +410,8 @@ def test_the_table_of_games_shows_what_the_rules_and_the_researcher_say(site: Si
     researcher = signed_in(site, "act")
     shown = " ".join(researcher.get("/admin/s/small/games").text.split())
     assert f'data-episode="{episode}" data-pending="yes"' in shown
-    said = researcher.get("/admin/s/small/verdicts.json").json()
-    proposal, rules = said["verdicts"][episode]
+    said = researcher.get("/admin/s/small/quality.json").json()
+    proposal, rules = said["proposals"][episode]
     assert (said["waiting"], proposal) == (0, "drop"), "nobody did anything in it"
     assert "idle" in rules
     researcher.get(f"/admin/s/small/game/{episode}")

@@ -358,7 +358,7 @@ def test_bots_walk_through_a_draft_and_the_audit_log_says_how_it_went(
 ) -> None:
     outcome = {"started": 4, "completed": 3, "dropped": 1, "by_condition": {"with": 3}, "episodes": 9}
     program = tmp_path / "program.py"
-    program.write_text(f"import json\nprint(json.dumps({outcome | {'violations': ['a broken promise']}!r}))")
+    program.write_text(f"import json\nprint(json.dumps({outcome | {'violations': ['a violation']}!r}))")
     monkeypatch.setattr(rehearsals, "_PROGRAM", program)
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
@@ -368,7 +368,7 @@ def test_bots_walk_through_a_draft_and_the_audit_log_says_how_it_went(
     researcher.post(f"/admin/drafts/{draft}/bots", number="4")
     while "Running" in (text := researcher.get(f"/admin/drafts/{draft}/bots").text):
         time.sleep(0.05)
-    assert "a broken promise" in text
+    assert "a violation" in text
     assert "completed in with" in text
     entry = site.database.read_now(audit.entries)[-1]
     assert (entry.action, entry.detail["completed"], entry.detail["violations"]) == ("study draft rehearsed", 3, 1)

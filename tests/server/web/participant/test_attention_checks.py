@@ -118,9 +118,11 @@ def test_export_has_the_checks_and_the_analysis_leaves_them_out_of_its_measures(
     assert counted == (2, 2)
     read = read_export(tmp_path / "data")
     assert "awake" not in read.answers["question"].to_list()
-    judged = data_quality.verdicts(measures.episode_measures(read), read.answers).filter(pl.col("participant") == me.id)
-    assert judged["proposal"].to_list() == ["drop"]
-    assert "inattentive" in str(judged["rules"][0])
+    proposed = data_quality.proposals(measures.episode_measures(read), read.answers).filter(
+        pl.col("participant") == me.id
+    )
+    assert proposed["proposal"].to_list() == ["drop"]
+    assert "inattentive" in str(proposed["rules"][0])
 
 
 def test_study_that_screens_out_after_more_checks_than_it_asks_is_refused() -> None:

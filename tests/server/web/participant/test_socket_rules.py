@@ -141,7 +141,7 @@ async def play(socket: ClientConnection) -> None:
 
 
 @pytest.mark.parametrize(("who", "path"), [(None, "demo"), ("ann", "other")])
-async def test_strangers_get_403_before_anything_is_accepted(served: Served, who: str | None, path: str) -> None:
+async def test_unknown_people_get_403_before_anything_is_accepted(served: Served, who: str | None, path: str) -> None:
     served.url = served.url.replace("demo", path)
     with pytest.raises(InvalidStatus) as refused:
         async with served.connect(who):
