@@ -18,9 +18,9 @@ from server.participation.study_versions import StudyVersions
 from server.settings import Settings
 from server.store import audit
 from server.study.loader import StudyError, load_study
-from tests.server.web.admin.test_admin import signed_in
-from tests.server.web.admin.test_admin import site as admin_site
 from tests.support.page_site import SMALL_STUDY, Site, Visitor
+from tests.support.researcher_site import signed_in
+from tests.support.researcher_site import site as admin_site
 
 site = admin_site
 OTHER_AGENT = ("name: stay, predictor: random", "name: random, predictor: random")

@@ -13,9 +13,9 @@ from server.store.answers import SubmittedPage
 from server.store.data_view import PAGE_ROWS, TABLES, DataQuery, data_page
 from server.store.database import Database
 from server.web.admin import data_pages
-from tests.server.web.admin.test_admin import Researcher, signed_in
-from tests.server.web.admin.test_admin import site as admin_site
 from tests.support.page_site import Site, Visitor
+from tests.support.researcher_site import Researcher, signed_in
+from tests.support.researcher_site import site as admin_site
 
 site = admin_site
 

@@ -5,11 +5,11 @@ from sqlalchemy import text as sql
 
 from server.store import audit, participants, tombstones
 from server.store.tables import RECRUITMENT_ID, metadata
-from tests.server.web.admin.test_admin import played, signed_in, site  # noqa: F401 - the fixture
 from tests.support.page_site import Site
+from tests.support.researcher_site import played, signed_in
 
 
-def everything(site: Site) -> str:  # noqa: F811
+def everything(site: Site) -> str:
     def read(connection) -> list[str]:  # type: ignore[no-untyped-def]
         return [str(connection.execute(sql(f"select * from {table.name}")).all()) for table in metadata.sorted_tables]
 
@@ -17,7 +17,7 @@ def everything(site: Site) -> str:  # noqa: F811
 
 
 @pytest.mark.parametrize("role", ["act", "own"])
-def test_who_may_step_in_deletes_somebody_on_request(site: Site, role: str) -> None:  # noqa: F811
+def test_who_may_step_in_deletes_somebody_on_request(site: Site, role: str) -> None:
     episode = played(site)
     person = site.only("small").id
     researcher = signed_in(site, role)
@@ -37,7 +37,7 @@ def test_who_may_step_in_deletes_somebody_on_request(site: Site, role: str) -> N
     assert researcher.get(f"/admin/s/small/person/{person}").status_code == 404
 
 
-def test_who_only_watches_deletes_nobody_and_finds_nobody(site: Site) -> None:  # noqa: F811
+def test_who_only_watches_deletes_nobody_and_finds_nobody(site: Site) -> None:
     played(site)
     person = site.only("small").id
     researcher = signed_in(site, "watch")
@@ -49,7 +49,7 @@ def test_who_only_watches_deletes_nobody_and_finds_nobody(site: Site) -> None:  
     assert site.only("small").id == person
 
 
-def test_a_deletion_needs_a_reason(site: Site) -> None:  # noqa: F811
+def test_a_deletion_needs_a_reason(site: Site) -> None:
     played(site)
     person = site.only("small").id
     researcher = signed_in(site, "own")
@@ -58,7 +58,7 @@ def test_a_deletion_needs_a_reason(site: Site) -> None:  # noqa: F811
     assert site.only("small").id == person
 
 
-def test_somebody_is_found_by_code_by_the_recruiter_s_id_and_by_id(site: Site) -> None:  # noqa: F811
+def test_somebody_is_found_by_code_by_the_recruiter_s_id_and_by_id(site: Site) -> None:
     played(site)
     me = site.only("small")
     site.database.write_now(participants.add_personal, me.id, me.study_id, RECRUITMENT_ID, "5f1e")

@@ -23,9 +23,9 @@ from server.store.database import Database
 from server.study.loader import load_study
 from server.web.admin import draft_routes
 from tests.server.participation.test_study_versions import AddedModels
-from tests.server.web.admin.test_admin import Researcher, signed_in
-from tests.server.web.admin.test_admin import site as admin_site
 from tests.support.page_site import SMALL_STUDY, Site, Visitor
+from tests.support.researcher_site import Researcher, signed_in
+from tests.support.researcher_site import site as admin_site
 
 admin_site_fixture = admin_site
 

@@ -8,9 +8,9 @@ import pytest
 from overcooked.layout import load_layout
 from server.store import audit, kitchens
 from server.web.admin import kitchen_findings, kitchen_pages
-from tests.server.web.admin.test_admin import Researcher, signed_in
-from tests.server.web.admin.test_admin import site as admin_site
 from tests.support.page_site import Site
+from tests.support.researcher_site import Researcher, signed_in
+from tests.support.researcher_site import site as admin_site
 
 site = admin_site
 GRID = "XXPXX\nO1 2O\nX   X\nXDXSX"

@@ -1,0 +1,94 @@
+"""Alerts of a running study: when they begin, what they tell, when they are over."""
+
+import asyncio
+import time
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from server.monitoring import invented_participants
+from server.monitoring.alerts import Alert, Alerts, message_of
+from server.monitoring.peers import Process, SingleProcess
+from server.play.lateness import LATELY_S, Lateness
+from server.store import events
+from server.store.tables import participants as participants_table
+from tests.support.page_site import Site, Visitor
+
+
+def test_alerts_are_told_when_they_begin_and_when_they_are_over(site: Site, tmp_path: Path) -> None:
+    told: list[tuple[str, bool]] = []
+    alerts = Alerts(site.services.live, tmp_path / "site.db", lambda alert, over: told.append((alert.key, over)))
+    asyncio.run(alerts.look())
+    assert told == []
+    loop = site.services.live.games.loop
+    for late_ms in [3.0] * 50 + [90.0]:
+        loop.lateness.add(late_ms)
+    Visitor(site).consent("small")
+    person = site.only("small").id
+    site.database.write_now(events.add, events.Event("trouble", datetime.now(UTC), person, detail={"text": "a secret"}))
+    asyncio.run(alerts.look())
+    asyncio.run(alerts.look())
+    assert sorted(told) == [("late", False), (f"trouble {person}", False)], "each once"
+    assert not any("secret" in alert.text for alert in alerts.open.values())
+    assert str(alerts.shown("small")[0]["text"]).startswith("Timesteps come late: 90 ms")
+    loop.lateness = Lateness()
+    asyncio.run(alerts.look())
+    assert told[-1] == ("late", True)
+
+
+def test_an_alert_tells_of_people_who_consent_and_do_nothing(site: Site, tmp_path: Path) -> None:
+    alerts = Alerts(site.services.live, tmp_path / "site.db", lambda *_: None)
+    for _ in range(invented_participants.FEWEST):
+        Visitor(site).consent("small")
+    asyncio.run(alerts.look())
+    assert alerts.open == {}
+    earlier = {"started_at": datetime.now(UTC) - timedelta(minutes=15)}
+    site.database.write_now(lambda connection: connection.execute(participants_table.update().values(earlier)))
+    asyncio.run(alerts.look())
+    assert list(alerts.open) == ["silent small"]
+    assert "have done nothing since" in str(alerts.shown("small")[0]["text"])
+
+
+def test_an_alert_tells_the_newest_figure_and_ends_when_no_tick_was_late_lately(site: Site, tmp_path: Path) -> None:
+    told: list[tuple[str, bool]] = []
+    alerts = Alerts(site.services.live, tmp_path / "site.db", lambda alert, over: told.append((alert.key, over)))
+    loop = site.services.live.games.loop
+    loop.lateness.add(1274.0)
+    asyncio.run(alerts.look())
+    (first,) = alerts.open.values()
+    loop.lateness = Lateness()
+    loop.lateness.add(1274.0, time.monotonic() - LATELY_S - 1)  # long ago
+    loop.lateness.add(61.0)
+    asyncio.run(alerts.look())
+    (second,) = alerts.open.values()
+    assert ("1274 ms" in first.text, "61 ms" in second.text) == (True, True)
+    assert second.since == first.since, "it is still the same alert"
+    loop.lateness = Lateness()
+    loop.lateness.add(1274.0, time.monotonic() - LATELY_S - 1)  # the last tick there was
+    asyncio.run(alerts.look())
+    assert alerts.open == {}
+    assert told == [("late", False), ("late", True)]
+
+
+def test_of_several_processes_one_tells_what_all_see(site: Site, tmp_path: Path) -> None:
+    class Several(SingleProcess):
+        other = ""
+
+        async def processes(self) -> list[Process]:
+            return [Process(self.other, {})]
+
+    Visitor(site).consent("small")
+    person = site.only("small").id
+    site.database.write_now(events.add, events.Event("trouble", datetime.now(UTC), person, detail={"text": "x"}))
+    site.services.live.peers = several = Several()
+    for several.other, told in (("another", []), ("the last", [f"trouble {person}"])):
+        alerts = Alerts(site.services.live, tmp_path / "site.db", lambda *_: None)
+        asyncio.run(alerts.look())
+        assert list(alerts.open) == told
+
+
+def test_an_alert_carries_a_text_for_a_chat_and_parts_for_a_program() -> None:
+    alert = Alert("game 7", "ring: P-001 is away.", "/admin/s/ring/game/7", "ring")
+    message = message_of(alert, over=False, public_url="https://lab.example/")
+    assert message["text"] == "kitchenmind: ring: P-001 is away. https://lab.example/admin/s/ring/game/7"
+    assert (message["alert"], message["state"], message["study"]) == ("game 7", "open", "ring")
+    assert message_of(alert, over=True, public_url="")["text"] == "kitchenmind: over: ring: P-001 is away."
