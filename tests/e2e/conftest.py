@@ -7,6 +7,8 @@ from playwright.sync_api import Browser
 
 from tests.support.browser.chromium import SharedChromium
 from tests.support.browser.fake_game_server import FakeGameServer
+from tests.support.browser.person import person as person
+from tests.support.browser.person import site as site
 
 
 @pytest.fixture(scope="session")

@@ -5,6 +5,7 @@ from collections.abc import AsyncIterator
 import pytest
 
 from tests.support.served_sockets import Served, serving
+from tests.support.small_site import site as site
 
 
 @pytest.fixture

@@ -1,130 +1,15 @@
 """A participant's pages over real HTTP: who gets where, what is stored and when, what is refused."""
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from sqlalchemy import select
-from sqlalchemy import text as sql
 
-from server.store import answers, episodes, events, participants
+from server.store import answers, episodes, participants
 from server.store.tables import metadata
 from tests.support.page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
-
-PROLIFIC = SMALL_STUDY.replace("name: small", "name: hired", 1).replace(
-    "seed: 11\n",
-    "seed: 11\nrecruitment:\n  source: prolific\n  required: true\n"
-    '  completed: {code: C1ABC, url: "https://app.prolific.com/submissions/complete?cc={code}"}\n'
-    '  screened_out: {code: C2DEF, url: "https://app.prolific.com/submissions/complete?cc={code}"}\n',
-)
-LINK = "?PROLIFIC_PID=5f1e00000000000000000001&STUDY_ID=s1&SESSION_ID=x9"
-
-
-@pytest.fixture
-def site(tmp_path: Path) -> Iterator[Site]:
-    with Site(tmp_path, SMALL_STUDY, PROLIFIC) as running:
-        yield running
-
-
-def rows(site: Site) -> dict[str, int]:
-    def count(connection):  # type: ignore[no-untyped-def]
-        return {
-            table.name: connection.execute(sql(f"select count(*) from {table.name}")).scalar()
-            for table in metadata.sorted_tables
-        }
-
-    return site.database.read_now(count)
-
-
-def walk_to(visitor: Visitor, site: Site, key: str, name: str = "small") -> None:
-    """From consent to the step with this key, playing the games by hand."""
-    visitor.consent(name)
-    while (step := site.step(site.only(name))).key != key:
-        pass_step(visitor, site, step.kind, name)
-
-
-def pass_step(visitor: Visitor, site: Site, kind: str, name: str = "small") -> None:
-    participant = site.only(name)
-    if kind in ("tutorial", "episode"):
-        site.end_game(participant)
-        visitor.get(f"/s/{name}/now")
-        return
-    step = site.step(participant)
-    given = {"quiz": {"onions": "three"}, "everything": EVERYTHING, "after": {"partner": "5", "marks": "6"}}
-    visitor.submit(name, **given.get(step.page or step.kind, {}))
-
-
-def test_start_page_offers_the_studies(site: Site) -> None:
-    page = Visitor(site).get("/")
-    assert page.status_code == 200
-    assert 'href="/s/small?lang=en"' in page.text
-
-
-@pytest.mark.parametrize(("minutes", "said"), [(1, "About 1 minute<"), (2, "About 2 minutes<")])
-def test_start_page_counts_minutes_as_people_do(tmp_path: Path, minutes: int, said: str) -> None:
-    with Site(tmp_path, re.sub(r"duration_min: \d+", f"duration_min: {minutes}", SMALL_STUDY)) as site:
-        assert said in Visitor(site).get("/").text
-
-
-def test_nothing_is_stored_and_no_cookie_is_set_before_consent(site: Site) -> None:
-    before = rows(site)
-    visitor = Visitor(site)
-    for path in ("/", "/s/small", "/s/small/now", "/s/small/unsuitable", "/s/small/declined", "/s/small/withdraw"):
-        assert visitor.get(path).status_code == 200
-    for _ in range(5):
-        visitor.get(f"/s/hired{LINK}")
-    assert rows(site) == before
-    assert not visitor.client.cookies
-
-
-def test_consent_makes_one_participant_with_a_guarded_cookie(site: Site) -> None:
-    visitor = Visitor(site)
-    visitor.get("/s/small")
-    fields = visitor.fields("/consent") | {"box_0": "yes"}
-    answer = visitor.client.post("/s/small/consent", data=fields, follow_redirects=False)
-    assert (answer.status_code, answer.headers["location"]) == (303, "/s/small/now")
-    cookie = answer.headers["set-cookie"]
-    assert re.match(r"participant=[0-9a-f]{64};", cookie)
-    assert all(word in cookie for word in ("HttpOnly", "Path=/s/small", "SameSite=lax"))
-    token = visitor.client.cookies["participant"]
-    stored = site.database.read_now(
-        lambda connection: connection.execute(sql("select token_hash from participants")).scalar()
-    )
-    assert stored == participants.token_hash(token) != token
-
-
-def test_consent_page_sent_twice_makes_one_participant(site: Site) -> None:
-    visitor = Visitor(site)
-    visitor.get("/s/small")
-    fields = visitor.fields("/consent") | {"box_0": "yes"}
-    for _ in range(3):
-        again = Visitor(site)
-        assert again.send("/s/small/consent", fields).url.path == "/s/small/now"
-    assert len(site.everybody("small")) == 1
-
-
-def test_consent_page_sent_again_after_its_answer_was_lost_leads_on(site: Site) -> None:
-    """The answer brought the cookie, then the line broke: the page in the browser is older than the cookie."""
-    visitor = Visitor(site)
-    visitor.get("/s/small")
-    fields = visitor.fields("/consent") | {"box_0": "yes"}
-    assert visitor.send("/s/small/consent", fields).url.path == "/s/small/now"
-    assert visitor.client.cookies
-    assert visitor.send("/s/small/consent", fields).url.path == "/s/small/now"
-    assert len(site.everybody("small")) == 1
-    another = Visitor(site)
-    another.get("/s/small")
-    assert visitor.client.post("/s/small/consent", data=another.fields("/consent")).status_code == 403
-
-
-def test_consent_without_every_box_is_refused_and_stores_nothing(site: Site) -> None:
-    visitor = Visitor(site)
-    visitor.get("/s/small")
-    answer = visitor.send("/s/small/consent", visitor.fields("/consent"))
-    assert answer.status_code == 422
-    assert "Please tick every box" in answer.text
-    assert site.everybody("small") == []
+from tests.support.small_site import LINK, pass_step, walk_to
 
 
 def test_whole_way_from_consent_to_the_code(site: Site) -> None:
@@ -262,19 +147,6 @@ def test_reload_at_every_step_comes_back_to_it(site: Site) -> None:
     assert len(seen) == len(set(seen)) == 18
 
 
-def test_finished_person_cannot_start_over(site: Site) -> None:
-    visitor = Visitor(site)
-    walk_to(visitor, site, "thanks")
-    code = site.only("small").completion_code
-    assert code in visitor.get("/s/small/now").text
-    assert code not in visitor.get("/s/small").text, "the next person in this browser does not read it"
-    leaving = visitor.get("/s/small/withdraw").text
-    assert "No, keep my data" in leaving
-    assert "go back to the study" not in leaving
-    assert visitor.send("/s/small/now", {}).status_code == 403
-    assert len(site.everybody("small")) == 1
-
-
 def test_recruited_person_is_one_row_on_every_device(site: Site) -> None:
     first, second = Visitor(site), Visitor(site)
     first.consent("hired", LINK)
@@ -319,53 +191,6 @@ def test_link_without_the_person_is_refused_where_one_is_needed(site: Site) -> N
     assert "sign-up site" in page.text
 
 
-def test_unsuitable_device_gets_the_screened_out_code(site: Site) -> None:
-    page = Visitor(site).get("/s/hired/unsuitable").text
-    assert ">C2DEF</output>" in page
-    assert "complete?cc=C2DEF" in page
-    assert "Your return code" in page
-    assert "completion code" not in page, "the person completed nothing"
-
-
-def test_quiz_is_repeated_until_right_and_failures_are_noted(site: Site) -> None:
-    visitor = Visitor(site)
-    walk_to(visitor, site, "quiz")
-    visitor.get("/s/small/now")
-    assert visitor.submit("small", onions="two").status_code == 422
-    assert "That is not right" in visitor.page.text
-    assert site.step(site.only("small")).key == "quiz"
-    visitor.submit("small", onions="three")
-    assert site.step(site.only("small")).key == "tutorial"
-    failed = site.database.read_now(events.of_participant, site.only("small").id, "quiz_failed")
-    assert [event.detail for event in failed] == [{"answers": {"onions": "two"}, "attempt": 1}]
-
-
-def test_a_quiz_with_one_attempt_says_so_as_people_do(tmp_path: Path) -> None:
-    with Site(tmp_path, re.sub(r"attempts: \d+", "attempts: 1", SMALL_STUDY)) as site:
-        visitor = Visitor(site)
-        walk_to(visitor, site, "quiz")
-        assert "You have one try." in visitor.get("/s/small/now").text
-
-
-def test_quiz_failed_too_often_ends_the_study_and_frees_the_place(site: Site) -> None:
-    visitor = Visitor(site)
-    walk_to(visitor, site, "quiz")
-    for _ in range(3):
-        visitor.get("/s/small/now")
-        visitor.submit("small", onions="two")
-    assert site.only("small").status == "screened_out"
-    assert "The study ends here" in visitor.get("/s/small/now").text
-
-
-def test_failed_attention_check_is_taken_and_noted(site: Site) -> None:
-    visitor = Visitor(site)
-    visitor.consent("small")
-    visitor.submit("small", **(EVERYTHING | {"check": "7"}))
-    assert site.step(site.only("small")).key == "introduction"
-    noted = site.database.read_now(events.of_participant, site.only("small").id, "attention_failed")
-    assert [event.detail for event in noted] == [{"step": "everything", "questions": ["check"]}]
-
-
 def test_marks_are_explained_and_asked_about_only_where_some_are_shown(site: Site) -> None:
     for _ in range(2):
         visitor = Visitor(site)
@@ -401,56 +226,6 @@ def test_language_is_the_browsers_the_links_or_the_chosen_one(site: Site) -> Non
     visitor.send("/s/small/language", visitor.fields("/language") | {"language": "en"})
     assert '<html lang="en"' in visitor.page.text
     assert site.only("small").language == "en"
-
-
-def test_withdrawal_deletes_the_participant_and_leaves_a_count(site: Site) -> None:
-    visitor = Visitor(site)
-    walk_to(visitor, site, "ready-02")
-    before = site.only("small").id
-    visitor.get("/s/small/withdraw")
-    page = visitor.send("/s/small/withdraw", visitor.fields("/withdraw"))
-    assert "Your data have been deleted" in page.text
-    assert site.everybody("small") == []
-    assert rows(site)["withdrawals"] == 1
-    assert rows(site)["answers"] == rows(site)["episodes"] == rows(site)["visits"] == 0
-    assert visitor.get("/s/small/now").url.path == "/s/small"
-    assert site.database.read_now(participants.get, before) is None
-
-
-def test_withdrawal_works_later_with_the_code(site: Site) -> None:
-    visitor = Visitor(site)
-    walk_to(visitor, site, "thanks")
-    code = site.only("small").completion_code or ""
-    unknown_visitor = Visitor(site)
-    unknown_visitor.get("/s/small/withdraw")
-    wrong = unknown_visitor.send("/s/small/withdraw", unknown_visitor.fields("/withdraw") | {"code": "KM-2222-2222"})
-    assert (wrong.status_code, len(site.everybody("small"))) == (422, 1)
-    unknown_visitor.send("/s/small/withdraw", unknown_visitor.fields("/withdraw") | {"code": f" {code.lower()} "})
-    assert site.everybody("small") == []
-
-
-def test_place_of_somebody_who_was_away_too_long_is_given_to_another(site: Site) -> None:
-    gone = Visitor(site)
-    gone.consent("small")
-    site.database.write_now(
-        lambda connection: connection.execute(
-            sql("update participants set last_seen_at = '2020-01-01 00:00:00.000000'")
-        )
-    )
-    Visitor(site).consent("small")
-    first, second = site.everybody("small")
-    assert (first.status, second.status) == ("timed_out", "active")
-    assert "This visit has ended" in gone.get("/s/small/now").text
-
-
-def test_full_study_takes_nobody(tmp_path: Path) -> None:
-    full = SMALL_STUDY.replace("predictor: none}", "predictor: none, quota: 1}").replace(
-        "predictor: tom}", "predictor: tom, quota: 1}"
-    )
-    with Site(tmp_path, full) as site:
-        statuses = [Visitor(site).consent("small").status_code for _ in range(3)]
-        assert statuses == [200, 200, 409]
-        assert len(site.everybody("small")) == 2
 
 
 def test_participant_keeps_the_version_they_consented_to(tmp_path: Path) -> None:

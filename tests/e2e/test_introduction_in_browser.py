@@ -1,0 +1,91 @@
+"""The introduction in a real browser: slides by keyboard and swipe, controls of the device, kitchens drawn."""
+
+from playwright.sync_api import Browser, expect
+
+from tests.support.browser.person import DESK, PHONE, Person, answer_everything, heading
+from tests.support.page_site import Site
+
+
+def test_introduction_comes_back_to_its_slide_and_goes_on_by_keyboard(person: Person) -> None:
+    page = person.consent().jump("introduction").page
+    page.locator("#next").focus()
+    page.keyboard.press("Enter")
+    page.keyboard.press("Enter")
+    expect(page.locator(".slide:visible h2")).to_have_text("Put three onions in the pot")
+    page.reload()
+    expect(page.locator(".slide:visible h2")).to_have_text("Put three onions in the pot")
+    page.locator("#next").focus()
+    for _ in range(page.locator(".slide").count() - 3):
+        page.keyboard.press("Enter")
+    expect(page.locator("#finish")).to_be_focused()
+    page.keyboard.press("Enter")
+    expect(page.locator("#questions")).to_be_visible()
+
+
+def test_arrow_keys_turn_the_slides_and_stop_at_both_ends(person: Person) -> None:
+    page = person.consent().jump("introduction").page
+    first = heading(page).inner_text()
+    page.keyboard.press("ArrowLeft")
+    expect(heading(page)).to_have_text(first)
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowRight")
+    expect(heading(page)).to_have_text("Put three onions in the pot")
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("ArrowLeft")
+    expect(heading(page)).to_have_text(first)
+    for _ in range(page.locator(".slide").count() + 2):
+        page.keyboard.press("ArrowRight")
+    expect(page.locator("#finish")).to_be_focused()
+
+
+SWIPE = """([x, y]) => {
+    const form = document.getElementById('slides');
+    const touch = (clientX, clientY) => new Touch({ identifier: 1, target: form, clientX, clientY });
+    form.dispatchEvent(new TouchEvent('touchstart', { touches: [touch(200, 200)], bubbles: true }));
+    form.dispatchEvent(new TouchEvent('touchend', { changedTouches: [touch(200 + x, 200 + y)], bubbles: true }));
+}"""
+
+
+def test_swipes_turn_the_slides_and_scrolling_does_not(person: Person) -> None:
+    page = person.consent().jump("introduction").page
+    first = heading(page).inner_text()
+    for scrolling in ([-60, 200], [-20, 0], [0, -300]):
+        page.evaluate(SWIPE, scrolling)
+        expect(heading(page)).to_have_text(first)
+    page.evaluate(SWIPE, [-120, 20])
+    expect(heading(page)).not_to_have_text(first)
+    page.evaluate(SWIPE, [120, -20])
+    expect(heading(page)).to_have_text(first)
+
+
+COLOURS = """() => {
+    const canvas = document.getElementById('scene');
+    const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+    const colours = new Set();
+    for (let i = 0; i < data.length; i += 400) colours.add(data.slice(i, i + 3).join());
+    return colours.size;
+}"""
+
+
+def test_kitchens_are_drawn(person: Person) -> None:
+    page = person.consent().jump("ready-02").page
+    expect(page.locator("#scene")).to_have_attribute(
+        "aria-label", "The kitchen called Ring with both chefs at their starting places"
+    )
+    page.wait_for_function("document.getElementById('scene').width > 448")
+    colours = page.evaluate(COLOURS)
+    assert colours > 30
+
+
+def test_the_introduction_teaches_the_controls_of_the_device(chromium: Browser, site: Site) -> None:
+    for touch, words in ((True, "tap Use"), (False, "press space")):
+        context = chromium.new_context(viewport=PHONE if touch else DESK, has_touch=touch, is_mobile=touch)
+        page = Person(site, context).consent().page
+        answer_everything(page)
+        page.click("#go")
+        for slide in ("fetch", "fill", "deliver"):
+            text = page.locator(f"#slide-{slide} .text")
+            expect(text).to_contain_text(words)
+            if touch:
+                expect(text).not_to_contain_text("space")
+        context.close()

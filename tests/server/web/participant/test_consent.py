@@ -1,0 +1,83 @@
+"""The start page and consent: what is offered, what is stored and when."""
+
+import re
+from pathlib import Path
+
+import pytest
+from sqlalchemy import text as sql
+
+from server.store import participants
+from tests.support.page_site import SMALL_STUDY, Site, Visitor
+from tests.support.small_site import LINK, rows
+
+
+def test_start_page_offers_the_studies(site: Site) -> None:
+    page = Visitor(site).get("/")
+    assert page.status_code == 200
+    assert 'href="/s/small?lang=en"' in page.text
+
+
+@pytest.mark.parametrize(("minutes", "said"), [(1, "About 1 minute<"), (2, "About 2 minutes<")])
+def test_start_page_counts_minutes_as_people_do(tmp_path: Path, minutes: int, said: str) -> None:
+    with Site(tmp_path, re.sub(r"duration_min: \d+", f"duration_min: {minutes}", SMALL_STUDY)) as site:
+        assert said in Visitor(site).get("/").text
+
+
+def test_nothing_is_stored_and_no_cookie_is_set_before_consent(site: Site) -> None:
+    before = rows(site)
+    visitor = Visitor(site)
+    for path in ("/", "/s/small", "/s/small/now", "/s/small/unsuitable", "/s/small/declined", "/s/small/withdraw"):
+        assert visitor.get(path).status_code == 200
+    for _ in range(5):
+        visitor.get(f"/s/hired{LINK}")
+    assert rows(site) == before
+    assert not visitor.client.cookies
+
+
+def test_consent_makes_one_participant_with_a_guarded_cookie(site: Site) -> None:
+    visitor = Visitor(site)
+    visitor.get("/s/small")
+    fields = visitor.fields("/consent") | {"box_0": "yes"}
+    answer = visitor.client.post("/s/small/consent", data=fields, follow_redirects=False)
+    assert (answer.status_code, answer.headers["location"]) == (303, "/s/small/now")
+    cookie = answer.headers["set-cookie"]
+    assert re.match(r"participant=[0-9a-f]{64};", cookie)
+    assert all(word in cookie for word in ("HttpOnly", "Path=/s/small", "SameSite=lax"))
+    token = visitor.client.cookies["participant"]
+    stored = site.database.read_now(
+        lambda connection: connection.execute(sql("select token_hash from participants")).scalar()
+    )
+    assert stored == participants.token_hash(token) != token
+
+
+def test_consent_page_sent_twice_makes_one_participant(site: Site) -> None:
+    visitor = Visitor(site)
+    visitor.get("/s/small")
+    fields = visitor.fields("/consent") | {"box_0": "yes"}
+    for _ in range(3):
+        again = Visitor(site)
+        assert again.send("/s/small/consent", fields).url.path == "/s/small/now"
+    assert len(site.everybody("small")) == 1
+
+
+def test_consent_page_sent_again_after_its_answer_was_lost_leads_on(site: Site) -> None:
+    """The answer brought the cookie, then the line broke: the page in the browser is older than the cookie."""
+    visitor = Visitor(site)
+    visitor.get("/s/small")
+    fields = visitor.fields("/consent") | {"box_0": "yes"}
+    assert visitor.send("/s/small/consent", fields).url.path == "/s/small/now"
+    assert visitor.client.cookies
+    assert visitor.send("/s/small/consent", fields).url.path == "/s/small/now"
+    assert len(site.everybody("small")) == 1
+    another = Visitor(site)
+    another.get("/s/small")
+    assert visitor.client.post("/s/small/consent", data=another.fields("/consent")).status_code == 403
+
+
+def test_consent_without_every_box_is_refused_and_stores_nothing(site: Site) -> None:
+    visitor = Visitor(site)
+    visitor.get("/s/small")
+    answer = visitor.send("/s/small/consent", visitor.fields("/consent"))
+    assert answer.status_code == 422
+    assert "Please tick every box" in answer.text
+    assert site.everybody("small") == []
