@@ -28,7 +28,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
 from serve import Player, Server, cpu_s, lateness_ms, to_the_game  # noqa: E402
 
 from server.bots.participant import Bot  # noqa: E402
-from tests.support.browser.chromium import CHROMIUM_ARGUMENTS  # noqa: E402
+from tests.support.browser.chromium import CHROMIUM_ARGUMENTS, installed_chromium  # noqa: E402
 
 _EPISODE = re.compile(r'"episode":"([^"]+)"')
 _TIMESTEP = re.compile(r'"state":\{"t":(\d+)')
@@ -201,7 +201,7 @@ def main() -> None:
     parser.add_argument("--games", type=int, default=200)
     parser.add_argument("--window-s", type=float, default=12.0)
     parser.add_argument("--turns", type=int, default=3, help="windows with and without an open page")
-    parser.add_argument("--chromium", default="/usr/bin/chromium")
+    parser.add_argument("--chromium", default=installed_chromium())
     parser.add_argument("--agent", default="sp")
     parser.add_argument("--form", default="stream", choices=["window", "stream"])
     parser.add_argument("--server-cores", type=int, nargs="+", default=[1])

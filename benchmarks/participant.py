@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from tests.e2e.test_game_browser_real import go_to_game, study  # noqa: E402
-from tests.support.browser.chromium import CHROMIUM_ARGUMENTS  # noqa: E402
+from tests.support.browser.chromium import CHROMIUM_ARGUMENTS, installed_chromium  # noqa: E402
 from tests.support.real_server import RealServer  # noqa: E402
 
 WALKS = ("ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight")
@@ -133,7 +133,7 @@ def main() -> int:
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=CHROMIUM_ARGUMENTS)
+        chromium = playwright.chromium.launch(executable_path=installed_chromium(), args=CHROMIUM_ARGUMENTS)
         found = measure(chromium)
         chromium.close()
     limits = {"first_paint_ms": 1000, "first_page_kb": 500, "elsewhere": 0, "echo_p95_ms": 50, "answer_p95_ms": 217}

@@ -84,6 +84,7 @@ def test_without_variance_or_people_nothing_is_claimed() -> None:
         )
 
 
+@pytest.mark.slow
 def test_equivalence_is_wrongly_claimed_no_more_often_than_alpha() -> None:
     """The true difference lies on the bound, where a claim is wrong and as likely as it can be."""
     generator = np.random.default_rng(1)

@@ -178,10 +178,15 @@ DESIGN = PowerDesign(person_sd=8, residual_sd=12, episodes=4)
     ("levels", "term"),
     [
         ({"a": 2, "b": 2}, ("a",)),
-        ({"a": 2, "b": 2}, ("a", "b")),
-        ({"a": 3, "b": 2}, ("a",)),
         ({"a": 3, "b": 2}, ("a", "b")),
-        ({"a": 2, "b": 2, "c": 2}, ("a", "b", "c")),
+        *(
+            pytest.param(*design, marks=pytest.mark.slow)
+            for design in (
+                ({"a": 2, "b": 2}, ("a", "b")),
+                ({"a": 3, "b": 2}, ("a",)),
+                ({"a": 2, "b": 2, "c": 2}, ("a", "b", "c")),
+            )
+        ),
     ],
 )
 def test_power_is_how_often_the_report_s_own_test_finds_the_effect(

@@ -9,7 +9,6 @@ import argparse
 import asyncio
 import json
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -32,7 +31,7 @@ from server.bots.local_server import QUICK, OwnServer, kitchenmind  # noqa: E402
 from server.store.database import Database  # noqa: E402
 from server.store.tables import episodes  # noqa: E402
 from server.study.loader import load_study  # noqa: E402
-from tests.support.browser.chromium import CHROMIUM_ARGUMENTS  # noqa: E402
+from tests.support.browser.chromium import CHROMIUM_ARGUMENTS, installed_chromium  # noqa: E402
 
 SEED = 2026
 DROPOUT = 0.06
@@ -134,7 +133,7 @@ def make(number: int, study_file: Path, out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         database = f"sqlite:///{Path(folder) / 'gallery.sqlite3'}"
-        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=CHROMIUM_ARGUMENTS)
+        chromium = playwright.chromium.launch(executable_path=installed_chromium(), args=CHROMIUM_ARGUMENTS)
         with OwnServer(database, study_file, QUICK) as server:
             page = signed_in(chromium, server, study.name)
             began = time.monotonic()

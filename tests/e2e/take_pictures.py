@@ -4,7 +4,6 @@
 animation of eight seconds for the README.
 """
 
-import shutil
 import sys
 import tempfile
 from io import BytesIO
@@ -18,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from tests.e2e.test_game_browser_real import go_to_game, study
 from tests.support.browser.browser_cook import BrowserCook
-from tests.support.browser.chromium import CHROMIUM_ARGUMENTS
+from tests.support.browser.chromium import CHROMIUM_ARGUMENTS, installed_chromium
 from tests.support.browser.game_page import DESKTOP, PHONE
 from tests.support.real_server import RealServer
 
@@ -65,11 +64,11 @@ def main() -> None:
     folder = Path(sys.argv[1])
     folder.mkdir(parents=True, exist_ok=True)
     with RealServer(Path(tempfile.mkdtemp()), speed=0.5, study=STUDY) as server, sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=CHROMIUM_ARGUMENTS)
+        chromium = playwright.chromium.launch(executable_path=installed_chromium(), args=CHROMIUM_ARGUMENTS)
         animate(chromium, server, folder / "game.webp")
         chromium.close()
     with RealServer(Path(tempfile.mkdtemp()), speed=1.0, study=STUDY) as server, sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=CHROMIUM_ARGUMENTS)
+        chromium = playwright.chromium.launch(executable_path=installed_chromium(), args=CHROMIUM_ARGUMENTS)
         take(chromium, server, folder, "game", viewport=DESKTOP)
         take(chromium, server, folder, "phone", viewport=PHONE, has_touch=True, is_mobile=True, device_scale_factor=2)
         chromium.close()

@@ -58,6 +58,7 @@ class Watched:
         return [url.geturl() for url in ours if not url.path.startswith(f"{ROOT}/") and url.path != ROOT]
 
 
+@pytest.mark.slow
 def test_participants_stay_below_the_path_and_cookies_go_nowhere_else(chromium: Browser, server: LiveServer) -> None:
     browser = Watched(chromium)
     page = browser.page()
@@ -72,6 +73,7 @@ def test_participants_stay_below_the_path_and_cookies_go_nowhere_else(chromium: 
     browser.context.close()
 
 
+@pytest.mark.slow
 def test_researchers_stay_below_the_path(chromium: Browser, server: LiveServer) -> None:
     database = server.app.state.services.web.database
     database.write_now(admins.create, "mara", hashed(PASSWORD), "own")
@@ -96,6 +98,7 @@ def test_researchers_stay_below_the_path(chromium: Browser, server: LiveServer) 
     browser.context.close()
 
 
+@pytest.mark.slow
 def test_onlookers_stay_below_the_path(chromium: Browser, server: LiveServer) -> None:
     browser = Watched(chromium)
     page = browser.page()

@@ -436,7 +436,13 @@ def check(page: Page, state: str) -> None:
 
 @pytest.mark.parametrize(
     "size",
-    [(1366, 768), (1024, 600), (390, 844), (360, 640), (320, 540), (844, 390), (667, 375), (540, 320)],
+    [
+        *((1366, 768), (320, 540), (540, 320)),
+        *(
+            pytest.param(size, marks=pytest.mark.slow)
+            for size in ((1024, 600), (390, 844), (360, 640), (844, 390), (667, 375))
+        ),
+    ],
     ids=lambda size: f"{size[0]}x{size[1]}",
 )
 def test_no_dialog_hides_its_button_or_the_kitchen_that_one_studies(

@@ -111,6 +111,7 @@ def test_a_person_learns_the_game_plays_a_round_and_gets_the_code(visitor: Brows
     assert not set(cook.paused) & AWAY
 
 
+@pytest.mark.slow
 def test_somebody_who_hammers_on_the_keys_is_taken_for_no_attacker(visitor: BrowserContext, server: RealServer) -> None:
     page = visitor.new_page()
     go_to_game(page, server)
@@ -186,7 +187,8 @@ def test_trouble_on_the_page_is_kept_for_the_researcher(visitor: BrowserContext,
     raise AssertionError("the problem did not reach the database")
 
 
-@pytest.mark.parametrize("horizon", [40, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("horizon", [40, 400])
 def test_a_round_at_five_ticks_a_second(
     visitor: BrowserContext, tmp_path_factory: pytest.TempPathFactory, horizon: int
 ) -> None:

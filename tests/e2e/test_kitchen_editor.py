@@ -177,6 +177,7 @@ def test_what_was_not_saved_comes_back_and_a_file_is_imported(page: Page, server
     expect(page.locator("#note")).to_contain_text("Cook_time = 5 is not supported")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("width", "height"), [(390, 844), (844, 390)])
 def test_the_editor_fits_small_screens(page: Page, width: int, height: int) -> None:
     page.set_viewport_size({"width": width, "height": height})

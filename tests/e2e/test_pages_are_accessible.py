@@ -13,7 +13,9 @@ from tests.support.browser.person import ACCEPTED, DESK, NARROW, PHONE, STEPS, P
 from tests.support.page_site import Site
 
 
-@pytest.mark.parametrize(("size", "language"), [(DESK, "en"), (PHONE, "zh")], ids=["desk-en", "phone-zh"])
+@pytest.mark.parametrize(
+    ("size", "language"), [(DESK, "en"), pytest.param(PHONE, "zh", marks=pytest.mark.slow)], ids=["desk-en", "phone-zh"]
+)
 def test_axe_finds_nothing_on_any_page(
     site: Site, chromium: Browser, size: dict[str, int], language: str, request: pytest.FixtureRequest
 ) -> None:

@@ -40,7 +40,10 @@ def contexts(chromium: Browser) -> Iterator[list[BrowserContext]]:
         context.close()
 
 
-@pytest.mark.parametrize(("width", "height"), [(1366, 768), (390, 844), (844, 390), (320, 568)])
+@pytest.mark.parametrize(
+    ("width", "height"),
+    [(390, 844), *(pytest.param(*size, marks=pytest.mark.slow) for size in ((1366, 768), (844, 390), (320, 568)))],
+)
 def test_scales_are_answered_and_fit_the_screen(
     site: Site, chromium: Browser, contexts: list[BrowserContext], width: int, height: int
 ) -> None:

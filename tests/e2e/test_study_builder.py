@@ -247,6 +247,7 @@ def test_without_a_connection_the_text_is_kept_in_the_browser(new_page: NewPage,
     assert "# typed without a connection" in stored(server, draft)
 
 
+@pytest.mark.slow
 def test_the_builder_fits_a_phone(new_page: NewPage) -> None:
     page = new_page()
     begin(page, "phone", "external_predictor")
@@ -258,6 +259,7 @@ def test_the_builder_fits_a_phone(new_page: NewPage) -> None:
     is_accessible(page)
 
 
+@pytest.mark.slow
 def test_questions_are_put_in_order_by_keyboard_and_by_drag(new_page: NewPage) -> None:
     page = new_page()
     begin(page, "order")
@@ -284,6 +286,7 @@ def test_questions_are_put_in_order_by_keyboard_and_by_drag(new_page: NewPage) -
     expect(page.locator("#problems")).to_contain_text("The study is sound")
 
 
+@pytest.mark.slow
 def test_a_published_scale_is_added_from_the_list(new_page: NewPage) -> None:
     page = new_page()
     begin(page, "scales")
@@ -319,6 +322,7 @@ def test_a_study_that_says_everything_goes_through_the_form_byte_for_byte(new_pa
         assert yaml_of(page).input_value() == text, file.name
 
 
+@pytest.mark.slow
 def test_levels_of_factors_are_changed_in_the_form_and_their_mistakes_shown_at_the_field(new_page: NewPage) -> None:
     page = new_page()
     begin(page, "crossed")

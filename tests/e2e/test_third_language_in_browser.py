@@ -97,6 +97,7 @@ def site(tmp_path_factory: pytest.TempPathFactory, third_language: None) -> Iter
         yield running
 
 
+@pytest.mark.slow
 @SIZES
 def test_no_page_cuts_a_word_off(site: Site, chromium: Browser, size: dict[str, int]) -> None:
     context = chromium.new_context(viewport=size, has_touch=size is PHONE, locale="xx", reduced_motion="reduce")  # type: ignore[arg-type]
@@ -143,6 +144,7 @@ def test_no_page_cuts_a_word_off(site: Site, chromium: Browser, size: dict[str, 
     assert cut == {}
 
 
+@pytest.mark.slow
 @SIZES
 def test_no_state_of_the_game_cuts_a_word_off(chromium: Browser, size: dict[str, int]) -> None:
     server = FakeGameServer(language=LANGUAGE, lessons=["walk", "fetch", "fill", "wait", "plate", "deliver", "marks"])

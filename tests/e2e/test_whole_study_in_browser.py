@@ -66,6 +66,7 @@ def test_the_whole_study_by_keyboard_alone(chromium: Browser, server: RealServer
     page.context.close()
 
 
+@pytest.mark.slow
 def test_the_whole_study_by_touch_alone_in_chinese(chromium: Browser, server: RealServer, recruitment_id: str) -> None:
     context = chromium.new_context(
         viewport=PHONE, has_touch=True, is_mobile=True, locale="zh-CN", reduced_motion="reduce"

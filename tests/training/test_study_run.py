@@ -55,6 +55,7 @@ def test_the_study_command_trains_what_is_asked_for_and_goes_on_where_it_stopped
     assert load_checkpoint(checkpoint).config["agent"] == "target_sp_11_100"
 
 
+@pytest.mark.slow
 def test_an_agent_trained_by_the_command_can_be_loaded_and_played(tmp_path: Path) -> None:
     out = tmp_path / "mine"
     words = ["--layout", "coordination_ring", "--seed", "3", "--set", "total_timesteps=6400", "--set", "snapshots=2"]

@@ -129,6 +129,7 @@ def choices(bots: list[Bot]) -> list[Any]:
     ]
 
 
+@pytest.mark.slow
 def test_a_repeat_with_the_same_seed_makes_the_same_choices(walked: Walked, tmp_path: Path) -> None:
     again = walk(tmp_path)
     assert all(bot.journal.code for bot in walked.bots)

@@ -12,6 +12,7 @@ AFTER = "      - {key: partner, type: scale,"
 MOOD = "      - {key: mood, type: scale,"
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(1200)
 def test_bots_answer_scales_and_the_report_scores_them(tmp_path: Path) -> None:
     study, database = tmp_path / "small.yaml", f"sqlite:///{tmp_path / 'kept.sqlite3'}"

@@ -18,6 +18,7 @@ CELLS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(1200)
 def test_bots_meet_every_combination_and_the_report_tells_the_effects(tmp_path: Path) -> None:
     database = f"sqlite:///{tmp_path / 'kept.sqlite3'}"

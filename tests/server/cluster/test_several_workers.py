@@ -104,6 +104,7 @@ async def play_through_kills(serving: SeveralWorkers, players: int, kills: int, 
     assert max(fence for _, fence, _ in found.values()) > 1, "no game was running where a process was killed"
 
 
+@pytest.mark.slow
 async def test_when_a_process_is_killed_its_games_go_on_in_the_other(serving: SeveralWorkers) -> None:
     await play_through_kills(serving, players=6, kills=2, horizon=250)
 
@@ -127,6 +128,7 @@ def test_several_workers_are_refused_without_what_they_need() -> None:
     assert "need Redis" in refused("--workers", "2", "--database", "postgresql://nobody@localhost/none")
 
 
+@pytest.mark.slow
 def test_the_processes_stop_with_their_supervisor_however_it_dies(serving: SeveralWorkers) -> None:
     pids = serving.pids()
     assert len(pids) == 2
