@@ -1,8 +1,10 @@
 // The game page: creates its parts and connects them. The page provides two JSON blocks: #game-config and #texts.
 
+/** @import { BoardEvent } from '../board/events.js' */
 /** @import { State } from '../board/state.js' */
 /** @import { Change } from './input.js' */
 /** @import { FinalLink } from './connection.js' */
+/** @import { RoundScore } from './result.js' */
 /** @import { BoardBox } from './tutorial-coach.js' */
 
 import { drawLegend } from '../board/draw-marks.js';
@@ -17,6 +19,7 @@ import { chooseDialog } from './choose-dialog.js';
 import { reportClientErrors } from './client-errors.js';
 import { Connection, tabName } from './connection.js';
 import { Dialogs } from './dialogs.js';
+import { flyPoints } from './flying-points.js';
 import { Hud } from './hud.js';
 import { InputPacer, Keys } from './input.js';
 import { keyCaps, showKeyCaps } from './key-caps.js';
@@ -24,6 +27,7 @@ import { KeyboardLayout } from './key-names.js';
 import { listenToKeyboard, watchPresence } from './keyboard.js';
 import { KeysDialog, storedBindings } from './keys-dialog.js';
 import { MarksControl } from './marks-control.js';
+import { MarksHelp } from './marks-help.js';
 import { away, input, ready } from './messages.js';
 import { ResearcherNotice } from './notice.js';
 import { Sound } from './sound.js';
@@ -37,7 +41,8 @@ const DIALOG_MS = 200;
 const RELOAD_LOOP_MS = 10_000;
 const BOARD_FRAME = 6; // CSS pixels around the board
 
-/** @type {{ socket: string, sprites: string, lessons?: string[], away_s: number, ready_page: boolean }} */
+/** @type {{ socket: string, sprites: string, lessons?: string[], away_s: number, ready_page: boolean,
+ *   rounds?: RoundScore[] }} */
 const config = jsonBlock('game-config');
 const text = catalogue(jsonBlock('texts'));
 const page = find('.game', HTMLElement);
@@ -84,11 +89,22 @@ const coach = new TutorialCoach(
   lessonKeyCaps,
 );
 const marksControl = new MarksControl(document.body, text, lessonKeyCaps);
-const dialogs = new Dialogs(page, text, {
-  ready: start,
-  takeOver: () => connection.open(),
-  reload: () => location.reload(),
-});
+const marksHelp = new MarksHelp(
+  find('#marks-help', HTMLDialogElement),
+  find('#marks-help-open', HTMLButtonElement, page),
+  renderer.sprites,
+  text,
+);
+const dialogs = new Dialogs(
+  page,
+  text,
+  {
+    ready: start,
+    takeOver: () => connection.open(),
+    reload: () => location.reload(),
+  },
+  config.rounds ?? [],
+);
 const connection = new Connection(new URL(config.socket, location.href.replace(/^http/, 'ws')), tabName(session), {
   message: receive,
   link: linkChanged,
@@ -110,6 +126,7 @@ function change(next) {
   page.dataset.timestep = String(state.current?.t ?? '');
   hud.show(state, still.matches);
   marksControl.show(state);
+  marksHelp.offer(state);
   renderer.highlight = coach.show(state, board);
   showDialog(changedMs);
 }
@@ -130,11 +147,22 @@ function receive(message) {
 function tick(now) {
   pacer.tick();
   const happened = renderer.applyEvents(state, now);
+  pointsFly(happened);
   announcer.happened(happened, state);
   announcer.time(secondsLeft(state));
   for (const { kind, seat } of happened) {
     if (seat === undefined || seat === state.game?.seat || kind === 'delivery') sound.play(kind);
   }
+}
+
+/** @param {BoardEvent[]} happened */
+function pointsFly(happened) {
+  renderer.effects.pointsFly = !still.matches;
+  if (still.matches || !state.game || !state.current) return;
+  const hatches = happened.filter(({ kind }) => kind === 'delivery');
+  const points = state.current.score - (state.previous?.score ?? 0);
+  const score = find('#score', HTMLElement, page);
+  flyPoints(page, score, renderer.canvas, hatches, { grid: state.game.grid, points });
 }
 
 /** @param {FinalLink | 'lost'} link */
@@ -278,7 +306,7 @@ function offerOtherKeys() {
     keysChanged();
   });
   find('#change-keys', HTMLElement, page).addEventListener('click', () => dialog.open());
-  keysDialogElement.addEventListener('close', backToGame);
+  for (const each of findAll('dialog', HTMLDialogElement)) each.addEventListener('close', backToGame);
   document.addEventListener('keydown', (event) => layout.learn(event));
   layout.changed = () => {
     keysChanged();
