@@ -37,6 +37,7 @@ import { TutorialCoach } from './tutorial-coach.js';
 document.documentElement.dataset.runs = 'yes';
 
 const REST_MS = 1500; // a game that stands still is drawn for this long after the last change
+const STILL_MS = 100; // with reduced motion, an unchanged game is drawn again after this time
 const DIALOG_MS = 200;
 const RELOAD_LOOP_MS = 10_000;
 const BOARD_FRAME = 6; // CSS pixels around the board
@@ -59,6 +60,7 @@ let leftPage = false;
 /** @type {string | null} the episode that was started on this page: after a lost connection it resumes by itself */
 let startedEpisode = null;
 let changedMs = 0;
+let drawnMs = 0;
 let dialogMs = 0;
 /** @type {BoardBox | null} */
 let board = null;
@@ -281,7 +283,11 @@ function showDialog(now) {
 /** @param {number} now */
 function frame(now) {
   requestAnimationFrame(frame);
-  if (state.phase === 'playing' || now - changedMs < REST_MS) renderer.draw(state, now, still.matches);
+  const isCurrent = still.matches && drawnMs >= changedMs && now - drawnMs < STILL_MS;
+  if (!isCurrent && (state.phase === 'playing' || now - changedMs < REST_MS)) {
+    renderer.draw(state, now, still.matches);
+    drawnMs = performance.now();
+  }
   if (now - dialogMs > DIALOG_MS) showDialog(now);
 }
 
