@@ -136,7 +136,7 @@ const WELCOME = {
   ...{ type: 'welcome', protocol: 1, episode: 'self-test', kind: 'tutorial', number: 1, episodes: 1, layout: 'test' },
   ...{ title: 'Test', grid: GRID, seat: 0, watched_seat: 1, horizon: 400, tick_ms: 200, steps: 3, resumed: false },
   ...{ shows_predictions: true, state: kitchen(0, ONION), endless: false, partner: 'agent' },
-  ...{ show: 'always', view_radius: 1, partner_seen: true, unknown: [] },
+  ...{ show: 'always', view_radius: 1, partner_seen: true, unknown: [], asked: true },
 };
 
 /** @param {Renderer} renderer */
