@@ -1,5 +1,6 @@
 """What makes the game a pleasure: points that fly, the result with bowls and a curve, the marks in slow motion."""
 
+import itertools
 from typing import Any
 
 import pytest
@@ -60,7 +61,7 @@ def test_points_fly_around_the_board_and_not_over_it(
     assert way[-1] == [900, 50]
     inside = [
         (x, y)
-        for (ax, ay), (bx, by) in zip(way, way[1:], strict=False)
+        for (ax, ay), (bx, by) in itertools.pairwise(way)
         for part in range(101)
         for x, y in [(ax + (bx - ax) * part / 100, ay + (by - ay) * part / 100)]
         if board["left"] < x < board["right"] and board["top"] < y < board["bottom"]

@@ -41,9 +41,7 @@ def test_a_state_that_does_not_follow_is_refused_with_line_and_remedy(
     tmp_path: Path, lines: list[dict[str, Any]]
 ) -> None:
     lines[30]["p"][0][0] += 1
-    with pytest.raises(
-        ReplayError, match=r"line 31: the state of timestep 28 .* old dynamics.*write them"
-    ):
+    with pytest.raises(ReplayError, match=r"line 31: the state of timestep 28 .* old dynamics.*write them"):
         read(tmp_path, lines)
 
 

@@ -471,6 +471,8 @@ def test_participant_keeps_the_version_they_consented_to(tmp_path: Path) -> None
 def test_a_round_knows_the_points_of_the_rounds_before(site: Site) -> None:
     visitor = Visitor(site)
     walk_to(visitor, site, "episode-02")
-    config = re.search(r'<script type="application/json" id="game-config">(.*?)</script>', visitor.get("/s/small/now").text, re.S)
+    config = re.search(
+        r'<script type="application/json" id="game-config">(.*?)</script>', visitor.get("/s/small/now").text, re.S
+    )
     assert config
     assert json.loads(config[1])["rounds"] == [{"number": 1, "score": 60}]
