@@ -13,10 +13,11 @@ import statistics
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 from websockets.exceptions import ConnectionClosed
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -59,11 +60,12 @@ def state(t: int) -> Any:
     return kitchen(t=t, players=players, counters=counters, pots=((4, 0, 3, t % 20), (6, 0, 3, 20)))
 
 
-def measure(chromium: Browser, shown: str, seconds: float) -> dict[str, Any]:
-    """One game of so many seconds."""
+@contextlib.contextmanager
+def game_page(chromium: Browser, shown: str, size: ViewportSize) -> Iterator[Page]:
+    """A page with a game that runs until the block ends."""
     server = FakeGameServer()
     server.welcome = welcome(grid=RINGS, state=state(0), shows_predictions=shown != "nothing")
-    page = chromium.new_page(viewport={"width": 1366, "height": 768})
+    page = chromium.new_page(viewport=size)
     page.goto(server.url)
     page.click("#start-button")
     server.wait_for(lambda server: bool(server.of(Ready)))
@@ -71,20 +73,26 @@ def measure(chromium: Browser, shown: str, seconds: float) -> dict[str, Any]:
     stop = threading.Event()
     player = threading.Thread(target=play, args=(server, shown, stop))
     player.start()
-    devtools = page.context.new_cdp_session(page)
-    devtools.send("Emulation.setCPUThrottlingRate", {"rate": SLOWDOWN})
-    devtools.send("Performance.enable")
-    page.evaluate(WATCH)
-    page.wait_for_timeout(1000)
-    page.evaluate("window.pictures.length = 0")
-    before = metrics(devtools)
-    page.wait_for_timeout(seconds * 1000)
-    after = metrics(devtools)
-    gaps = page.evaluate("window.pictures")
+    yield page
     stop.set()
     player.join()
     page.close()
     server.close()
+
+
+def measure(chromium: Browser, shown: str, seconds: float) -> dict[str, Any]:
+    """One game of so many seconds."""
+    with game_page(chromium, shown, {"width": 1366, "height": 768}) as page:
+        devtools = page.context.new_cdp_session(page)
+        devtools.send("Emulation.setCPUThrottlingRate", {"rate": SLOWDOWN})
+        devtools.send("Performance.enable")
+        page.evaluate(WATCH)
+        page.wait_for_timeout(1000)
+        page.evaluate("window.pictures.length = 0")
+        before = metrics(devtools)
+        page.wait_for_timeout(seconds * 1000)
+        after = metrics(devtools)
+        gaps = page.evaluate("window.pictures")
     return {
         "shown": shown,
         "slowdown": SLOWDOWN,

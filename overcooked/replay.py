@@ -1,22 +1,25 @@
 """`kitchenmind replay`: action logs to states, by the rules alone. It knows nothing of who chose the actions."""
 
 import argparse
+import gzip
 import json
 import sys
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from io import BufferedIOBase
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
 
 from overcooked.constants import ACTIONS, PLAYERS
 from overcooked.layout import Layout, bundled_layout, parse_layout
+from overcooked.recorded_games import RecordedGames
 from overcooked.score import shaped_reward, sparse_reward
 from overcooked.state import Kitchens, Record
-from overcooked.trajectory import TrajectoryError, read_trajectories, write_trajectories
+from overcooked.trajectory import TrajectoryError, trajectories_in, write_trajectories
 
 JointActions = list[list[int]]
 _ACTION_MEANINGS = "an action is 0 N, 1 S, 2 E, 3 W, 4 stay or 5 interact"
@@ -60,30 +63,50 @@ def _seen(kitchen: Kitchens) -> Record:
 
 
 def read_episodes(path: Path) -> Iterator[RecordedEpisode]:
-    """The episodes of an action log, one at a time: JSON lines, or (`.json`) trajectories of overcooked_ai.
+    """The episodes of a file, one at a time: JSON lines, or (`.json`) trajectories of overcooked_ai; `.gz` or not.
 
-    A line is {"layout": grid with newlines, or a name, "joint_actions": [[a0, a1], ...]}. Raises ReplayError.
+    A line is {"layout": grid with newlines, or a name, "joint_actions": [[a0, a1], ...]}, or belongs to a recorded game
+    (`overcooked.recorded_games`), whose states are compared. Raises ReplayError, TrajectoryError, OSError.
     """
-    if path.suffix == ".json":
-        for layout, joint_actions in read_trajectories(path):
+    is_packed = path.suffix == ".gz"
+    with gzip.open(path, "rb") if is_packed else path.open("rb") as file:
+        try:
+            yield from episodes_in(file, str(path))
+        except (EOFError, zlib.error) as error:
+            raise ReplayError(f"{path}: this file is not whole ({error}). Copy it again.") from None
+
+
+def episodes_in(file: BufferedIOBase, name: str) -> Iterator[RecordedEpisode]:
+    """The episodes of an open file, as `read_episodes`; `name` tells the format and is named in errors."""
+    if Path(name.removesuffix(".gz")).suffix == ".json":
+        for layout, joint_actions in trajectories_in(file.read(), name):
             yield RecordedEpisode(layout, joint_actions)
         return
-    with path.open("rb") as lines:
-        for number, line in enumerate(lines, start=1):
-            try:
-                episode = _episode_of(line)
-            except (ValueError, OSError) as error:
-                raise ReplayError(f"{path}, line {number}: {error}") from None
-            yield episode
+    recorded = RecordedGames()
+    for number, line in enumerate(file, start=1):
+        try:
+            fields = _fields_of(line)
+            if "k" not in fields:
+                yield _episode_of(fields)
+            elif ended := recorded.add(fields):
+                yield RecordedEpisode(*ended)
+        except (ValueError, OSError) as error:
+            raise ReplayError(f"{name}, line {number}: {error}") from None
+    if ended := recorded.end():
+        yield RecordedEpisode(*ended)
 
 
-def _episode_of(line: bytes) -> RecordedEpisode:
+def _fields_of(line: bytes) -> dict[str, Any]:
     try:
         fields = json.loads(line)
     except (ValueError, RecursionError) as error:
         raise ReplayError(f"this is no JSON ({error})") from None
     if not isinstance(fields, dict):
         raise ReplayError('a line is an object with "layout" and "joint_actions"')
+    return fields
+
+
+def _episode_of(fields: dict[str, Any]) -> RecordedEpisode:
     layout, joint_actions = fields.get("layout"), fields.get("joint_actions")
     if not isinstance(layout, str):
         raise ReplayError('"layout" must be a text: a grid with newlines, or the name of a layout')
@@ -132,7 +155,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "source",
         type=Path,
         metavar="IN",
-        help="one episode per line (.jsonl), or overcooked_ai's trajectories (.json)",
+        help="one episode per line, or a recorded game with a state per line (.jsonl), or overcooked_ai's trajectories "
+        "of any generation (.json); also packed (.gz)",
     )
     parser.add_argument(
         "--states", type=Path, metavar="OUT.jsonl", help="write states and rewards, one episode per line"

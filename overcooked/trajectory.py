@@ -21,10 +21,11 @@ Played = tuple[Layout, JointActions]
 
 _DIRECTIONS = [list(step) for step in zip(STEP_X, STEP_Y, strict=True)]
 _ACTIONS: list[Any] = [*_DIRECTIONS, [0, 0], "interact"]
+_OLD_RULES = {"cook_time": COOK_TIME, "num_items_for_soup": ONIONS_PER_SOUP}
 _OLD_FORMAT = (
-    "these are trajectories of overcooked_ai in its older format: ep_observations in place of ep_states. They cannot "
-    'be compared with these rules. Write the actions as lines {"layout": ..., "joint_actions": [[a0, a1], ...]} into a '
-    ".jsonl file and replay that, or save the trajectories again with a current overcooked_ai."
+    "the observation of timestep {} is not a state but what a network saw of it, so that it cannot be compared with "
+    'these rules. Write the actions as lines {{"layout": ..., "joint_actions": [[a0, a1], ...]}} into a .jsonl file '
+    "and replay that."
 )
 _ORDERS = [{"ingredients": ["onion"] * ONIONS_PER_SOUP}]
 
@@ -115,17 +116,20 @@ def _foreign_soup(position: list[int], onions: int, tick: int) -> dict[str, Any]
 
 
 def read_trajectories(path: Path) -> Iterator[Played]:
-    """The episodes of a trajectory file. Every state is re-simulated and compared with the file's.
+    """The episodes of a trajectory file, as `trajectories_in`; OSError for an unreadable file."""
+    return trajectories_in(path.read_bytes(), str(path))
 
-    Raises TrajectoryError for a file of another format or an episode of other rules, OSError for an unreadable file.
+
+def trajectories_in(data: bytes, path: str) -> Iterator[Played]:
+    """The episodes of trajectories that `path` names. Every state is re-simulated and compared with the file's. Older
+    trajectories have `ep_observations` in place of `ep_states`.
+
+    Raises TrajectoryError for another format or an episode of other rules.
     """
     try:
-        columns = json.loads(path.read_bytes())
-        if isinstance(columns, dict) and "ep_observations" in columns and "ep_states" not in columns:
-            raise TrajectoryError(f"{path}: {_OLD_FORMAT}")
-        episodes = list(zip(columns["ep_states"], columns["ep_actions"], columns["mdp_params"], strict=True))
-    except TrajectoryError:
-        raise
+        columns = json.loads(data)
+        states = columns["ep_states" if "ep_states" in columns else "ep_observations"]
+        episodes = list(zip(states, columns["ep_actions"], columns["mdp_params"], strict=True))
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise TrajectoryError(f"{path}: these are not trajectories of overcooked_ai ({error!r})") from None
     for number, (states, actions, parameters) in enumerate(episodes):
@@ -137,11 +141,16 @@ def read_trajectories(path: Path) -> Iterator[Played]:
 
 def _checked_episode(states: list[Any], actions: list[Any], parameters: dict[str, Any]) -> Played:
     layout = _layout_of(parameters)
-    joint_actions = [[_ACTIONS.index(action) for action in joint_action] for joint_action in actions]
+    for rule, value in _OLD_RULES.items():
+        if parameters.get(rule, value) != value:
+            raise TrajectoryError(f"{rule} is {parameters[rule]!r:.40} there and {value} in these rules")
+    joint_actions = [[_ACTIONS.index(_lower(action)) for action in joint_action] for joint_action in actions]
     if any(len(joint_action) != PLAYERS for joint_action in joint_actions):
         raise TrajectoryError(f"this kitchen has {PLAYERS} chefs")
     for (ours, _), theirs in zip(_play(layout, joint_actions), states, strict=True):
-        if ours != _own_state(theirs, layout):
+        if not isinstance(theirs, dict):
+            raise TrajectoryError(_OLD_FORMAT.format(ours["t"]))
+        if ours != _own_state({"timestep": ours["t"], **theirs}, layout):
             hint = "It must begin in the standard start state and be played with old_dynamics=True."
             raise TrajectoryError(f"the state of timestep {ours['t']} does not follow from these rules. {hint}")
     return layout, joint_actions
@@ -161,6 +170,20 @@ def _layout_of(parameters: dict[str, Any]) -> Layout:
         raise TrajectoryError(str(error)) from None
 
 
+def _lower(action: Any) -> Any:
+    return action.lower() if isinstance(action, str) else action
+
+
+def _onions_and_tick(soup: dict[str, Any]) -> tuple[int, int]:
+    """Onions and cooking tick (-1: not cooking) of a soup; in the older form its state is [kind, onions, tick]."""
+    if "_ingredients" in soup:
+        return len(soup["_ingredients"]), soup["_cooking_tick"]
+    kind, onions, tick = soup["state"]
+    if kind != "onion":
+        raise TrajectoryError(f"a soup of {kind!r:.40}: in these rules soups are of onions")
+    return onions, tick if onions == ONIONS_PER_SOUP else -1
+
+
 def _own_state(state: dict[str, Any], layout: Layout) -> Record:
     pot_cells = layout.pots.tolist()
     players, counters, pots = [], [], []
@@ -169,7 +192,7 @@ def _own_state(state: dict[str, Any], layout: Layout) -> Record:
         players.append([*player["position"], _DIRECTIONS.index(player["orientation"]), held and held["name"]])
     for thing in state["objects"]:
         if thing["position"] in pot_cells:
-            pots.append([*thing["position"], len(thing["_ingredients"]), thing["_cooking_tick"]])
+            pots.append([*thing["position"], *_onions_and_tick(thing)])
         else:
             counters.append([*thing["position"], ITEM_NAMES[ITEM_NAMES.index(thing["name"])]])
     return {"t": state["timestep"], "p": players, "c": sorted(counters), "pots": sorted(pots)}

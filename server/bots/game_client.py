@@ -12,6 +12,7 @@ from kitchenmind.client.game_client import GameClient, SocketLeft
 from overcooked.constants import STAY
 from server.bots.cook import Cook, Impression, Traits
 from server.bots.foresight.cook import cook
+from server.bots.partner_memory import PartnerMemory
 from server.play import messages
 from server.play.close_codes import CloseCode
 from server.play.marks import NOTHING_SHOWN, is_as_required
@@ -61,6 +62,7 @@ class BotGame(GameClient):
         self._journal, self._traits = journal, traits
         self._episode = ""
         self._cook: Cook | None = None
+        self._partner: PartnerMemory | None = None  # with limited sight
         self._settling = False  # just counted down: the hands are not on the keys yet
         self._left_open: list[asyncio.Task[None]] = []  # sockets that nobody looks at any more
 
@@ -96,6 +98,8 @@ class BotGame(GameClient):
         if welcome.seat >= 0:
             seed = derived_seed("bot", welcome.kind, welcome.number)
             self._cook = cook(self.kitchen.layout, welcome.seat, self._traits, seed)
+            radius = welcome.view_radius
+            self._partner = PartnerMemory(self.kitchen.layout, welcome.seat, radius) if radius else None
 
     def _saw(self, state: messages.KitchenState) -> None:
         """A state never changes once it was shown."""
@@ -167,7 +171,10 @@ class BotGame(GameClient):
             return None
         about_partner = self.welcome.watched_seat != self.welcome.seat
         shown = [action for action, _ in tick.prediction if about_partner and action != NOTHING_SHOWN]
-        return self._cook.act(self.kitchen.now, tick.state.soups, tick.actions, shown, self.welcome.horizon)
+        now = self.kitchen.now
+        if self._partner is not None:
+            now = self._partner.complete(now, tick.partner_seen)
+        return self._cook.act(now, tick.state.soups, tick.actions, shown, self.welcome.horizon)
 
 
 def asdict_of(message: messages.Outgoing) -> dict[str, Any]:

@@ -94,6 +94,7 @@ class Frames:
             view_radius=spec.view_radius if person in spec.human_seats else 0,
             partner_seen=partner_seen,
             unknown=unknown,
+            asked=self._asked_by(person),
         )
 
     def tick(self, person: int, applied: int, late: bool) -> messages.Tick:
@@ -104,7 +105,11 @@ class Frames:
         state, partner_seen, unknown = self.seen_by(person)
         if not partner_seen:
             actions[1 - person] = STAY
-        return messages.Tick(state, displayed, (actions[0], actions[1]), applied, late, partner_seen, unknown)
+        done = (actions[0], actions[1])
+        return messages.Tick(state, displayed, done, applied, late, partner_seen, unknown, asked=self._asked_by(person))
+
+    def _asked_by(self, person: int) -> bool:
+        return not _on_demand(self._spec, person) or bool(self.asked)
 
     def seen_by(self, person: int) -> tuple[messages.KitchenState, bool, tuple[tuple[int, int], ...]]:
         """The current state as one person knows it, whether the partner is in view, and cells that were never seen."""
@@ -122,6 +127,10 @@ def viewer(spec: EpisodeSpec) -> int:
 def marks_key(record: EpisodeRecord, seat: int) -> MarksKey | None:
     """The marks key of the person in this seat; None where the marks need none."""
     spec = record.spec
-    if spec.show == "always" or spec.shown == "nothing" or seat != viewer(spec):
+    if spec.show == "always" or not _on_demand(spec, seat):
         return None
     return MarksKey(spec.show, bool(record.asked))
+
+
+def _on_demand(spec: EpisodeSpec, seat: int) -> bool:
+    return spec.show != "always" and spec.shown != "nothing" and seat == viewer(spec)

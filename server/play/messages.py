@@ -122,6 +122,7 @@ class Welcome(ToBrowser, frozen=True):
     view_radius: Count = 0  # how many cells around their chef the participant sees; 0: the whole kitchen
     partner_seen: bool = True  # as in Tick
     unknown: tuple[tuple[Count, Count], ...] = ()  # as in Tick
+    asked: bool = True  # as in Tick
 
 
 class Countdown(ToBrowser, frozen=True):
@@ -134,7 +135,9 @@ class Tick(ToBrowser, frozen=True):
     """One timestep has been played and stored. `prediction`: for each step [action 0-6, opacity in %], about the
     timesteps t, t+1, t+2 of `state`; all conditions carry the same bytes. `applied`: the seq of the newest Input that
     had arrived when the timestep was played (-1: none). With limited sight, `state` is what the participant knows:
-    `partner_seen` tells whether the partner is in view, `unknown` which counters and pots never were."""
+    `partner_seen` tells whether the partner is in view, `unknown` which counters and pots never were. `asked`: whether
+    the participant asks for the marks on this state; always true where marks need no asking. It is how a page that
+    connects again, or a second one, knows whether a toggle is on."""
 
     state: KitchenState
     prediction: tuple[tuple[ShownAction, Opacity], ...]
@@ -143,6 +146,7 @@ class Tick(ToBrowser, frozen=True):
     late: bool  # the partner missed its deadline and waited
     partner_seen: bool = True
     unknown: tuple[tuple[Count, Count], ...] = ()
+    asked: bool = True
 
 
 class Paused(ToBrowser, frozen=True):

@@ -31,11 +31,7 @@ async def read_form(
     deals with control characters itself. `largest`: how many bytes the form may have."""
     if not csrf.is_own_origin(request):
         raise HTTPException(403, "this form was not sent by our own page")
-    try:
-        async with asyncio.timeout(FORM_TIMEOUT_S):
-            body = await _body(request, largest)
-    except TimeoutError:
-        raise HTTPException(408, f"a form has to arrive within {FORM_TIMEOUT_S:g} s", {"Connection": "close"}) from None
+    body = await body_of(request, largest)
     # Not `Request.form()`: Starlette needs python-multipart even for this encoding, does not limit the time that a form
     # takes, and accepts bytes that are not UTF-8.
     form = _json_fields(body) if _is_json(request) else _form_fields(body)
@@ -96,12 +92,19 @@ def _text(name: str, value: object) -> str:
     return str(value)
 
 
-async def _body(request: Request, largest: int) -> bytes:
+async def body_of(request: Request, largest: int, what: str = "form") -> bytes:
+    """The body of a request. Answers 413 if it is too large, 408 if it takes too long."""
     body = bytearray()
-    async for chunk in request.stream():
-        body += chunk
-        if len(body) > largest:
-            raise HTTPException(413, f"a form has at most {largest} bytes")
+    try:
+        async with asyncio.timeout(FORM_TIMEOUT_S):
+            async for chunk in request.stream():
+                body += chunk
+                if len(body) > largest:
+                    raise HTTPException(413, f"a {what} has at most {largest} bytes")
+    except TimeoutError:
+        raise HTTPException(
+            408, f"a {what} has to arrive within {FORM_TIMEOUT_S:g} s", {"Connection": "close"}
+        ) from None
     return bytes(body)
 
 

@@ -27,6 +27,7 @@ QUICK = {
     "gpu": ["--seconds", "1", "--json"],
     "limits": ["--states", "60", "--json"],
     "participant": ["--json"],
+    "pictures": ["--seconds", "1", "--json"],
     "predictor": ["--seconds", "0.1", "--json"],
     "processor": [],
     "serve": ["--games", "1", "4", "--window-s", "3", "--json"],

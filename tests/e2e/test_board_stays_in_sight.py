@@ -112,3 +112,23 @@ def test_the_lesson_on_marks_leaves_the_marks_in_sight(chromium: Browser, server
         for column, row in ((5, 1), (5, 2), (5, 3)):  # the marks lead up from the chef
             cell = {"x": board["x"] + column * side, "y": board["y"] + row * side, "width": side, "height": side}
             assert not overlap(bubble, cell), (column, row)
+
+
+@pytest.mark.parametrize("language", ["en", "zh"])
+@pytest.mark.parametrize("size", [(1366, 768), (1024, 600), (844, 390), (667, 375)], ids=lambda size: str(size[0]))
+def test_no_lesson_covers_a_pot_or_the_own_chef(
+    chromium: Browser, server: FakeGameServer, size: tuple[int, int], language: str
+) -> None:
+    lesson_page(server, language=language)
+    touch = TOUCH if size[0] < 1000 else {}
+    with opened(chromium, server, viewport={"width": size[0], "height": size[1]}, **touch) as page:
+        start(page, server, kitchen(t=1, players=((2, 2, 3, 0), (5, 3, 0, 0))))
+        for number, lesson in enumerate(server.page["lessons"]):
+            server.send(Lesson(lesson, number, 7, False))
+            page.wait_for_function(f"() => document.querySelectorAll('.todo .done').length === {number}")
+            page.wait_for_function("() => document.querySelector('#coach').getAnimations().length === 0")
+            board, bubble = box(page, "canvas.board"), box(page, "#coach")
+            side = board["width"] / 7
+            for column, row in ((2, 0), (2, 2)):
+                cell = {"x": board["x"] + column * side, "y": board["y"] + row * side, "width": side, "height": side}
+                assert not overlap(bubble, cell), (lesson, column, row)

@@ -223,8 +223,11 @@ def test_everything_that_matters_is_in_sight_without_scrolling(
         screenshot(page, f"game-{width}x{height}")
 
 
-def test_the_board_is_sharp_on_screens_with_more_pixels(chromium: Browser, server: FakeGameServer) -> None:
-    with opened(chromium, server, device_scale_factor=2) as page:
+@pytest.mark.parametrize("factor", [2, 3])
+def test_the_board_has_two_pixels_for_each_of_the_page_on_sharp_screens_and_no_more(
+    chromium: Browser, server: FakeGameServer, factor: int
+) -> None:
+    with opened(chromium, server, device_scale_factor=factor) as page:
         start(page, server, kitchen(t=195, **MOMENT))
         drawn, seen = page.evaluate(
             "(() => { const c = document.querySelector('canvas.board'); return [c.width, c.clientWidth]; })()"

@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.e2e.test_game_browser_looks import CLIPPED
-from tests.support.browser.fake_game_server import FakeGameServer, kitchen, tick, welcome
+from tests.support.browser.fake_game_server import NONE, FakeGameServer, kitchen, tick, welcome
 from tests.support.browser.game_page import DESKTOP, PHONE, opened, screenshot, settled, start
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(90)]
@@ -75,6 +75,9 @@ def test_on_a_touch_screen_a_button_asks_for_the_marks(
         server.send(tick(kitchen(t=2), MARKS))
         page.wait_for_selector("[data-timestep='2']")
         if show == "toggle":
+            expect(page.locator(".touch .ask")).to_have_attribute("aria-pressed", "true")
+            server.send(tick(kitchen(t=3), NONE))  # still on: the partner has left the view
+            page.wait_for_selector("[data-timestep='3']")
             expect(page.locator(".touch .ask")).to_have_attribute("aria-pressed", "true")
         assert overlapping(page) == []
         screenshot(page, f"marks-{show}-{size['width']}x{size['height']}")

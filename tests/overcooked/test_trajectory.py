@@ -99,13 +99,50 @@ def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
         list(read_trajectories(file))
 
 
-def test_older_format_is_named_with_what_to_do(written: Path) -> None:
-    columns = json.loads(written.read_text())
-    columns["ep_observations"] = columns.pop("ep_states")
+def in_older_form(columns: dict[str, Any]) -> dict[str, Any]:
+    """As overcooked_ai wrote trajectories in 2019: a soup's state is [kind, onions, tick], states have no timestep."""
+    for states in columns["ep_states"]:
+        for state in states:
+            del state["timestep"], state["bonus_orders"], state["all_orders"]
+            held = [player["held_object"] for player in state["players"] if player["held_object"]]
+            for thing in [*state["objects"], *held]:
+                onions, tick = len(thing.get("_ingredients", ())), max(0, thing.get("_cooking_tick", 0))
+                keep = {"name": thing["name"], "position": thing["position"]}
+                thing.clear()
+                thing.update(keep, state=["onion", onions, tick] if keep["name"] == "soup" else None)
+    for parameters in columns["mdp_params"]:
+        layout = parameters["layout_name"]
+        parameters.clear()
+        parameters.update(layout_name=layout, cook_time=20, num_items_for_soup=3, start_order_list=None)
+    return {("ep_observations" if name == "ep_states" else name): column for name, column in columns.items()}
+
+
+def test_trajectories_of_the_older_form_are_the_same_episodes(written: Path) -> None:
+    expected = [(layout.sha256, actions) for layout, actions in read_trajectories(written)]
+    columns = in_older_form(json.loads(written.read_text()))
     written.write_text(json.dumps(columns))
-    with pytest.raises(TrajectoryError, match=r"older format: ep_observations .* \.jsonl file") as refusal:
+    assert [(layout.sha256, actions) for layout, actions in read_trajectories(written)] == expected
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda old: old["mdp_params"][0].update(cook_time=5), "cook_time is 5 there and 20 in these rules"),
+        (lambda old: old["ep_observations"][0].__setitem__(0, [[0.0]]), "what a network saw .* .jsonl file"),
+        (
+            lambda old: old["ep_observations"][1][1]["players"][0].update(position=[3, 3]),
+            "episode 1 .* timestep 1 does not follow",
+        ),
+    ],
+)
+def test_older_trajectories_of_other_rules_are_refused_with_what_differs(
+    written: Path, change: Any, words: str
+) -> None:
+    columns = in_older_form(json.loads(written.read_text()))
+    change(columns)
+    written.write_text(json.dumps(columns))
+    with pytest.raises(TrajectoryError, match=words):
         list(read_trajectories(written))
-    assert "not trajectories of overcooked_ai" not in str(refusal.value)
 
 
 def test_layout_name_of_a_trajectory_is_no_path(written: Path, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from server.web.admin import (
     draft_routes,
     kitchen_pages,
     live_boards,
+    opened_games_page,
     replay_page,
     researcher_pages,
 )
@@ -18,6 +19,7 @@ for _module in (
     researcher_pages,
     live_boards,
     replay_page,
+    opened_games_page,
     actions,
     downloads,
     data_pages,

@@ -192,7 +192,16 @@ async def _game(page: PageResponse, participant: Participant, step: StudyStep, _
         "away_s": study.game.pause.each_s,
     }
     skip = step.key if step.kind == "tutorial" and study.tutorial.skippable else None
-    return {"game": game | {"ready_page": step.kind == "episode", "skip": skip}}
+    rounds = await _earlier_rounds(page, participant) if step.kind == "episode" else []
+    return {"game": game | {"ready_page": step.kind == "episode", "skip": skip, "rounds": rounds}}
+
+
+async def _earlier_rounds(page: PageResponse, participant: Participant) -> list[dict[str, int | None]]:
+    """Number and points of each round that the participant has played to its end, for the curve on the result."""
+    played = await page.web.database.read(episodes.of_participant, participant.id)
+    return [
+        {"number": one.number, "score": one.score} for one in played if one.kind == "episode" and one.status == "done"
+    ]
 
 
 async def _text(_page: PageResponse, _participant: Participant, _step: StudyStep, _filled: Filled) -> dict[str, Any]:

@@ -5,7 +5,7 @@
 /** @import { Reach } from './kitchen-findings.js' */
 
 import { SOUTH, cellsOf } from '../board/kitchen.js';
-import { Renderer } from '../board/renderer.js';
+import { Renderer, pixelRatio } from '../board/renderer.js';
 import { blank } from '../board/sprites.js';
 import { boardState } from '../board/state.js';
 
@@ -83,7 +83,7 @@ export class KitchenDrawing {
   picture() {
     const canvas = blank(1, 1);
     const renderer = new Renderer(canvas, this.sprites, '');
-    const side = (PICTURE_CELL + 0.01) / (window.devicePixelRatio || 1);
+    const side = (PICTURE_CELL + 0.01) / pixelRatio();
     renderer.fit(this.grid, side * this.grid[0].length, side * this.grid.length);
     paint(renderer, this.grid);
     return new Promise((done) => canvas.toBlob(done, 'image/png'));

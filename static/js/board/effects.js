@@ -21,6 +21,8 @@ export class Effects {
   constructor() {
     /** @type {Effect[]} */
     this.shown = [];
+    /** Whether the page shows the points of a soup itself, on their flight to the score. */
+    this.pointsFly = false;
   }
 
   /**
@@ -48,7 +50,7 @@ export class Effects {
     for (const each of this.shown) {
       const age = now - each.bornMs;
       if (each.kind === 'delivery' && reduced) drawPoints(context, each, timestep - each.bornT, columns);
-      else if (each.kind === 'delivery') drawMovingPoints(context, each, age, columns);
+      else if (each.kind === 'delivery') drawMovingPoints(context, each, age, columns, !this.pointsFly);
       else if (!reduced && age < SPARK_MS) sparks(context, each, age / SPARK_MS, each.kind === 'ready' ? 8 : 5);
     }
   }
@@ -59,11 +61,12 @@ function drawPoints(context, effect, ageTicks, columns) {
   if (ageTicks < REDUCED_POP_TICKS) label(context, '+20', effect, { columns, rise: 0, grow: 1, opacity: 1 });
 }
 
-/** @type {(context: Context, effect: Effect, ageMs: number, columns: number) => void} */
-function drawMovingPoints(context, effect, ageMs, columns) {
+/** @type {(context: Context, effect: Effect, ageMs: number, columns: number, named: boolean) => void} */
+function drawMovingPoints(context, effect, ageMs, columns, named) {
   if (ageMs >= POP_MS) return;
   const part = ageMs / POP_MS;
   if (ageMs < SPARK_MS) sparks(context, effect, ageMs / SPARK_MS, 12);
+  if (!named) return;
   const grow = Math.min(1, part * 6) * (1 + 0.25 * Math.max(0, 1 - part * 5));
   const opacity = part < 0.7 ? 1 : (1 - part) / 0.3;
   label(context, '+20', effect, { columns, rise: 30 * (1 - (1 - part) ** 2), grow, opacity });

@@ -20,6 +20,8 @@ import { colour } from './sprites.js';
 import { facing, isInView, isStarted, place, progress } from './state.js';
 import { drawVeil, outlineView, withinView } from './view.js';
 
+/** Device pixels per CSS pixel at most: more are not seen, and each costs time in every picture. */
+const MAX_RATIO = 2;
 const LANDING_MS = 160; // how long an item that was put down comes to rest
 const RING = { x: 51, y: 15, radius: 8.4, disc: 13.4, width: 5.6 };
 
@@ -33,7 +35,7 @@ export class Renderer {
     this.canvas = canvas;
     this.sprites = sprites;
     this.youText = youText;
-    this.context = context2d(canvas);
+    this.context = context2d(canvas, { alpha: false }); // opaque: nothing below it is painted again
     this.effects = new Effects();
     this.cellPixels = 0;
     this.tagScale = 1;
@@ -59,7 +61,7 @@ export class Renderer {
    * @returns {number} the size of a cell in CSS pixels
    */
   fit(grid, width, height) {
-    const ratio = window.devicePixelRatio || 1;
+    const ratio = pixelRatio();
     const columns = grid[0].length;
     const rows = grid.length;
     const cell = Math.max(8, Math.floor(Math.min(width / columns, height / rows) * ratio));
@@ -264,6 +266,11 @@ export class Renderer {
       cellPixels: this.cellPixels,
     };
   }
+}
+
+/** Return how many pixels of a board make one CSS pixel. */
+export function pixelRatio() {
+  return Math.min(MAX_RATIO, window.devicePixelRatio || 1);
 }
 
 /** @param {Pot} pot */

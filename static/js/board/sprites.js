@@ -84,14 +84,17 @@ export class Sprites {
   }
 }
 
-/** @type {CSSStyleDeclaration | null} */
-let palette = null;
+/** @type {Map<string, string>} */
+const palette = new Map();
 
 /**
  * Return a colour of tokens.css.
  * @param {string} name for example --accent
  */
 export function colour(name) {
-  palette ??= getComputedStyle(document.documentElement);
-  return palette.getPropertyValue(name).trim();
+  const known = palette.get(name);
+  if (known) return known;
+  const value = getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  palette.set(name, value);
+  return value;
 }

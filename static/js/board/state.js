@@ -29,6 +29,7 @@ export const GLIDE_MAX_MS = 180;
  * @property {{ seconds: number, sinceMs: number } | null} countdown
  * @property {boolean} partnerSeen whether the other chef is in view
  * @property {boolean} partnerSeenBefore the same in the kitchen before
+ * @property {boolean} asked whether the participant asks for the marks
  * @property {[x: number, y: number][]} unknown pots and counters that the participant has never seen
  * @property {{ reason: PauseReason, leftS: number, sinceMs: number, fresh: boolean } | null} pause fresh: nothing has
  *   been played on this page yet
@@ -53,7 +54,7 @@ export function defaults() {
   return {
     ...{ link: 'connecting', linkSinceMs: 0, phase: 'waiting', game: null, alone: false },
     ...{ previous: null, current: null, arrivedMs: 0, from: [], actions: [4, 4], marks: [], marksBefore: [] },
-    ...{ partnerSeen: true, partnerSeenBefore: true, unknown: [] },
+    ...{ partnerSeen: true, partnerSeenBefore: true, unknown: [], asked: true },
     ...{ countdown: null, pause: null, lesson: null, lessons: [], ended: null, notice: null, turn: null, applied: -1 },
   };
 }
@@ -70,7 +71,7 @@ export function boardState(still, kitchen, now) {
   const welcome = {
     ...{ type: 'welcome', protocol: 0, episode: '', kind: 'episode', number: 0, episodes: 0, layout: '', title: '' },
     ...{ steps: 3, shows_predictions: true, resumed: false, partner: 'agent', show: 'always', view_radius: 0 },
-    ...{ partner_seen: true, unknown: [] },
+    ...{ partner_seen: true, unknown: [], asked: true },
     ...still,
     state: kitchen,
     endless: !still.horizon,
@@ -84,7 +85,16 @@ export function boardState(still, kitchen, now) {
  * @returns {Wire.Tick}
  */
 export function tickOf(part) {
-  return { type: 'tick', actions: [4, 4], applied: -1, late: false, partner_seen: true, unknown: [], ...part };
+  return {
+    type: 'tick',
+    actions: [4, 4],
+    applied: -1,
+    late: false,
+    partner_seen: true,
+    unknown: [],
+    asked: true,
+    ...part,
+  };
 }
 
 /**
@@ -164,6 +174,7 @@ function applyWelcome(state, message, now) {
     partnerSeen: message.partner_seen,
     partnerSeenBefore: message.partner_seen,
     unknown: message.unknown,
+    asked: message.asked,
     from: message.state.players.map(([x, y]) => [x, y]),
     alone: state.alone || (state.phase === 'room' && message.partner === 'agent'),
     lesson: state.lesson,
@@ -194,6 +205,7 @@ function applyTick(state, message, now) {
     partnerSeen: message.partner_seen,
     partnerSeenBefore: state.partnerSeen,
     unknown: message.unknown,
+    asked: message.asked,
     from: players.map((player, seat) => startOf(state, seat, player, now)),
     actions: message.actions,
     marks: marks(message.prediction, players[watched], players[1 - watched], grid),

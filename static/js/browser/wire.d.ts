@@ -34,6 +34,7 @@ declare namespace Wire {
     view_radius: number;
     partner_seen: boolean;
     unknown: [number, number][];
+    asked: boolean;
   }
 
   interface Waiting {
@@ -55,6 +56,7 @@ declare namespace Wire {
     late: boolean;
     partner_seen: boolean;
     unknown: [number, number][];
+    asked: boolean;
   }
 
   interface Paused {

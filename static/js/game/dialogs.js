@@ -3,9 +3,11 @@
 /** @import { State } from '../board/state.js' */
 /** @import { Catalogue } from '../browser/texts.js' */
 /** @import { Dialog, DialogName } from './choose-dialog.js' */
+/** @import { RoundScore } from './result.js' */
 
 import { root } from '../browser/addresses.js';
 import { find } from '../browser/dom.js';
+import { showBowls, showCurve } from './result.js';
 
 /** @type {DialogName[]} dialogs with an element of that id in the page of the game */
 const PARTS = ['start', 'count', 'pause', 'banner', 'over', 'closed'];
@@ -24,10 +26,12 @@ export class Dialogs {
    * @param {HTMLElement} page the game's element
    * @param {Catalogue} text
    * @param {{ ready(): void, takeOver(): void, reload(): void }} actions
+   * @param {RoundScore[]} rounds the participant's earlier rounds
    */
-  constructor(page, text, actions) {
+  constructor(page, text, actions, rounds = []) {
     this.page = page;
     this.text = text;
+    this.rounds = rounds;
     this.shown = '';
     this.#find('#start-button').addEventListener('click', actions.ready);
     this.#find('#pause-button').addEventListener('click', actions.ready);
@@ -127,6 +131,7 @@ export class Dialogs {
     this.#write('#over-text', this.text(served ? 'over.episode.served' : `over.${kind}.text`));
     this.#write('#over-score', String(ended.score));
     this.#write('#over-soups', String(ended.soups));
+    this.#result(ended, kind === 'episode' ? game : null);
     const link = find('#over-next', HTMLAnchorElement, this.page);
     const next = new URL(root + ended.next, location.href);
     link.href = next.origin === location.origin ? next.pathname + next.search : `${root}/`;
@@ -137,6 +142,17 @@ export class Dialogs {
       link.classList.remove('wait');
       link.focus({ preventScroll: true });
     }, BUTTON_PAUSE_MS);
+  }
+
+  /**
+   * Show the bowls of this game and, after a round of a study, the own points over the rounds.
+   * @param {Wire.Ended} ended
+   * @param {Wire.Welcome | null} game a round of a study
+   */
+  #result({ score, soups }, game) {
+    showBowls(this.#find('#over-bowls'), find('#over > img', HTMLImageElement, this.page), soups);
+    const rounds = game ? [...this.rounds, { number: game.number, score }] : [];
+    showCurve(this.#find('#over-curve'), rounds, this.text);
   }
 
   /** @param {Dialog} dialog */

@@ -1,8 +1,10 @@
 // The game page: creates its parts and connects them. The page provides two JSON blocks: #game-config and #texts.
 
+/** @import { BoardEvent } from '../board/events.js' */
 /** @import { State } from '../board/state.js' */
 /** @import { Change } from './input.js' */
 /** @import { FinalLink } from './connection.js' */
+/** @import { RoundScore } from './result.js' */
 /** @import { BoardBox } from './tutorial-coach.js' */
 
 import { drawLegend } from '../board/draw-marks.js';
@@ -17,6 +19,7 @@ import { chooseDialog } from './choose-dialog.js';
 import { reportClientErrors } from './client-errors.js';
 import { Connection, tabName } from './connection.js';
 import { Dialogs } from './dialogs.js';
+import { flyPoints } from './flying-points.js';
 import { Hud } from './hud.js';
 import { InputPacer, Keys } from './input.js';
 import { keyCaps, showKeyCaps } from './key-caps.js';
@@ -24,6 +27,7 @@ import { KeyboardLayout } from './key-names.js';
 import { listenToKeyboard, watchPresence } from './keyboard.js';
 import { KeysDialog, storedBindings } from './keys-dialog.js';
 import { MarksControl } from './marks-control.js';
+import { MarksHelp } from './marks-help.js';
 import { away, input, ready } from './messages.js';
 import { ResearcherNotice } from './notice.js';
 import { Sound } from './sound.js';
@@ -33,11 +37,13 @@ import { TutorialCoach } from './tutorial-coach.js';
 document.documentElement.dataset.runs = 'yes';
 
 const REST_MS = 1500; // a game that stands still is drawn for this long after the last change
+const STILL_MS = 100; // with reduced motion, an unchanged game is drawn again after this time
 const DIALOG_MS = 200;
 const RELOAD_LOOP_MS = 10_000;
 const BOARD_FRAME = 6; // CSS pixels around the board
 
-/** @type {{ socket: string, sprites: string, lessons?: string[], away_s: number, ready_page: boolean }} */
+/** @type {{ socket: string, sprites: string, lessons?: string[], away_s: number, ready_page: boolean,
+ *   rounds?: RoundScore[] }} */
 const config = jsonBlock('game-config');
 const text = catalogue(jsonBlock('texts'));
 const page = find('.game', HTMLElement);
@@ -54,6 +60,7 @@ let leftPage = false;
 /** @type {string | null} the episode that was started on this page: after a lost connection it resumes by itself */
 let startedEpisode = null;
 let changedMs = 0;
+let drawnMs = 0;
 let dialogMs = 0;
 /** @type {BoardBox | null} */
 let board = null;
@@ -84,11 +91,22 @@ const coach = new TutorialCoach(
   lessonKeyCaps,
 );
 const marksControl = new MarksControl(document.body, text, lessonKeyCaps);
-const dialogs = new Dialogs(page, text, {
-  ready: start,
-  takeOver: () => connection.open(),
-  reload: () => location.reload(),
-});
+const marksHelp = new MarksHelp(
+  find('#marks-help', HTMLDialogElement),
+  find('#marks-help-open', HTMLButtonElement, page),
+  renderer.sprites,
+  text,
+);
+const dialogs = new Dialogs(
+  page,
+  text,
+  {
+    ready: start,
+    takeOver: () => connection.open(),
+    reload: () => location.reload(),
+  },
+  config.rounds ?? [],
+);
 const connection = new Connection(new URL(config.socket, location.href.replace(/^http/, 'ws')), tabName(session), {
   message: receive,
   link: linkChanged,
@@ -110,6 +128,7 @@ function change(next) {
   page.dataset.timestep = String(state.current?.t ?? '');
   hud.show(state, still.matches);
   marksControl.show(state);
+  marksHelp.offer(state);
   renderer.highlight = coach.show(state, board);
   showDialog(changedMs);
 }
@@ -130,11 +149,22 @@ function receive(message) {
 function tick(now) {
   pacer.tick();
   const happened = renderer.applyEvents(state, now);
+  pointsFly(happened);
   announcer.happened(happened, state);
   announcer.time(secondsLeft(state));
   for (const { kind, seat } of happened) {
     if (seat === undefined || seat === state.game?.seat || kind === 'delivery') sound.play(kind);
   }
+}
+
+/** @param {BoardEvent[]} happened */
+function pointsFly(happened) {
+  renderer.effects.pointsFly = !still.matches;
+  if (still.matches || !state.game || !state.current) return;
+  const hatches = happened.filter(({ kind }) => kind === 'delivery');
+  const points = state.current.score - (state.previous?.score ?? 0);
+  const score = find('#score', HTMLElement, page);
+  flyPoints(page, score, renderer.canvas, hatches, { grid: state.game.grid, points });
 }
 
 /** @param {FinalLink | 'lost'} link */
@@ -253,7 +283,11 @@ function showDialog(now) {
 /** @param {number} now */
 function frame(now) {
   requestAnimationFrame(frame);
-  if (state.phase === 'playing' || now - changedMs < REST_MS) renderer.draw(state, now, still.matches);
+  const isCurrent = still.matches && drawnMs >= changedMs && now - drawnMs < STILL_MS;
+  if (!isCurrent && (state.phase === 'playing' || now - changedMs < REST_MS)) {
+    renderer.draw(state, now, still.matches);
+    drawnMs = performance.now();
+  }
   if (now - dialogMs > DIALOG_MS) showDialog(now);
 }
 
@@ -278,7 +312,7 @@ function offerOtherKeys() {
     keysChanged();
   });
   find('#change-keys', HTMLElement, page).addEventListener('click', () => dialog.open());
-  keysDialogElement.addEventListener('close', backToGame);
+  for (const each of findAll('dialog', HTMLDialogElement)) each.addEventListener('close', backToGame);
   document.addEventListener('keydown', (event) => layout.learn(event));
   layout.changed = () => {
     keysChanged();

@@ -27,11 +27,9 @@ export class MarksControl {
   }
 
   /** @param {State} state */
-  show({ game, marks, partnerSeen }) {
+  show({ game, asked }) {
     const show = game?.show ?? 'always';
-    const isOn = marks.some(({ kind }) => kind !== 'none');
-    // Of a partner out of view there are no marks, whether they are on or off.
-    if (show === 'toggle' && partnerSeen) this.button.setAttribute('aria-pressed', String(isOn));
+    if (show === 'toggle') this.button.setAttribute('aria-pressed', String(asked));
     if (show === this.shown) return;
     this.shown = show;
     for (const part of this.parts) part.hidden = show === 'always';

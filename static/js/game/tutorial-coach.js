@@ -14,6 +14,8 @@ import { find } from '../browser/dom.js';
 
 const GAP = 14;
 const MARGIN = 8;
+/** What hiding a pot or the own chef costs: more than hiding all the floor. */
+const VITAL = 100;
 const MARKS_REACH = 3; // cells: a mark for each of the next steps
 
 /**
@@ -73,6 +75,10 @@ export function bubblePlace(cell, state, board, size, stage) {
   /** @type {(place: Place) => number} */
   const cost = (place) => hiddenCost(place, size, state, board) + 1000 * outside(place, size, stage);
   const best = options.reduce((a, b) => (cost(b) < cost(a) ? b : a));
+  if (cost(best) >= VITAL) {
+    const hides = (/** @type {Place} */ place) => Number(cell !== null && covers(cell, place, size, board)) * VITAL;
+    return freest((place) => hiddenCost(place, size, state, board) + hides(place), size, stage);
+  }
   const tip = clamp(centre - best.left, 22, size.width - 22);
   return { left: best.left, top: clamp(best.top, MARGIN, lowest), side: cell ? best.side : 'free', tip };
 }
@@ -100,6 +106,17 @@ export function placeBesideMarks(cell, state, board, size, stage) {
     );
     return sum;
   };
+  return freest(cost, size, stage);
+}
+
+/**
+ * Return the place anywhere on the stage that costs least; a bubble there points at nothing.
+ * @param {(place: Place) => number} cost
+ * @param {Size} size of the bubble
+ * @param {Size} stage
+ * @returns {Place & { tip: number }}
+ */
+function freest(cost, size, stage) {
   /** @type {Place[]} */
   const places = [];
   for (let left = MARGIN; left <= stage.width - size.width - MARGIN; left += GAP) {
@@ -132,7 +149,8 @@ function outside({ top }, { height }, stage) {
 }
 
 /**
- * Return how much of use lies below the bubble: a floor cell costs 1, a station 2, a chef 4.
+ * Return how much of use lies below the bubble: a floor cell costs 1, a station 2, the other chef 4, the own chef and
+ * pots so much that they are hidden only where all places hide one.
  * @type {(place: Place, size: Size, state: StartedState, board: BoardBox) => number}
  */
 function hiddenCost(place, size, state, board) {
@@ -140,10 +158,13 @@ function hiddenCost(place, size, state, board) {
   let cost = 0;
   grid.forEach((row, y) =>
     [...row].forEach((tile, x) => {
-      if (covers([x, y], place, size, board)) cost += isFloor(grid, x, y) ? 1 : tile === 'X' ? 0 : 2;
+      if (covers([x, y], place, size, board))
+        cost += isFloor(grid, x, y) ? 1 : tile === 'X' ? 0 : tile === 'P' ? VITAL : 2;
     }),
   );
-  for (const [x, y] of state.current.players) if (covers([x, y], place, size, board)) cost += 4;
+  state.current.players.forEach(([x, y], seat) => {
+    if (covers([x, y], place, size, board)) cost += seat === state.game.seat ? VITAL : 4;
+  });
   return cost;
 }
 

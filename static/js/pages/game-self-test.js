@@ -16,6 +16,7 @@ import { chooseDialog } from '../game/choose-dialog.js';
 import { reportClientErrors } from '../game/client-errors.js';
 import { Connection, retryDelay, tabName } from '../game/connection.js';
 import { Dialogs } from '../game/dialogs.js';
+import { flight } from '../game/flying-points.js';
 import { Hud } from '../game/hud.js';
 import { DEFAULT_BINDINGS, InputPacer, Keys } from '../game/input.js';
 import { keyCaps } from '../game/key-caps.js';
@@ -23,8 +24,10 @@ import { KeyboardLayout } from '../game/key-names.js';
 import { listenToKeyboard } from '../game/keyboard.js';
 import { rebind } from '../game/keys-dialog.js';
 import { MarksControl } from '../game/marks-control.js';
+import { MarksHelp } from '../game/marks-help.js';
 import { parse } from '../game/messages.js';
 import { readingMs } from '../game/notice.js';
+import { showBowls } from '../game/result.js';
 import { Sound } from '../game/sound.js';
 import { listenTouch } from '../game/touch.js';
 import { bubblePlace, target } from '../game/tutorial-coach.js';
@@ -49,6 +52,9 @@ const MODULES = [
   listenTouch,
   reportClientErrors,
   MarksControl,
+  MarksHelp,
+  flight,
+  showBowls,
 ];
 
 /**
@@ -130,7 +136,7 @@ const WELCOME = {
   ...{ type: 'welcome', protocol: 1, episode: 'self-test', kind: 'tutorial', number: 1, episodes: 1, layout: 'test' },
   ...{ title: 'Test', grid: GRID, seat: 0, watched_seat: 1, horizon: 400, tick_ms: 200, steps: 3, resumed: false },
   ...{ shows_predictions: true, state: kitchen(0, ONION), endless: false, partner: 'agent' },
-  ...{ show: 'always', view_radius: 1, partner_seen: true, unknown: [] },
+  ...{ show: 'always', view_radius: 1, partner_seen: true, unknown: [], asked: true },
 };
 
 /** @param {Renderer} renderer */

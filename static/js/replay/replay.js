@@ -137,6 +137,10 @@ function showExtent() {
 
 async function load() {
   record = await fetchRecord();
+  showRecord();
+}
+
+function showRecord() {
   showExtent();
   fit();
   showVerification(place('checked'), record);
@@ -276,10 +280,26 @@ function begin() {
   if (live === 'yes') listenToGame();
 }
 
+/**
+ * Show a record that is not stored here, from the start.
+ * @param {Researcher.EpisodeRecord} opened
+ */
+export function open(opened) {
+  const isFirst = !record;
+  if (!isFirst) stop();
+  record = opened;
+  state = null;
+  showRecord();
+  if (isFirst) begin();
+  else player.go(0, lastTimestep());
+}
+
 await renderer.sprites.load();
 try {
-  await load();
-  begin();
+  if (base) {
+    await load();
+    begin();
+  }
 } catch (error) {
   place('checked').textContent = `This record cannot be shown: ${error instanceof Error ? error.message : error}`;
 }

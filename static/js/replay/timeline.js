@@ -149,6 +149,8 @@ function pauseShape({ t, reason, duration_ms: durationMs }, x) {
  * @returns {Lane[]}
  */
 function lanes(record) {
+  if (record.game.seat < 0)
+    return [timeLane(record), ...['Blue', 'Green'].map((who, seat) => didLane(record, who, seat))];
   return [timeLane(record), ...watchedLanes(record), ...inputLanes(record), ...lagLanes(record)];
 }
 
@@ -160,6 +162,17 @@ function timeLane({ pauses }) {
   /** @param {number} at */
   const cell = (at) => ({ text: at % 5 ? '' : at, cut: pauses.some((pause) => pause.t === at) });
   return { className: 't', words: 'Timestep', note: '', cell };
+}
+
+/**
+ * Return what a chef did in a game from a file: nothing else is known of it.
+ * @param {EpisodeRecord} record
+ * @param {string} words
+ * @param {number} seat
+ * @returns {Lane}
+ */
+function didLane({ rows }, words, seat) {
+  return { className: 'did', words, note: 'did', cell: (at) => ({ text: signOf(rows[at + 1]?.actions?.[seat]) }) };
 }
 
 /**

@@ -3,7 +3,7 @@
 /** @import { State } from '../board/state.js' */
 /** @import { EncodedFrame, Film } from './webm.js' */
 
-import { Renderer } from '../board/renderer.js';
+import { Renderer, pixelRatio } from '../board/renderer.js';
 import { Sprites } from '../board/sprites.js';
 import { apply, boardState } from '../board/state.js';
 import { SPRITES } from '../browser/addresses.js';
@@ -98,7 +98,7 @@ async function rendererOf(board, record, who, [width, height]) {
   const renderer = new Renderer(board, await new Sprites(SPRITES).load(), who);
   renderer.greysOldMarks = false;
   renderer.outlinesView = true;
-  renderer.fit(record.game.grid, width / devicePixelRatio, height / devicePixelRatio);
+  renderer.fit(record.game.grid, width / pixelRatio(), height / pixelRatio());
   return renderer;
 }
 

@@ -68,6 +68,23 @@ def test_with_toggle_each_press_turns_the_marks_on_or_off() -> None:
     assert shown == [True, True, True, True, False, False, False, False]
 
 
+def test_a_page_that_connects_again_is_told_whether_the_toggle_is_on() -> None:
+    player = Player(show="toggle")
+    said = []
+    for down in (True, False, True):
+        player.press(down)
+        player.tick()
+        said.append((player.session.tick_message(0).asked, player.session.welcome(0).asked))
+    assert said == [(True, True), (True, True), (False, False)]
+    assert Player(show="toggle").session.welcome(0).asked is False
+
+
+def test_where_marks_are_always_shown_nobody_need_ask() -> None:
+    player = Player(show="always")
+    assert player.session.welcome(0).asked
+    assert player.session.tick_message(0).asked
+
+
 @pytest.mark.parametrize(("show", "after"), [("on_key", False), ("toggle", True)])
 def test_after_a_pause_the_key_is_up_and_a_toggle_stays(show: str, after: bool) -> None:
     player = Player(show=show)

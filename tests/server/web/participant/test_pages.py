@@ -1,5 +1,6 @@
 """A participant's pages over real HTTP: who gets where, what is stored and when, what is refused."""
 
+import json
 import re
 from pathlib import Path
 
@@ -240,3 +241,13 @@ def test_participant_keeps_the_version_they_consented_to(tmp_path: Path) -> None
             old.client.cookies.set(cookie.name, cookie.value or "", domain=cookie.domain, path=cookie.path)
         assert "<h1>Everything</h1>" in old.get("/s/small/now").text
         assert "<h1>Everything new</h1>" in new.consent("small").text
+
+
+def test_a_round_knows_the_points_of_the_rounds_before(site: Site) -> None:
+    visitor = Visitor(site)
+    walk_to(visitor, site, "episode-02")
+    config = re.search(
+        r'<script type="application/json" id="game-config">(.*?)</script>', visitor.get("/s/small/now").text, re.S
+    )
+    assert config
+    assert json.loads(config[1])["rounds"] == [{"number": 1, "score": 60}]

@@ -1,0 +1,44 @@
+"""Routes of the page that shows recorded games from a researcher's file. Nothing of the file is stored."""
+
+import re
+from typing import Final
+
+from fastapi import APIRouter, HTTPException, Request, Response
+
+from server.monitoring.opened_games import LARGEST_BYTES, UnreadableGamesError, opened
+from server.web.admin.rendering import AdminPage
+from server.web.admin.researcher_auth import WatchDep, form_session
+from server.web.dependencies import WebDep
+from server.web.forms import body_of
+
+router = APIRouter(prefix="/admin/recordings")
+TOKEN_HEADER: Final = "x-form-token"  # noqa: S105 - the body is the file
+_NAME: Final = re.compile(r"[^/\\\x00-\x1f]{1,200}\.(jsonl|json)(\.gz)?")
+_open: set[str] = set()  # whose file is being read
+
+
+@router.get("")
+async def page(request: Request, admin: WatchDep) -> Response:
+    """Choose or drop a file."""
+    return AdminPage(request, admin).render("recordings.html", tab="recordings", largest=LARGEST_BYTES)
+
+
+@router.post("/records.json")
+async def records(request: Request, admin: WatchDep, web: WebDep, name: str = "") -> Response:
+    """The episodes of the file in the body, simulated again. Answers 422 with the reason if they cannot be."""
+    if not web.csrf.is_own_origin(request):
+        raise HTTPException(403, "this file was not sent by our own page")
+    if not web.csrf.is_own_form(request.headers.get(TOKEN_HEADER, ""), form_session(request)):
+        raise HTTPException(403, "this page is too old: reload it and open the file again")
+    if not _NAME.fullmatch(name):
+        raise HTTPException(422, "A file of recorded games ends in .jsonl or .json, or in one of these and .gz.")
+    if admin.name in _open:
+        raise HTTPException(409, "another file of yours is still being read: wait a moment")
+    _open.add(admin.name)
+    try:
+        found = await opened(await body_of(request, LARGEST_BYTES, "file"), name)
+    except UnreadableGamesError as error:
+        raise HTTPException(422, str(error)) from None
+    finally:
+        _open.discard(admin.name)
+    return Response(found, media_type="application/json", headers={"Cache-Control": "no-store"})

@@ -1,0 +1,77 @@
+// Opens a file of recorded games: the server simulates them again, and the replay shows them. Nothing is stored.
+
+import { root } from '../browser/addresses.js';
+import { find } from '../browser/dom.js';
+import { open } from './replay.js';
+
+/** @param {string} id */
+const place = (id) => find(`#${id}`, HTMLElement);
+const input = find('#file', HTMLInputElement);
+const list = find('#episode', HTMLSelectElement);
+const token = find('#token [name=form_token]', HTMLInputElement).value;
+/** @type {Researcher.EpisodeRecord[]} */
+let records = [];
+
+/**
+ * @param {string} words
+ * @param {boolean} isProblem
+ */
+function say(words, isProblem = false) {
+  place('said').textContent = words;
+  place('said').className = isProblem ? 'flag bad' : '';
+}
+
+/** @param {File} file */
+async function read(file) {
+  say(`Reading ${file.name} …`);
+  const address = `${root}/admin/recordings/records.json?name=${encodeURIComponent(file.name)}`;
+  try {
+    const headers = { Accept: 'application/json', 'X-Form-Token': token };
+    const answer = await fetch(address, { method: 'POST', body: file, headers });
+    const found = await answer.json();
+    if (answer.ok) offer(found, file.name);
+    else say(String(found.detail), true);
+  } catch {
+    say('The server cannot be reached, or stopped reading. Try again; large files can be split.', true);
+  }
+}
+
+/**
+ * @param {Researcher.EpisodeRecord[]} found
+ * @param {string} name
+ */
+function offer(found, name) {
+  records = found;
+  list.replaceChildren(...found.map((record, k) => new Option(titleOf(record, k), String(k))));
+  place('shown').hidden = false;
+  say(`${name}: ${found.length} ${found.length === 1 ? 'game' : 'games'}. All states follow from the rules.`);
+  show();
+}
+
+/** @type {(record: Researcher.EpisodeRecord, k: number) => string} */
+function titleOf({ game, rows }, k) {
+  const { soups } = rows[rows.length - 1].state;
+  return `${k + 1}: ${game.title}, ${rows.length - 1} timesteps, ${soups} soups`;
+}
+
+function show() {
+  const record = records[Number(list.value)];
+  open(record);
+  place('checked').textContent = `${record.rows.length} states, simulated again by these rules.`;
+}
+
+function takeDrops() {
+  document.addEventListener('dragover', (event) => event.preventDefault());
+  document.addEventListener('drop', (event) => {
+    event.preventDefault();
+    const file = event.dataTransfer?.files[0];
+    if (file) read(file);
+  });
+}
+
+input.addEventListener('change', () => {
+  if (input.files?.[0]) read(input.files[0]);
+  input.value = ''; // the same file can be opened again
+});
+list.addEventListener('change', show);
+takeDrops();
