@@ -8,7 +8,6 @@ import argparse
 import contextlib
 import json
 import random
-import shutil
 import statistics
 import sys
 import threading
@@ -24,7 +23,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from server.play.messages import Countdown, Ready  # noqa: E402
-from tests.support.browser.chromium import CHROMIUM_ARGUMENTS  # noqa: E402
+from tests.support.browser.chromium import CHROMIUM_ARGUMENTS, installed_chromium  # noqa: E402
 from tests.support.browser.fake_game_server import NONE, RINGS, FakeGameServer, kitchen, tick, welcome  # noqa: E402
 
 SLOWDOWN = 4
@@ -123,7 +122,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
-    executable = shutil.which("chromium")
+    executable = installed_chromium()
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=executable, args=CHROMIUM_ARGUMENTS)
         rows = [measure(chromium, shown, arguments.seconds) for shown in ("predictor", "random", "nothing")]

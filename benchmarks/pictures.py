@@ -24,7 +24,7 @@ sys.path.insert(0, str(ROOT))
 
 from benchmarks import browser as game  # noqa: E402
 from benchmarks.processor import described  # noqa: E402
-from tests.support.browser.chromium import CHROMIUM_ARGUMENTS  # noqa: E402
+from tests.support.browser.chromium import CHROMIUM_ARGUMENTS, installed_chromium  # noqa: E402
 
 SIZE: ViewportSize = {"width": 1920, "height": 1080}
 TURNS = 3  # of each revision
@@ -33,7 +33,7 @@ TURNS = 3  # of each revision
 def measured(seconds: float) -> dict[str, float]:
     """One game with the pages in ROOT."""
     with sync_playwright() as playwright:
-        executable = shutil.which("chromium")
+        executable = installed_chromium()
         chromium = playwright.chromium.launch(executable_path=executable, args=CHROMIUM_ARGUMENTS)
         figures = _play(chromium, seconds)
         chromium.close()
