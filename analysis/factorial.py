@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from analysis import compare, effects, mixed_model
+from analysis.declared import BY
 from analysis.groups import ALL, Values, computed
 from analysis.results import Result
 from analysis.tables import Export, in_order
@@ -24,7 +25,6 @@ SECTION: Final = "factorial"
 SIMPLE: Final = "factorial simple effects"
 PREFIX: Final = "factor_"  # of the columns of the participants
 REWARD: Final = "reward"
-BY: Final = " x "  # between the factors of an interaction
 
 Array = NDArray[np.float64]
 Factors = Mapping[str, Sequence[str]]
@@ -54,7 +54,13 @@ class FactorialCells:
 
 
 def factors_of(export: Export) -> dict[str, tuple[str, ...]]:
-    """Return the levels of each factor in the order of the study file; {} for a study without factors."""
+    """Return the levels of each factor in the order of the study file; {} for a study without two factors."""
+    found = levels_in(export)
+    return {name: levels for name, levels in found.items() if len(levels) > 1} if len(found) > 1 else {}
+
+
+def levels_in(export: Export) -> dict[str, tuple[str, ...]]:
+    """Return the levels of each factor of the participants."""
     declared = export.about.get("factors") or {}
     found = {}
     for column in export.participants.columns:
@@ -62,7 +68,7 @@ def factors_of(export: Export) -> dict[str, tuple[str, ...]]:
             name = column.removeprefix(PREFIX)
             known = tuple(declared.get(name, ()))
             found[name] = known or in_order(export.participants[column].cast(pl.String), known)
-    return {name: levels for name, levels in found.items() if len(levels) > 1} if len(found) > 1 else {}
+    return found
 
 
 def factorial_rows(export: Export, episodes: pl.DataFrame, answers: pl.DataFrame) -> list[Result]:
@@ -71,11 +77,11 @@ def factorial_rows(export: Export, episodes: pl.DataFrame, answers: pl.DataFrame
     factors = factors_of(export)
     if not factors:
         return []
-    rows = of_measure(_cells(episodes.select("participant", pl.col(REWARD).alias("value")), export, factors), "")
+    rows = of_measure(cells_of(episodes.select("participant", pl.col(REWARD).alias("value")), export, factors), "")
     asked: dict[tuple[str, str], list[Result]] = {}
     for question in dict.fromkeys(answers["question"]):
         chosen = answers.filter(pl.col("question") == question)
-        for row in of_measure(_cells(chosen, export, factors), str(question)):
+        for row in of_measure(cells_of(chosen, export, factors), str(question)):
             key = row.contrast if row.test == "anova" else row.question
             asked.setdefault((row.test, key), []).append(row)
     for (test, _), family in asked.items():
@@ -83,7 +89,8 @@ def factorial_rows(export: Export, episodes: pl.DataFrame, answers: pl.DataFrame
     return rows
 
 
-def _cells(table: pl.DataFrame, export: Export, factors: Factors) -> FactorialCells:
+def cells_of(table: pl.DataFrame, export: Export, factors: Factors) -> FactorialCells:
+    """Return each person's mean of the column `value`, by combination of levels."""
     people = export.participants.select("participant", *(pl.col(f"{PREFIX}{name}").cast(pl.String) for name in factors))
     means = table.drop_nulls("value").group_by("participant", maintain_order=True).agg(pl.col("value").mean())
     joined = means.join(people, on="participant")
@@ -103,20 +110,30 @@ def of_measure(cells: FactorialCells, question: str) -> list[Result]:
     """Return tests, marginal means and simple effects of one measure; one row with the reason where there are none."""
     n = sum(values.size for values in cells.values)
     base = Result(SECTION, "anova", ALL, ALL, question=question, n=n, unit="people")
-    if trouble := _trouble(cells):
+    if trouble := trouble_with(cells):
         return [replace(base, note=trouble)]
     rows = []
     for term in terms(cells.factors):
         named = replace(base, contrast=BY.join(term))
-        rows.append(computed(_tested, named, cells, term))
-        if all(len(cells.factors[name]) == 2 for name in term):
-            how = BY.join(f"({cells.factors[name][1]} - {cells.factors[name][0]})" for name in term)
-            named = replace(named, test="difference", note=how)
-            rows.append(computed(_difference, named, cells, term))
+        rows.append(computed(tested, named, cells, term))
+        if has_one_difference(cells.factors, term):
+            named = replace(named, test="difference", note=difference_words(cells.factors, term))
+            rows.append(computed(difference, named, cells, term))
     return [*rows, *_marginal_means(replace(base, test="marginal_mean"), cells), *_simple_effects(base, cells)]
 
 
-def _trouble(cells: FactorialCells) -> str:
+def has_one_difference(factors: Factors, term: Sequence[str]) -> bool:
+    """Return whether a term is about one difference (of differences), as all its factors have two levels."""
+    return all(len(factors[name]) == 2 for name in term)
+
+
+def difference_words(factors: Factors, term: Sequence[str]) -> str:
+    """Return which difference that is: each later level minus the earlier."""
+    return BY.join(f"({factors[name][1]} - {factors[name][0]})" for name in term)
+
+
+def trouble_with(cells: FactorialCells) -> str:
+    """Return why no effect can be tested; empty where it can."""
     for name, values in zip(cells.names, cells.values, strict=True):
         if not values.size:
             return f"nobody has values with {', '.join(f'{factor} {level}' for factor, level in name.items())}"
@@ -153,8 +170,8 @@ def _within(cells: FactorialCells) -> tuple[float, int]:
     return squares / df, df
 
 
-def _tested(base: Result, cells: FactorialCells, term: Sequence[str]) -> Result:
-    """The F test of a term, with partial eta squared."""
+def tested(base: Result, cells: FactorialCells, term: Sequence[str]) -> Result:
+    """Return the F test of a term, with partial eta squared."""
     variance, rest = _within(cells)
     weights = contrast_weights(cells.factors, term)
     means = np.array([values.mean() for values in cells.values])
@@ -178,9 +195,9 @@ def _tested(base: Result, cells: FactorialCells, term: Sequence[str]) -> Result:
     )
 
 
-def _difference(base: Result, cells: FactorialCells, term: Sequence[str]) -> Result:
-    """Of factors with two levels: the difference (or difference of differences) that the F test of the term is about,
-    each later level minus the earlier."""
+def difference(base: Result, cells: FactorialCells, term: Sequence[str]) -> Result:
+    """Return, of factors with two levels, the difference (or difference of differences) that the F test of the term is
+    about, each later level minus the earlier."""
     variance, rest = _within(cells)
     weights = contrast_weights(cells.factors, term)[0]
     estimate = float(weights @ np.array([values.mean() for values in cells.values]))

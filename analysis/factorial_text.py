@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from markupsafe import escape
 
 from analysis import formatting
-from analysis.factorial import BY, SECTION, SIMPLE
+from analysis.declared import BY
+from analysis.factorial import SECTION, SIMPLE
 from analysis.formatting import listed, number, p_equals
 from analysis.phrases import question, significant, statistic, with_p
 from analysis.results import Result, select

@@ -67,8 +67,8 @@ class Analysis:
     scores: pl.DataFrame = field(default_factory=pl.DataFrame)  # of published scales, one row a page and subscale
 
 
-def _primary_rows(declared: DeclaredTest | None, episodes: pl.DataFrame, answers: pl.DataFrame) -> list[Result]:
-    return [] if declared is None else [primary.primary_row(declared, episodes, answers)]
+def _primary_rows(declared: DeclaredTest | None, episodes: pl.DataFrame, export: Export) -> list[Result]:
+    return [] if declared is None else [primary.primary_row(declared, episodes, export)]
 
 
 def main_contrast(conditions: Sequence[str]) -> tuple[str, str] | None:
@@ -93,7 +93,7 @@ def analyse(export: Export, options: Options) -> Analysis:
     quality = data_quality.verdicts(every, export.answers)
     compared = (conditions, layouts, agents, design.contrast, declaration, options.seed)
     rows = [
-        *_primary_rows(declaration.primary, episodes, export.answers),
+        *_primary_rows(declaration.primary, episodes, export),
         *exclusions.flow(export, every, episodes),
         *reward_rows(episodes, design, options),
         *model.rows,

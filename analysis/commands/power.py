@@ -122,7 +122,10 @@ def _primary_lines(
             )
             return
         effects, spread = arguments.answer_effect, plan.answer_sds
-    of_primary = primary_power.PrimaryDesign(declared, *spread, plan.primary_episodes)
+    if unknown := [name for name in declared.effect if name not in plan.factors]:
+        yield f"Primary test: no power, as the data have no factor {unknown[0]}."
+        return
+    of_primary = primary_power.PrimaryDesign(declared, *spread, plan.primary_episodes, plan.factors)
     for effect in dict.fromkeys(effects):
         yield primary_power.sentence(of_primary, effect, participants, arguments.studies, arguments.seed)
 
@@ -188,7 +191,7 @@ def _from_export(folder: Path, arguments: argparse.Namespace, declared: "Declare
     from analysis import measures, mixed_model, primary
     from analysis.declared import declaration_of
     from analysis.exclusions import versions_notice
-    from analysis.factorial import factors_of
+    from analysis.factorial import levels_in
     from analysis.study import MEASURE, smallest_condition
     from analysis.tables import read_export
 
@@ -206,7 +209,7 @@ def _from_export(folder: Path, arguments: argparse.Namespace, declared: "Declare
         variance.person_sd,
         variance.residual_sd,
         declared or declaration_of(export).primary,
-        factors={name: len(levels) for name, levels in factors_of(export).items()},
+        factors={name: len(levels) for name, levels in levels_in(export).items()},
     )
     if plan.declared is None:
         return plan

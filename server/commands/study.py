@@ -108,7 +108,8 @@ def _primary(study: "Study") -> str:
     primary = study.primary
     if primary is None:
         return "no primary test is declared; `primary:` declares one before the data"
-    words = f"{primary.test} of {primary.measure}, {' - '.join(primary.comparison)}, {primary.direction}"
+    what = f"effect of {' x '.join(primary.effect)}" if primary.effect else " - ".join(primary.comparison)
+    words = f"{primary.test} of {primary.measure}, {what}, {primary.direction}"
     looks = f", looks at {', '.join(map(str, primary.looks))} people ({primary.spending})" if primary.looks else ""
     return f"{words}, alpha {primary.alpha:g}{looks}"
 
