@@ -5,7 +5,7 @@ unweighted mean (sum coding), and each is tested with all others in the model (t
 of different size do not mix effects.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
 from typing import Final
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from analysis import compare, effects, mixed_model
-from analysis.declared import BY
+from analysis.declared import BY as BY
 from analysis.groups import ALL, Values, computed
 from analysis.results import Result
 from analysis.tables import Export, in_order
@@ -41,6 +41,10 @@ class FactorialCells:
     def names(self) -> list[dict[str, str]]:
         """The level of each factor, by cell."""
         return [dict(zip(self.factors, levels, strict=True)) for levels in product(*self.factors.values())]
+
+    @property
+    def people(self) -> int:
+        return sum(values.size for values in self.values)
 
     def where(self, **levels: str) -> Values:
         """The values of everybody with these levels."""
@@ -78,15 +82,22 @@ def factorial_rows(export: Export, episodes: pl.DataFrame, answers: pl.DataFrame
     if not factors:
         return []
     rows = of_measure(cells_of(episodes.select("participant", pl.col(REWARD).alias("value")), export, factors), "")
+    by_question = (
+        of_measure(cells_of(answers.filter(pl.col("question") == question), export, factors), str(question))
+        for question in dict.fromkeys(answers["question"])
+    )
+    return [*rows, *adjusted(by_question)]
+
+
+def adjusted(by_question: Iterable[list[Result]]) -> Iterator[Result]:
+    """Yield the rows of all questions, each effect corrected over the questions."""
     asked: dict[tuple[str, str], list[Result]] = {}
-    for question in dict.fromkeys(answers["question"]):
-        chosen = answers.filter(pl.col("question") == question)
-        for row in of_measure(cells_of(chosen, export, factors), str(question)):
+    for rows in by_question:
+        for row in rows:
             key = row.contrast if row.test == "anova" else row.question
             asked.setdefault((row.test, key), []).append(row)
     for (test, _), family in asked.items():
-        rows += compare.adjust(family) if test == "anova" else family
-    return rows
+        yield from compare.adjust(family) if test == "anova" else family
 
 
 def cells_of(table: pl.DataFrame, export: Export, factors: Factors) -> FactorialCells:

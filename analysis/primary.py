@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import polars as pl
 from scipy import stats
 
-from analysis import effects, factorial
+from analysis import effects, factorial, factorial_within
 from analysis.alpha_spending import Look, current_look
 from analysis.declared import REWARD, DeclaredTest
 from analysis.groups import ALL, Groups, Values, computed, person_means
@@ -35,26 +35,30 @@ def primary_row(declared: DeclaredTest, episodes: pl.DataFrame, export: Export) 
 def _of_effect(declared: DeclaredTest, episodes: pl.DataFrame, export: Export) -> Result:
     """The declared effect, tested with all others of the design."""
     table, measure = values_of_episodes(declared, episodes, export.answers)
-    factors = factorial.levels_in(export)
+    table = table.select("episode", "participant", pl.col(measure).alias("value"))
+    within = factorial_within.within_of(export)
+    factors = factorial_within.repeated_factors(export) if within else factorial.levels_in(export)
     if missing := [name for name in declared.effect if name not in factors]:
         return replace(_base(declared, 0), note=f"the export has no levels of the factor {missing[0]}")
-    cells = factorial.cells_of(table.select("participant", pl.col(measure).alias("value")), export, factors)
-    return of_effect(declared, cells)
+    if within:
+        return of_effect(declared, factorial_within.repeated_cells(table, export))
+    return of_effect(declared, factorial.cells_of(table, export, factors))
 
 
-def of_effect(declared: DeclaredTest, cells: factorial.FactorialCells) -> Result:
+def of_effect(declared: DeclaredTest, cells: factorial.FactorialCells | factorial_within.RepeatedCells) -> Result:
     """Return the declared effect of these cells: F, and where it is one difference, that with its t-test."""
-    base = _base(declared, sum(values.size for values in cells.values))
-    if trouble := factorial.trouble_with(cells):
+    how: Any = factorial_within if isinstance(cells, factorial_within.RepeatedCells) else factorial
+    base = _base(declared, cells.people)
+    if trouble := how.trouble_with(cells):
         return replace(base, note=trouble)
-    row = computed(factorial.tested, base, cells, declared.effect)
-    if row.note:
+    row = computed(how.tested, base, cells, declared.effect)
+    if np.isnan(row.p):
         return row
     words = f"{ALTERNATIVES[declared.direction]}, alpha = {declared.alpha:g}"
     if not factorial.has_one_difference(cells.factors, declared.effect):
         return replace(row, note=words)
-    how = factorial.difference_words(cells.factors, declared.effect)
-    return replace(_directed(declared, factorial.difference(row, cells, declared.effect)), note=f"{words}, {how}")
+    which = factorial.difference_words(cells.factors, declared.effect)
+    return replace(_directed(declared, how.difference(row, cells, declared.effect)), note=f"{words}, {which}")
 
 
 def _directed(declared: DeclaredTest, row: Result) -> Result:

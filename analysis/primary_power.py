@@ -27,6 +27,7 @@ class PrimaryDesign:
     residual_sd: float
     episodes: int  # of a participant that the test uses
     levels: factorial_power.Levels = field(default_factory=dict)  # of each factor, where the test is about an effect
+    within: tuple[str, ...] = ()  # factors of which each person meets all levels
 
     @property
     def mean_sd(self) -> float:
@@ -135,10 +136,11 @@ def _sentence_of_effect(design: PrimaryDesign, effect: float, participants: int)
     """The power of an effect of factors: exact, as of a factorial analysis of variance."""
     declared = design.declared
     spread = PowerDesign(design.person_sd, design.residual_sd, design.episodes, declared.alpha)
-    found = factorial_power.EffectPower(spread, design.levels, declared.effect, declared.direction != "two_sided")
+    one_sided = declared.direction != "two_sided"
+    found = factorial_power.EffectPower(spread, design.levels, declared.effect, one_sided, design.within)
     size = "difference" + " of differences" * (len(declared.effect) - 1)
     return (
-        f"{_head(design)}: with {participants} participants in each of {math.prod(design.levels.values())} conditions, "
+        f"{_head(design)}: with {participants} participants in each of {found.conditions} conditions, "
         f"a true {size} of {directed(declared, effect):g} is found with a probability of "
         f"{100 * found.exact(effect, participants):.0f} % (exact); {found.needed(effect)}."
     )

@@ -14,6 +14,7 @@ from analysis import (
     data_quality,
     exclusions,
     factorial,
+    factorial_within,
     limited_sight,
     measures,
     mixed_model,
@@ -78,6 +79,11 @@ def main_contrast(conditions: Sequence[str]) -> tuple[str, str] | None:
     return (conditions[-1], conditions[0]) if len(conditions) > 1 else None
 
 
+def _contrast_of(export: Export, conditions: Sequence[str]) -> tuple[str, str] | None:
+    """None where factors vary within people: conditions are orders of blocks, which no study is about."""
+    return None if factorial_within.within_of(export) else main_contrast(conditions)
+
+
 def analyse(export: Export, options: Options) -> Analysis:
     """Compute all. Where data are missing a row says why, or there is none. Raises ExportError: unknown layout."""
     every, layouts, agents = measures.episode_measures(export), export.layouts, export.agents
@@ -88,7 +94,7 @@ def analyse(export: Export, options: Options) -> Analysis:
     answers = questionnaires.answers_on(scales.without_items(export.answers, used), episodes, chosen)
     scores = scales.scores(export, episodes, used)
     model = mixed_model.fit(episodes, MEASURE, conditions)
-    design = AnalysisDesign(conditions, layouts, agents, main_contrast(conditions))
+    design = AnalysisDesign(conditions, layouts, agents, _contrast_of(export, conditions))
     declaration = declaration_of(export)
     quality = data_quality.verdicts(every, export.answers)
     compared = (conditions, layouts, agents, design.contrast, declaration, options.seed)
@@ -127,7 +133,9 @@ def design_rows(
     """Effects of factors, what was seen of the marks and the kitchen, and how people relied on the marks, where a study
     varies that."""
     return [
-        *factorial.factorial_rows(export, episodes, answers),
+        *(factorial_within.repeated_rows if factorial_within.within_of(export) else factorial.factorial_rows)(
+            export, episodes, answers
+        ),
         *on_demand.rows(export.ticks, episodes, conditions),
         *limited_sight.rows(export.ticks, episodes, conditions),
         *reliance.rows(export.reliance, episodes, conditions),

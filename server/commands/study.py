@@ -95,12 +95,21 @@ def _summary(file: "StudyFile") -> str:
         f"{file.source} is a study: {study.name}, version {file.sha256[:12]}",
         *([f"  factors      {factors}"] if factors else []),
         f"  conditions   {conditions}",
+        *_blocks(study),
         f"  steps        {pages}, with {episodes} episode{'s' * (episodes != 1)}; languages {languages}",
         f"  primary      {_primary(study)}",
         f"  order        {study.order.rule}; how many of 60 simulated participants meet what in which episode:",
         *_balance(file, min(episodes, MOST_PLACES)),
     ]
     return "\n".join(lines)
+
+
+def _blocks(study: "Study") -> list[str]:
+    """What is seen in which block, where factors vary within people."""
+    if study.blocks == 1:
+        return []
+    orders = (f"{one.name}: {', '.join(seen.name for seen in one.displays)}" for one in study.conditions)
+    return [f"  blocks       {'; '.join(orders)}"]
 
 
 def _primary(study: "Study") -> str:

@@ -15,7 +15,7 @@ def check_page(
     """Return the answers of a page with questions, and whether each attention check among them was passed."""
     if not step.asks:
         return Checked({}, {}), {}
-    condition = study.condition(participant.condition)
+    condition = study.condition(participant.condition).at(step.block)
     questions = asked(study.questions(step.asks), condition.name, condition.shows_predictions)
     checked = check_answers(questions, form)
     checks = {question.key: is_attentive(question, checked.answers.get(question.key)) for question in questions}

@@ -5,7 +5,7 @@ from typing import Any
 
 from server.study.analysis_plan import PrimaryTest
 from server.study.checks import Path, Problem
-from server.study.definition import Study
+from server.study.definition import Condition, Study
 from server.study.questionnaire import ScaleQuestion, asked
 
 
@@ -25,7 +25,7 @@ def _primary(study: Study) -> Iterator[Problem]:
     yield from _known_once(study.agents, primary.agents, ("primary", "agents"), "agent")
     wanted = primary.comparison or [condition.name for condition in study.conditions]
     conditions = [condition for condition in study.conditions if condition.name in wanted]
-    measures = [set(_measures(study, condition.name)) for condition in conditions]
+    measures = [set(_measures(study, seen)) for condition in conditions for seen in condition.displays]
     if any(primary.measure not in names for names in measures):
         known = ", ".join(["reward", *sorted(set.intersection(*measures) - {"reward"})])
         which = "all" if primary.effect else "both"
@@ -40,6 +40,10 @@ def _compared(study: Study, primary: PrimaryTest) -> Iterator[Problem]:
         reason = "it names both two conditions and an effect" if primary.effect else "nothing says what is tested"
         remedy = "Write either `comparison: [A, B]` with two conditions, or `effect: [FACTOR]`."
         yield Problem(("primary",), reason, remedy)
+    if primary.comparison and study.cells.within:
+        reason = "the conditions are orders of blocks: what is compared lies within people"
+        yield Problem(("primary", "comparison"), reason, f"Name an effect: `effect: [{study.cells.within[0]}]`.")
+        return
     yield from _known_once(study.conditions, primary.comparison, ("primary", "comparison"), "condition")
     if primary.effect:
         yield from _effect(study, primary)
@@ -90,12 +94,11 @@ def _smallest_effect(study: Study) -> Iterator[Problem]:
         yield Problem(("smallest_effect",), "no effect is set", "Add `reward: 5` or `answers: 0.5`, in points.")
 
 
-def _measures(study: Study, condition: str) -> Iterator[str]:
+def _measures(study: Study, seen: Condition) -> Iterator[str]:
     """What can be compared between conditions: reward, and the scale questions that follow every episode."""
     yield "reward"
     if study.after_episode in study.questionnaires:
-        shows = study.condition(condition).shows_predictions
-        for question in asked(study.questions(str(study.after_episode)), condition, shows):
+        for question in asked(study.questions(str(study.after_episode)), seen.name, seen.shows_predictions):
             if isinstance(question, ScaleQuestion) and question.attention is None:
                 yield question.key
 

@@ -205,7 +205,7 @@ def questions_of(entry: "QuestionEntry") -> tuple[AnyQuestion, ...]:
 
 
 def asked(questions: tuple[AnyQuestion, ...], condition: str, shows_predictions: bool) -> tuple[AnyQuestion, ...]:
-    """The questions that a participant in `condition` gets."""
+    """The questions that a participant gets in `condition`, or in a block of rounds with these levels."""
 
     def is_asked(question: SurveyQuestion) -> bool:
         if question.conditions == "with_predictor":

@@ -13,7 +13,8 @@ from server.store import episodes, events, participants
 from server.store.participants import Participant
 from server.store.tables import RECRUITMENT_ID
 from server.study.answer_checks import AnswerError
-from server.study.definition import Section, Study
+from server.study.consent import Section
+from server.study.definition import Study
 from server.study.questionnaire import asked
 from server.study.recruitment import Exit
 from server.study.steps import PHASES, Kind, StudyStep, episodes_of
@@ -93,7 +94,7 @@ async def _ended(page: PageResponse, participant: Participant) -> tuple[str, Exi
 def debriefing_of(page: PageResponse, participant: Participant) -> Section | None:
     """The debriefing of somebody who leaves early and whose condition may have misled them."""
     study = page.web.studies.of(participant)
-    misled = study.condition(participant.condition).predictor == "misleading"
+    misled = study.condition(participant.condition).misleads
     return study.pages[study.debriefing] if misled and study.debriefing else None
 
 
@@ -109,7 +110,7 @@ async def _back(page: PageResponse, outcome: Exit, code: str = "") -> WayBack | 
 
 async def _questions(page: PageResponse, participant: Participant, step: StudyStep, filled: Filled) -> dict[str, Any]:
     study = page.web.studies.of(participant)
-    condition = study.condition(participant.condition)
+    condition = study.condition(participant.condition).at(step.block)
     questionnaire = study.quiz if step.kind == "quiz" and study.quiz else study.questionnaires[step.asks]
     messages = {name: _message(page, study, name, fault) for name, fault in filled.faults.items()}
     return {
@@ -145,7 +146,7 @@ async def _introduction(
     slides = [key for key in INTRODUCTION if key != "marks" or condition.shows_predictions]
     with_human = all(agent.human for agent in study.agents)
     return {"slides": slides, "with_human": with_human, "show": show_of(study, condition)} | {
-        "view_radius": view_radius_of(study, condition)
+        "view_radius": next(filter(None, (view_radius_of(study, one) for one in condition.displays)), 0)
     }
 
 

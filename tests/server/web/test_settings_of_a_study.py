@@ -54,7 +54,8 @@ OF_TWO_PEOPLE |= {"WaitingRoomSettings.limit_s", "WaitingRoomSettings.agent", "W
 MISLEADING = {"ConditionSettings.misleading", "Misleading.from_round", "Misleading.share", "Study.debriefing"}
 
 # Tested by themselves, as they take the place of `conditions`: test_factors.py.
-FACTORS = {"Study.factors", "Study.cells", "Cells.without", "Cells.quota", "PrimaryTest.effect"}
+FACTORS = {"Study.factors", "Study.cells", "Cells.without", "Cells.quota", "Cells.within", "BlockOrder.blocks"}
+FACTORS |= {"PrimaryTest.effect"}
 
 
 def test_the_study_sets_everything_that_can_be_set(study: Study) -> None:
