@@ -50,7 +50,8 @@ def questions(study: Study) -> str:
     blocks = {**({"quiz": study.quiz} if study.quiz else {}), **study.questionnaires}
     for key, block in blocks.items():
         after = ", after each episode" if key == study.after_episode else ""
-        lines += ["", f"## {key}{after}", ""]
+        only = f", only after {' or '.join(block.when.one_of)} to `{block.when.question}`" if block.when else ""
+        lines += ["", f"## {key}{after}{only}", ""]
         for question in block.asks:
             lines += _question(study, question)
     return "\n".join(lines) + "\n"

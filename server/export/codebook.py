@@ -274,7 +274,7 @@ EVENTS = ExportTable(
         text("participant", "Who."),
         text("episode", "During which episode."),
         time("at", "When."),
-        text("kind", "reload, takeover, trouble, rtt, ..."),
+        text("kind", "reload, takeover, trouble, rtt, not_asked (because of an earlier answer), ..."),
         Column("detail", "json", "Further details."),
     ),
 )

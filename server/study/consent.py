@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from server.study.branching import When
 from server.study.strict_model import StrictModel
 from server.study.text import Text
 
@@ -24,6 +25,13 @@ class Section(StrictModel):
     """The heading."""
     body: Text
     """The text below it, in Markdown."""
+
+
+class TextPage(Section):
+    """A page of text between the other steps."""
+
+    when: When | None = None
+    """Show the page only after a certain answer on an earlier page. Empty: always."""
 
 
 class Consent(StrictModel):

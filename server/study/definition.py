@@ -8,7 +8,7 @@ from overcooked.other_names import bundled_name
 from server.study.analysis_plan import PrimaryTest, SmallestEffect
 from server.study.condition import Condition as Condition
 from server.study.condition import Form, Show, StepsShown
-from server.study.consent import Consent, Section
+from server.study.consent import Consent, TextPage
 from server.study.factors import Cells, Conditions, Factors
 from server.study.locale import languages, locale
 from server.study.questionnaire import AnyQuestion, Key, Questionnaire
@@ -237,7 +237,7 @@ class Study(StrictModel):
     smallest_effect: SmallestEffect | None = None
     debriefing: str | None = None
     """The key of the page in `pages` that tells participants about misleading marks. It follows the rounds."""
-    pages: dict[Key, Section] = Field(default_factory=dict)
+    pages: dict[Key, TextPage] = Field(default_factory=dict)
     flow: Annotated[tuple[str, ...], Field(min_length=1)]
     """The steps in order: introduction, quiz, tutorial, episodes, thanks, and keys of `pages` and `questionnaires`."""
 
@@ -255,6 +255,14 @@ class Study(StrictModel):
     def blocks(self) -> int:
         """How many blocks of rounds each participant has: one, unless there are factors within people."""
         return len(self.conditions[0].displays)
+
+    @property
+    def branches(self) -> bool:
+        """Whether anything depends on an answer."""
+        found = [page.when for page in self.pages.values()]
+        for block in self.questionnaires.values():
+            found += [block.when, *(entry.when for entry in block.questions)]
+        return any(when is not None for when in found)
 
     def agent(self, name: str) -> PartnerSettings:
         return _named(self.agents, name)

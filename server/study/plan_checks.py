@@ -99,7 +99,8 @@ def _measures(study: Study, seen: Condition) -> Iterator[str]:
     yield "reward"
     if study.after_episode in study.questionnaires:
         for question in asked(study.questions(str(study.after_episode)), seen.name, seen.shows_predictions):
-            if isinstance(question, ScaleQuestion) and question.attention is None:
+            always = question.when is None and study.questionnaires[str(study.after_episode)].when is None
+            if isinstance(question, ScaleQuestion) and question.attention is None and always:
                 yield question.key
 
 

@@ -58,13 +58,17 @@ FACTORS = {"Study.factors", "Study.cells", "Cells.without", "Cells.quota", "Cell
 FACTORS |= {"PrimaryTest.effect"}
 
 
+# Tested by themselves, as they decide who gets a page: test_branching.py, test_branching_pages.py.
+BRANCHING = {"SurveyQuestion.when", "Questionnaire.when", "TextPage.when"}
+
+
 def test_the_study_sets_everything_that_can_be_set(study: Study) -> None:
     never = {name for name, _ in settings(study)} - {name for name, is_made in settings(study) if is_made}
     # A choice that is an attention check, a number that need not be whole, a scale with other numbers and words: tested
     # with the questions and the published scales.
     questions = {"ChoiceQuestion.attention", "NumberQuestion.whole"}
     questions |= {"ScaleQuestion.first", "ScaleQuestion.step", "ScaleQuestion.labels"}
-    assert {name for name in never if name not in OF_TWO_PEOPLE | MISLEADING | FACTORS} == questions
+    assert {name for name in never if name not in OF_TWO_PEOPLE | MISLEADING | FACTORS | BRANCHING} == questions
 
 
 def spec(study: Study, condition: str, kind: str = "episode", language: str = "en") -> tuple[StudyStep, EpisodeSpec]:
