@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 STUDIES = Path(__file__).parents[2] / "studies"
 PATTERN = STUDIES / "quick_look.yaml"
 SCHEMA = STUDIES / "schema.json"
-MOST_PLACES, WIDTH = 20, 20
+MOST_PLACES, WIDTH = 20, 22
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
