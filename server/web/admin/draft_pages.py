@@ -33,8 +33,8 @@ TEMPLATES: Final = {
     "quick_look": ("A quick look", "A short study of some minutes, to try things out."),
     "classic": (
         "The classic kitchens",
-        "The published design in the five kitchens of overcooked_ai. Its two agents have no predictors there yet: no marks, "
-        "or random ones.",
+        "The published design in the five kitchens of overcooked_ai. Its two agents have no predictors there: "
+        "no marks, or random ones.",
     ),
     "trust": ("Trust", "Right or misleading marks; Trust in Automation and NASA-TLX after six rounds; a debriefing."),
     "two_people": ("Two people", "Two participants cook with each other."),
