@@ -12,18 +12,20 @@ from analysis.alpha_spending import SPENDING
 from analysis.tables import Export, ExportError
 
 TESTS = ("welch", "student", "mann_whitney")
+ANOVA = "anova"  # the test of an effect of factors
 DIRECTIONS = ("two_sided", "greater", "less")
 REWARD = "reward"
+BY = " x "  # between the factors of an interaction
 EMPTY = (None, "", "null", "~")
 Found = TypeVar("Found")
 
 
 @dataclass(frozen=True)
 class DeclaredTest:
-    """The primary test of a study file. Empty layouts or agents: all."""
+    """The primary test of a study file: of two conditions, or of an effect of factors. Empty layouts or agents: all."""
 
     measure: str
-    comparison: tuple[str, str]  # the difference is the first minus the second
+    comparison: tuple[str, ...] = ()  # two conditions; the difference is the first minus the second
     test: str = "welch"
     direction: str = "two_sided"
     alpha: float = 0.05
@@ -31,10 +33,11 @@ class DeclaredTest:
     agents: tuple[str, ...] = ()
     looks: tuple[int, ...] = ()  # people of both conditions at each interim look and the last; empty: no interim looks
     spending: str = SPENDING[0]
+    effect: tuple[str, ...] = ()  # one factor, or several for their interaction; empty: there is a comparison
 
     @property
     def contrast(self) -> str:
-        return " - ".join(self.comparison)
+        return BY.join(self.effect) or " - ".join(self.comparison)
 
 
 @dataclass(frozen=True)
@@ -106,23 +109,34 @@ def declared_test(study: Mapping[str, Any]) -> DeclaredTest | None:
     block = _block(study, "primary")
     if block is None:
         return None
-    comparison = _names(block, "primary.comparison")
-    if len(set(comparison)) != 2 or len(comparison) != 2:
-        raise ValueError("primary.comparison: it needs two different conditions, such as [tom, none]")
+    comparison, effect = _compared(block)
     alpha = _number("primary.alpha", block.get("alpha", "0.05"))
     if not alpha < 0.5:
         raise ValueError(f"primary.alpha: {alpha:g} is too large; it must be below 0.5")
     return DeclaredTest(
         str(block.get("measure", REWARD)),
-        (comparison[0], comparison[1]),
-        _one_of(block, "test", TESTS),
+        comparison,
+        _one_of(block, "test", (ANOVA,) if effect else TESTS),
         _one_of(block, "direction", DIRECTIONS),
         alpha,
         _names(block, "primary.layouts"),
         _names(block, "primary.agents"),
         _looks(block),
         _one_of(block, "spending", SPENDING),
+        effect,
     )
+
+
+def _compared(block: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The two conditions or the factors of the effect; the other is empty."""
+    comparison, effect = _names(block, "primary.comparison"), _names(block, "primary.effect")
+    if effect and comparison:
+        raise ValueError("primary: it names both two conditions and an effect")
+    if effect and len(set(effect)) < len(effect):
+        raise ValueError("primary.effect: a factor is there twice")
+    if not effect and (len(set(comparison)) != 2 or len(comparison) != 2):
+        raise ValueError("primary.comparison: it needs two different conditions, such as [tom, none]")
+    return comparison, effect
 
 
 def declared_effect(study: Mapping[str, Any]) -> DeclaredEffect | None:

@@ -5,7 +5,7 @@ unweighted mean (sum coding), and each is tested with all others in the model (t
 of different size do not mix effects.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
 from typing import Final
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from analysis import compare, effects, mixed_model
+from analysis.declared import BY as BY
 from analysis.groups import ALL, Values, computed
 from analysis.results import Result
 from analysis.tables import Export, in_order
@@ -24,7 +25,6 @@ SECTION: Final = "factorial"
 SIMPLE: Final = "factorial simple effects"
 PREFIX: Final = "factor_"  # of the columns of the participants
 REWARD: Final = "reward"
-BY: Final = " x "  # between the factors of an interaction
 
 Array = NDArray[np.float64]
 Factors = Mapping[str, Sequence[str]]
@@ -42,6 +42,10 @@ class FactorialCells:
         """The level of each factor, by cell."""
         return [dict(zip(self.factors, levels, strict=True)) for levels in product(*self.factors.values())]
 
+    @property
+    def people(self) -> int:
+        return sum(values.size for values in self.values)
+
     def where(self, **levels: str) -> Values:
         """The values of everybody with these levels."""
         return np.concatenate(
@@ -54,7 +58,13 @@ class FactorialCells:
 
 
 def factors_of(export: Export) -> dict[str, tuple[str, ...]]:
-    """Return the levels of each factor in the order of the study file; {} for a study without factors."""
+    """Return the levels of each factor in the order of the study file; {} for a study without two factors."""
+    found = levels_in(export)
+    return {name: levels for name, levels in found.items() if len(levels) > 1} if len(found) > 1 else {}
+
+
+def levels_in(export: Export) -> dict[str, tuple[str, ...]]:
+    """Return the levels of each factor of the participants."""
     declared = export.about.get("factors") or {}
     found = {}
     for column in export.participants.columns:
@@ -62,7 +72,7 @@ def factors_of(export: Export) -> dict[str, tuple[str, ...]]:
             name = column.removeprefix(PREFIX)
             known = tuple(declared.get(name, ()))
             found[name] = known or in_order(export.participants[column].cast(pl.String), known)
-    return {name: levels for name, levels in found.items() if len(levels) > 1} if len(found) > 1 else {}
+    return found
 
 
 def factorial_rows(export: Export, episodes: pl.DataFrame, answers: pl.DataFrame) -> list[Result]:
@@ -71,19 +81,27 @@ def factorial_rows(export: Export, episodes: pl.DataFrame, answers: pl.DataFrame
     factors = factors_of(export)
     if not factors:
         return []
-    rows = of_measure(_cells(episodes.select("participant", pl.col(REWARD).alias("value")), export, factors), "")
+    rows = of_measure(cells_of(episodes.select("participant", pl.col(REWARD).alias("value")), export, factors), "")
+    by_question = (
+        of_measure(cells_of(answers.filter(pl.col("question") == question), export, factors), str(question))
+        for question in dict.fromkeys(answers["question"])
+    )
+    return [*rows, *adjusted(by_question)]
+
+
+def adjusted(by_question: Iterable[list[Result]]) -> Iterator[Result]:
+    """Yield the rows of all questions, each effect corrected over the questions."""
     asked: dict[tuple[str, str], list[Result]] = {}
-    for question in dict.fromkeys(answers["question"]):
-        chosen = answers.filter(pl.col("question") == question)
-        for row in of_measure(_cells(chosen, export, factors), str(question)):
+    for rows in by_question:
+        for row in rows:
             key = row.contrast if row.test == "anova" else row.question
             asked.setdefault((row.test, key), []).append(row)
     for (test, _), family in asked.items():
-        rows += compare.adjust(family) if test == "anova" else family
-    return rows
+        yield from compare.adjust(family) if test == "anova" else family
 
 
-def _cells(table: pl.DataFrame, export: Export, factors: Factors) -> FactorialCells:
+def cells_of(table: pl.DataFrame, export: Export, factors: Factors) -> FactorialCells:
+    """Return each person's mean of the column `value`, by combination of levels."""
     people = export.participants.select("participant", *(pl.col(f"{PREFIX}{name}").cast(pl.String) for name in factors))
     means = table.drop_nulls("value").group_by("participant", maintain_order=True).agg(pl.col("value").mean())
     joined = means.join(people, on="participant")
@@ -103,20 +121,30 @@ def of_measure(cells: FactorialCells, question: str) -> list[Result]:
     """Return tests, marginal means and simple effects of one measure; one row with the reason where there are none."""
     n = sum(values.size for values in cells.values)
     base = Result(SECTION, "anova", ALL, ALL, question=question, n=n, unit="people")
-    if trouble := _trouble(cells):
+    if trouble := trouble_with(cells):
         return [replace(base, note=trouble)]
     rows = []
     for term in terms(cells.factors):
         named = replace(base, contrast=BY.join(term))
-        rows.append(computed(_tested, named, cells, term))
-        if all(len(cells.factors[name]) == 2 for name in term):
-            how = BY.join(f"({cells.factors[name][1]} - {cells.factors[name][0]})" for name in term)
-            named = replace(named, test="difference", note=how)
-            rows.append(computed(_difference, named, cells, term))
+        rows.append(computed(tested, named, cells, term))
+        if has_one_difference(cells.factors, term):
+            named = replace(named, test="difference", note=difference_words(cells.factors, term))
+            rows.append(computed(difference, named, cells, term))
     return [*rows, *_marginal_means(replace(base, test="marginal_mean"), cells), *_simple_effects(base, cells)]
 
 
-def _trouble(cells: FactorialCells) -> str:
+def has_one_difference(factors: Factors, term: Sequence[str]) -> bool:
+    """Return whether a term is about one difference (of differences), as all its factors have two levels."""
+    return all(len(factors[name]) == 2 for name in term)
+
+
+def difference_words(factors: Factors, term: Sequence[str]) -> str:
+    """Return which difference that is: each later level minus the earlier."""
+    return BY.join(f"({factors[name][1]} - {factors[name][0]})" for name in term)
+
+
+def trouble_with(cells: FactorialCells) -> str:
+    """Return why no effect can be tested; empty where it can."""
     for name, values in zip(cells.names, cells.values, strict=True):
         if not values.size:
             return f"nobody has values with {', '.join(f'{factor} {level}' for factor, level in name.items())}"
@@ -153,8 +181,8 @@ def _within(cells: FactorialCells) -> tuple[float, int]:
     return squares / df, df
 
 
-def _tested(base: Result, cells: FactorialCells, term: Sequence[str]) -> Result:
-    """The F test of a term, with partial eta squared."""
+def tested(base: Result, cells: FactorialCells, term: Sequence[str]) -> Result:
+    """Return the F test of a term, with partial eta squared."""
     variance, rest = _within(cells)
     weights = contrast_weights(cells.factors, term)
     means = np.array([values.mean() for values in cells.values])
@@ -178,9 +206,9 @@ def _tested(base: Result, cells: FactorialCells, term: Sequence[str]) -> Result:
     )
 
 
-def _difference(base: Result, cells: FactorialCells, term: Sequence[str]) -> Result:
-    """Of factors with two levels: the difference (or difference of differences) that the F test of the term is about,
-    each later level minus the earlier."""
+def difference(base: Result, cells: FactorialCells, term: Sequence[str]) -> Result:
+    """Return, of factors with two levels, the difference (or difference of differences) that the F test of the term is
+    about, each later level minus the earlier."""
     variance, rest = _within(cells)
     weights = contrast_weights(cells.factors, term)[0]
     estimate = float(weights @ np.array([values.mean() for values in cells.values]))

@@ -1,11 +1,14 @@
 """Sentences about the factors of a study: main effects, interactions, and simple effects after an interaction."""
 
+import math
 from collections.abc import Sequence
 
 from markupsafe import escape
 
 from analysis import formatting
-from analysis.factorial import BY, SECTION, SIMPLE
+from analysis.declared import BY
+from analysis.factorial import SECTION, SIMPLE
+from analysis.factorial_within import WITHIN
 from analysis.formatting import listed, number, p_equals
 from analysis.phrases import question, significant, statistic, with_p
 from analysis.results import Result, select
@@ -35,9 +38,17 @@ def _effects(outcome: str, tests: Sequence[Result]) -> str:
     """One sentence: which effects were found, each with its test."""
     parts = [f"{_term(row)} ({_numbers(row)})" for row in tests]
     return (
-        f"In a factorial analysis of variance of {_name(outcome)} over {tests[0].n} people (type III sums of squares, "
-        f"sum coding), there was {listed(parts)}."
+        f"In a factorial analysis of variance of {_name(outcome)} over {tests[0].n} people ({_method(tests)}), there "
+        f"was {listed(parts)}."
     )
+
+
+def _method(tests: Sequence[Result]) -> str:
+    within = [row.contrast for row in tests if row.note.startswith(WITHIN) and BY not in row.contrast]
+    if not within:
+        return "type III sums of squares, sum coding"
+    names = listed([str(escape(name.replace("_", " "))) for name in within])
+    return f"{names} within people, with the orders of the blocks averaged"
 
 
 def _term(row: Result) -> str:
@@ -59,10 +70,14 @@ def _simple(outcome: str, tests: Sequence[Result], rows: Sequence[Result]) -> li
         return []
     parts = [
         f"{_contrast(row)} with {escape(row.condition.replace('_', ' '))}: {formatting.signed(row.estimate)} "
-        f"(corrected <i>p</i> {p_equals(row.p_adjusted)}, Hedges’ <i>g</i> = {number(row.effect)})"
+        f"(corrected <i>p</i> {p_equals(row.p_adjusted)}{_g(row)})"
         for row in with_p(select(rows, section=SIMPLE, question=outcome))
     ]
     return [f"As factors interacted in {_name(outcome)}, simple effects over people: {'; '.join(parts)}."]
+
+
+def _g(row: Result) -> str:
+    return "" if math.isnan(row.effect) else f", Hedges’ <i>g</i> = {number(row.effect)}"
 
 
 def _contrast(row: Result) -> str:

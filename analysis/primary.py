@@ -1,19 +1,20 @@
-"""The primary test that the study file declares: one difference between two conditions over people."""
+"""The primary test that the study file declares, over people: two conditions, or one effect of factors."""
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import polars as pl
 from scipy import stats
 
-from analysis import effects
+from analysis import effects, factorial, factorial_within
 from analysis.alpha_spending import Look, current_look
 from analysis.declared import REWARD, DeclaredTest
 from analysis.groups import ALL, Groups, Values, computed, person_means
 from analysis.questionnaires import answers_on
 from analysis.results import Result
+from analysis.tables import Export
 
 SECTION = "primary"
 ALTERNATIVES: dict[str, Literal["two-sided", "greater", "less"]] = {  # in scipy's words
@@ -23,10 +24,59 @@ ALTERNATIVES: dict[str, Literal["two-sided", "greater", "less"]] = {  # in scipy
 }
 
 
-def primary_row(declared: DeclaredTest, episodes: pl.DataFrame, answers: pl.DataFrame) -> Result:
+def primary_row(declared: DeclaredTest, episodes: pl.DataFrame, export: Export) -> Result:
     """Return the declared test of these episodes; without p and with the reason where it cannot be computed."""
-    values = values_of_people(declared, episodes, answers)
+    if declared.effect:
+        return _of_effect(declared, episodes, export)
+    values = values_of_people(declared, episodes, export.answers)
     return compared(declared, values[declared.comparison[0]], values[declared.comparison[1]])
+
+
+def _of_effect(declared: DeclaredTest, episodes: pl.DataFrame, export: Export) -> Result:
+    """The declared effect, tested with all others of the design."""
+    table, measure = values_of_episodes(declared, episodes, export.answers)
+    table = table.select("episode", "participant", pl.col(measure).alias("value"))
+    within = factorial_within.within_of(export)
+    factors = factorial_within.repeated_factors(export) if within else factorial.levels_in(export)
+    if missing := [name for name in declared.effect if name not in factors]:
+        return replace(_base(declared, 0), note=f"the export has no levels of the factor {missing[0]}")
+    if within:
+        return of_effect(declared, factorial_within.repeated_cells(table, export))
+    return of_effect(declared, factorial.cells_of(table, export, factors))
+
+
+def of_effect(declared: DeclaredTest, cells: factorial.FactorialCells | factorial_within.RepeatedCells) -> Result:
+    """Return the declared effect of these cells: F, and where it is one difference, that with its t-test."""
+    how: Any = factorial_within if isinstance(cells, factorial_within.RepeatedCells) else factorial
+    base = _base(declared, cells.people)
+    if trouble := how.trouble_with(cells):
+        return replace(base, note=trouble)
+    row = computed(how.tested, base, cells, declared.effect)
+    if np.isnan(row.p):
+        return row
+    words = f"{ALTERNATIVES[declared.direction]}, alpha = {declared.alpha:g}"
+    if not factorial.has_one_difference(cells.factors, declared.effect):
+        return replace(row, note=words)
+    which = factorial.difference_words(cells.factors, declared.effect)
+    return replace(_directed(declared, how.difference(row, cells, declared.effect)), note=f"{words}, {which}")
+
+
+def _directed(declared: DeclaredTest, row: Result) -> Result:
+    """A difference with the p of the declared direction, and the interval that goes with the level."""
+    sides = {"two_sided": 2 * stats.t.sf(abs(row.statistic), row.df), "greater": stats.t.sf(row.statistic, row.df)}
+    sides["less"] = stats.t.cdf(row.statistic, row.df)
+    level = interval_level(declared, row.n)  # of the difference; that of eta squared would be another
+    half = float(stats.t.ppf((1 + level) / 2, row.df)) * row.se
+    return replace(
+        row,
+        estimate_low=row.estimate - half,
+        estimate_high=row.estimate + half,
+        p=float(sides[declared.direction]),
+        df_residual=np.nan,
+        ci_low=np.nan,
+        ci_high=np.nan,
+        ci_level=level,
+    )
 
 
 def values_of_people(declared: DeclaredTest, episodes: pl.DataFrame, answers: pl.DataFrame) -> dict[str, Values]:
@@ -50,16 +100,7 @@ def values_of_episodes(
 
 def compared(declared: DeclaredTest, first: Values, second: Values) -> Result:
     """Return the declared test of first - second."""
-    base = Result(
-        SECTION,
-        declared.test,
-        _one_name(declared.layouts),
-        _one_name(declared.agents),
-        contrast=declared.contrast,
-        question="" if declared.measure == REWARD else declared.measure,
-        n=first.size + second.size,
-        unit="people",
-    )
+    base = _base(declared, first.size + second.size)
     if trouble := effects.can_compare([first, second]):
         return replace(base, note=trouble)
     look = look_at(declared, base.n)
@@ -69,6 +110,19 @@ def compared(declared: DeclaredTest, first: Values, second: Values) -> Result:
     words = f"{ALTERNATIVES[declared.direction]}, alpha = {declared.alpha:g}"
     words += f", look {look.number} of {look.of}, nominal alpha = {look.nominal_alpha:.3g}" if look else ""
     return row if row.note else replace(row, note=words)
+
+
+def _base(declared: DeclaredTest, people: int) -> Result:
+    return Result(
+        SECTION,
+        declared.test,
+        _one_name(declared.layouts),
+        _one_name(declared.agents),
+        contrast=declared.contrast,
+        question="" if declared.measure == REWARD else declared.measure,
+        n=people,
+        unit="people",
+    )
 
 
 def look_at(declared: DeclaredTest, people: int) -> Look | None:

@@ -1,15 +1,16 @@
 """The power of the declared primary test: simulated with the report's own test, and exact where that is a t-test."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special, stats
 
+from analysis import factorial_power
 from analysis.alpha_spending import nominal_levels
 from analysis.declared import DeclaredTest
-from analysis.power import MOST, WANTED, smallest_size
+from analysis.power import MOST, WANTED, PowerDesign, smallest_size
 from analysis.primary import ALTERNATIVES
 from analysis.primary_text import TITLES
 
@@ -25,6 +26,8 @@ class PrimaryDesign:
     person_sd: float
     residual_sd: float
     episodes: int  # of a participant that the test uses
+    levels: factorial_power.Levels = field(default_factory=dict)  # of each factor, where the test is about an effect
+    within: tuple[str, ...] = ()  # factors of which each person meets all levels
 
     @property
     def mean_sd(self) -> float:
@@ -103,6 +106,8 @@ def participants_needed(design: PrimaryDesign, effect: float) -> int | None:
 def sentence(design: PrimaryDesign, effect: float, participants: int, studies: int, seed: int) -> str:
     """Return what a methods section says about the declared test."""
     declared = design.declared
+    if declared.effect:
+        return _sentence_of_effect(design, effect, participants)
     if declared.looks:
         share, people = simulated_with_looks(design, effect, studies, seed)
         looks = ", ".join(str(look) for look in declared.looks)
@@ -112,11 +117,32 @@ def sentence(design: PrimaryDesign, effect: float, participants: int, studies: i
         share = simulated(design, effect, participants, studies, seed)
         size, rest = f"{participants} participants in each condition", _needed(design, effect)
     return (
+        f"{_head(design)}: with {size}, a true difference of {directed(declared, effect):g} is found with a "
+        f"probability of {100 * share:.0f} % ({studies} simulated studies){rest}."
+    )
+
+
+def _head(design: PrimaryDesign) -> str:
+    declared = design.declared
+    return (
         f"Primary test of the study file ({TITLES[declared.test]} of {declared.measure}, {declared.contrast}, "
         f"{declared.direction.replace('_', '-')}, alpha = {declared.alpha:g}; {design.episodes} episodes a "
         f"participant, standard deviation {design.person_sd:.2g} between and {design.residual_sd:.2g} within "
-        f"participants): with {size}, a true difference of {directed(declared, effect):g} is found with a probability "
-        f"of {100 * share:.0f} % ({studies} simulated studies){rest}."
+        f"participants)"
+    )
+
+
+def _sentence_of_effect(design: PrimaryDesign, effect: float, participants: int) -> str:
+    """The power of an effect of factors: exact, as of a factorial analysis of variance."""
+    declared = design.declared
+    spread = PowerDesign(design.person_sd, design.residual_sd, design.episodes, declared.alpha)
+    one_sided = declared.direction != "two_sided"
+    found = factorial_power.EffectPower(spread, design.levels, declared.effect, one_sided, design.within)
+    size = "difference" + " of differences" * (len(declared.effect) - 1)
+    return (
+        f"{_head(design)}: with {participants} participants in each of {found.conditions} conditions, "
+        f"a true {size} of {directed(declared, effect):g} is found with a probability of "
+        f"{100 * found.exact(effect, participants):.0f} % (exact); {found.needed(effect)}."
     )
 
 

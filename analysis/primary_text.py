@@ -6,13 +6,18 @@ from collections.abc import Sequence
 from markupsafe import escape
 
 from analysis import formatting, questionnaires
-from analysis.declared import REWARD, Declaration, DeclaredTest
+from analysis.declared import ANOVA, REWARD, Declaration, DeclaredTest
 from analysis.formatting import listed, number
 from analysis.phrases import condition, note, statistic
 from analysis.primary import SECTION, level_of, look_at
 from analysis.results import Result, select
 
-TITLES = {"welch": "Welch’s t-test", "student": "Student’s t-test", "mann_whitney": "Mann-Whitney test"}
+TITLES = {
+    "welch": "Welch’s t-test",
+    "student": "Student’s t-test",
+    "mann_whitney": "Mann-Whitney test",
+    ANOVA: "Factorial analysis of variance",
+}
 DIRECTIONS = {"two_sided": "two-sided", "greater": "one-sided: greater", "less": "one-sided: less"}
 NO_PRIMARY = (
     "The study file declared no primary test before the data, so every test in this report is exploratory: a single "
@@ -60,11 +65,19 @@ def _warning(declaration: Declaration) -> list[str]:
 
 def declaration_words(declared: DeclaredTest) -> str:
     """Return the declaration as HTML: test, measure, where, comparison, direction and level."""
-    first, second = (condition(name) for name in declared.comparison)
     return (
         f"{TITLES[declared.test]} over people of {measure_words(declared)} (each person’s mean over "
-        f"{_where(declared)}), {first} against {second}, {DIRECTIONS[declared.direction]}, α = {declared.alpha:g}"
+        f"{_where(declared)}), {compared_words(declared)}, {DIRECTIONS[declared.direction]}, α = {declared.alpha:g}"
     )
+
+
+def compared_words(declared: DeclaredTest) -> str:
+    """Return what is tested, as HTML: two conditions, or the effect of factors."""
+    if declared.effect:
+        names = [str(escape(name.replace("_", " "))) for name in declared.effect]
+        return f"main effect of {names[0]}" if len(names) == 1 else f"interaction of {listed(names)}"
+    first, second = (condition(name) for name in declared.comparison)
+    return f"{first} against {second}"
 
 
 def measure_words(declared: DeclaredTest) -> str:
@@ -91,8 +104,20 @@ def primary_sentence(declaration: Declaration, rows: Sequence[Result]) -> str:
         return f"The primary test is not computed {note(row)}."
     if math.isnan(row.p):
         return f"The primary test could not be computed: {note(row)}."
+    if declared.effect:
+        return f"In the primary test, {_effect(declared, row)} ({_numbers(row)})."
     first, second = (condition(name) for name in declared.comparison)
     return f"In the primary test, {measure_words(declared)} {_outcome(declared, row, first, second)} ({_numbers(row)})."
+
+
+def _effect(declared: DeclaredTest, row: Result) -> str:
+    """Whether there was the effect; of one difference, also which way it went."""
+    found = row.p < level_of(declared, row.n)
+    article = "an" if len(declared.effect) > 1 else "a"
+    said = f"there was {article if found else 'no'} {'' if found else 'significant '}{compared_words(declared)}"
+    how = row.note.rpartition(", ")[2]
+    which = f"; the difference is {escape(how.replace('_', ' '))}" if not math.isnan(row.estimate) else ""
+    return f"{said} on {measure_words(declared)}{which}"
 
 
 def _outcome(declared: DeclaredTest, row: Result, first: str, second: str) -> str:
@@ -109,9 +134,15 @@ def _outcome(declared: DeclaredTest, row: Result, first: str, second: str) -> st
 def _numbers(row: Result) -> str:
     """Estimate, interval, statistic, effect size and people."""
     decimals = 2 if row.question else 1
+    if math.isnan(row.estimate):  # more than one difference
+        return f"{statistic(row)}, {_effect_size(row)}, {row.n} people"
     estimate = f"difference {formatting.signed(row.estimate, decimals)}"
     if not math.isnan(row.estimate_low):
         low, high = (number(bound, decimals) for bound in (row.estimate_low, row.estimate_high))
         estimate += f", {100 * row.ci_level:.4g} % CI [{low}, {high}]"
-    effect = "Hedges’ <i>g</i>" if row.effect_name == "Hedges g" else "Cliff’s δ"
-    return f"{estimate}, {statistic(row)}, {effect} = {number(row.effect)}, {row.n} people"
+    return f"{estimate}, {statistic(row)}, {_effect_size(row)}, {row.n} people"
+
+
+def _effect_size(row: Result) -> str:
+    names = {"Hedges g": "Hedges’ <i>g</i>", "Cliff delta": "Cliff’s δ", "partial eta squared": "partial η²"}
+    return f"{names[row.effect_name]} = {number(row.effect, 3 if row.test == ANOVA else 2)}"

@@ -32,6 +32,7 @@ from analysis import (
 )
 from analysis.compare import repeats
 from analysis.exclusions import versions_notice
+from analysis.factorial_within import within_of
 from analysis.results import Result, select, write_results
 from analysis.sensitivity import POPULATIONS
 from analysis.simulated import is_simulated
@@ -156,6 +157,7 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
             versions=versions_notice(analysis.export),
             figures={name: Markup(svg) for name, svg in drawn.items()},  # noqa: S704
             css=Markup((HERE / "report.css").read_text(encoding="utf-8")),  # noqa: S704
+            within=within_of(analysis.export),
             primary=[Markup(text) for text in primary_text.primary_lines(analysis.declaration, analysis.rows)],  # noqa: S704
             findings=[Markup(text) for text in apa_text.findings(analysis)],  # noqa: S704
             sentences=[Markup(text) for text in _sentences(analysis)],  # noqa: S704

@@ -41,13 +41,13 @@ def sensitivity_rows(
         "no_drop": _without(analysed, flagged.filter(pl.col("proposal") == "drop")),
         "no_flag": _without(analysed, flagged.filter(pl.col("proposal") != "keep")),
     }
-    people = primary.primary_row(declared, analysed, export.answers).n
+    people = primary.primary_row(declared, analysed, export).n
     declared = primary.at_this_look(declared, people)  # the same level for all
     if declared.looks:
         return []
     rows = []
     for name, table in tables.items():
-        row = primary.primary_row(declared, table, export.answers)
+        row = primary.primary_row(declared, table, export)
         rows.append(replace(row, section=SECTION, test=name, note=f"{declared.test}: {row.note}"))
     return rows
 

@@ -8,7 +8,7 @@ from analysis.declared import Declaration, DeclaredTest
 from analysis.formatting import listed, p_equals
 from analysis.phrases import ALPHA, condition
 from analysis.primary import at_this_look
-from analysis.primary_text import measure_words
+from analysis.primary_text import compared_words, measure_words
 from analysis.results import Result, select
 from analysis.robustness import main_test
 from analysis.sensitivity import ATTRITION, SECTION
@@ -29,8 +29,11 @@ def conclusion(row: Result, declared: DeclaredTest) -> str:
     if math.isnan(row.p):
         return ""
     if row.p >= declared.alpha:
-        return "no significant difference"
-    return "higher" if row.effect > 0 else "lower"
+        return "no significant effect" if declared.effect else "no significant difference"
+    if declared.effect and math.isnan(row.estimate):
+        return "an effect"
+    # The estimate of ranks is the median of differences, which may be 0; eta squared has no sign.
+    return "higher" if (row.estimate if declared.effect else row.effect) > 0 else "lower"
 
 
 def _exclusions(declared: DeclaredTest, tests: Sequence[Result]) -> str:
@@ -38,10 +41,8 @@ def _exclusions(declared: DeclaredTest, tests: Sequence[Result]) -> str:
     found = {row.test: conclusion(row, declared) for row in tests}
     if not found["analysed"]:
         return ""
-    first, second = (condition(name) for name in declared.comparison)
-    decimals = 2 if declared.measure != "reward" else 1
-    sizes = {row.test: formatting.signed(row.estimate, decimals) for row in tests}
-    what = f"The comparison of {measure_words(declared)} between {first} and {second}"
+    sizes = {row.test: _size(declared, row) for row in tests}
+    what = f"The {_compared(declared)}"
     others = [name for name, said in found.items() if said and said != found["analysed"]]
     untested = [name for name, said in found.items() if not said]
     names = {
@@ -60,6 +61,20 @@ def _exclusions(declared: DeclaredTest, tests: Sequence[Result]) -> str:
         f"{what} depends on the exclusions: {sizes['analysed']} as analysed ({found['analysed']}), {values}; the "
         f"conclusion differs with {changed}.{missing}"
     )
+
+
+def _compared(declared: DeclaredTest) -> str:
+    if declared.effect:
+        return f"{compared_words(declared)} on {measure_words(declared)}"
+    first, second = (condition(name) for name in declared.comparison)
+    return f"comparison of {measure_words(declared)} between {first} and {second}"
+
+
+def _size(declared: DeclaredTest, row: Result) -> str:
+    """The difference; where there is more than one, the share of variance."""
+    if declared.effect and math.isnan(row.estimate):
+        return f"partial η² = {formatting.number(row.effect, 3)}"
+    return formatting.signed(row.estimate, 2 if declared.measure != "reward" else 1)
 
 
 def _attrition(rows: Sequence[Result]) -> str:

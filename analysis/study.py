@@ -14,6 +14,7 @@ from analysis import (
     data_quality,
     exclusions,
     factorial,
+    factorial_within,
     limited_sight,
     measures,
     mixed_model,
@@ -67,8 +68,8 @@ class Analysis:
     scores: pl.DataFrame = field(default_factory=pl.DataFrame)  # of published scales, one row a page and subscale
 
 
-def _primary_rows(declared: DeclaredTest | None, episodes: pl.DataFrame, answers: pl.DataFrame) -> list[Result]:
-    return [] if declared is None else [primary.primary_row(declared, episodes, answers)]
+def _primary_rows(declared: DeclaredTest | None, episodes: pl.DataFrame, export: Export) -> list[Result]:
+    return [] if declared is None else [primary.primary_row(declared, episodes, export)]
 
 
 def main_contrast(conditions: Sequence[str]) -> tuple[str, str] | None:
@@ -76,6 +77,11 @@ def main_contrast(conditions: Sequence[str]) -> tuple[str, str] | None:
     if "tom" in conditions and "none" in conditions:
         return "tom", "none"
     return (conditions[-1], conditions[0]) if len(conditions) > 1 else None
+
+
+def _contrast_of(export: Export, conditions: Sequence[str]) -> tuple[str, str] | None:
+    """None where factors vary within people: conditions are orders of blocks, which no study is about."""
+    return None if factorial_within.within_of(export) else main_contrast(conditions)
 
 
 def analyse(export: Export, options: Options) -> Analysis:
@@ -88,12 +94,12 @@ def analyse(export: Export, options: Options) -> Analysis:
     answers = questionnaires.answers_on(scales.without_items(export.answers, used), episodes, chosen)
     scores = scales.scores(export, episodes, used)
     model = mixed_model.fit(episodes, MEASURE, conditions)
-    design = AnalysisDesign(conditions, layouts, agents, main_contrast(conditions))
+    design = AnalysisDesign(conditions, layouts, agents, _contrast_of(export, conditions))
     declaration = declaration_of(export)
     quality = data_quality.proposals(every, export.answers)
     compared = (conditions, layouts, agents, design.contrast, declaration, options.seed)
     rows = [
-        *_primary_rows(declaration.primary, episodes, export.answers),
+        *_primary_rows(declaration.primary, episodes, export),
         *exclusions.flow(export, every, episodes),
         *reward_rows(episodes, design, options),
         *model.rows,
@@ -127,7 +133,9 @@ def design_rows(
     """Effects of factors, what was seen of the marks and the kitchen, and how people relied on the marks, where a study
     varies that."""
     return [
-        *factorial.factorial_rows(export, episodes, answers),
+        *(factorial_within.repeated_rows if factorial_within.within_of(export) else factorial.factorial_rows)(
+            export, episodes, answers
+        ),
         *on_demand.rows(export.ticks, episodes, conditions),
         *limited_sight.rows(export.ticks, episodes, conditions),
         *reliance.rows(export.reliance, episodes, conditions),

@@ -241,7 +241,7 @@ def _about(folder: Path, study: str, version: int | None) -> dict[str, Any]:
         about["title"] = next(iter(title.values())) if isinstance(title, dict) else title or about.get("title")
         about["factors"] = {name: list(levels) for name, levels in (said.get("factors") or {}).items()}
         about |= {key: [part["name"] for part in said.get(key) or []] for key in ("conditions", "layouts")}
-        if about["factors"]:
+        if about["factors"] and not (said.get("cells") or {}).get("within"):
             about["conditions"] = ["_".join(levels) for levels in product(*about["factors"].values())]
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, RecursionError):
         pass  # a title and an order are a help, not a need

@@ -66,7 +66,7 @@ def models_named(study: Study) -> Iterator[tuple[Path, str, str]]:
     places: list[tuple[Path, PartnerSettings]] = [(("agents", index), one) for index, one in enumerate(study.agents)]
     places += [(("waiting_room", "agent"), study.waiting_room.agent), (("tutorial", "agent"), study.tutorial.agent)]
     for place, agent in places:
-        predictors = {predictor_of(study, agent, arm) for arm in study.conditions} - {None}
+        predictors = {predictor_of(study, agent, arm) for arm in study.displays} - {None}
         names = [("model" if agent.model else "name", agent.catalogue_name)] if not agent.human else []
         names += [("predictor", str(name)) for name in sorted(map(str, predictors))]
         for layout, model in sorted(asked):
@@ -137,7 +137,7 @@ def doubts(file: StudyFile) -> Iterator[Problem]:
     """What can be played and is probably not meant so (warnings): predictions are shown that say nothing about the
     agent that people play with."""
     study, required = file.study, required_models([file])
-    if not any(condition.predictor in ("tom", "degraded", "misleading") for condition in study.conditions):
+    if not any(condition.predictor in ("tom", "degraded", "misleading") for condition in study.displays):
         return
     for index, agent in enumerate(study.agents):
         place: Path = ("agents", index, "predictor")
@@ -145,7 +145,7 @@ def doubts(file: StudyFile) -> Iterator[Problem]:
             what = "guesses at random" if agent.predictor == "random" else "knows the scripted guide only"
             reason = f"a condition shows what the predictor says, and `{agent.predictor}` {what}"
             yield Problem(place, reason, "Is that intended? Name a predictor that was trained for it.", warning=True)
-        names = {without_variant(predictor_of(study, agent, arm) or "") for arm in study.conditions}
+        names = {without_variant(predictor_of(study, agent, arm) or "") for arm in study.displays}
         for layout, name in product(study.layouts, sorted(names)) if not agent.human else ():
             base = required.paths.located(name)
             config = folder_of(layout.name, base) / "config.json"

@@ -24,6 +24,7 @@ class StudyPlan:
     declared: "DeclaredTest | None" = None  # the primary test of the study file
     primary_episodes: int = 0  # of a participant that the primary test uses
     factors: dict[str, int] = field(default_factory=dict)  # how many levels each has
+    within: tuple[str, ...] = ()  # factors of which each participant meets all levels, in blocks
     left_out: tuple[str, ...] = ()  # combinations of levels that the study does not have
     answer_sds: tuple[float, float] | None = None  # between and within people, of the primary test's question
 
@@ -74,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print a sentence for every effect; write power.csv, power.svg and power.png; 2 with a reason for bad input."""
-    from analysis import figure_style, figures, power, simulated_effect
+    from analysis import simulated_effect
 
     try:
         if arguments.simulated_effect:
@@ -85,13 +86,8 @@ def run(arguments: argparse.Namespace) -> int:
     except ValueError as error:
         print(f"kitchenmind power: {error}", file=sys.stderr)
         return 2
-    sizes = power.sizes_for(design, arguments.effect, participants)
-    points = power.curve(design, arguments.effect, sizes, arguments.studies, arguments.seed)
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    figure_style.save(figures.power(points, participants), arguments.out, "power")
-    power.write_points(points, arguments.out / "power.csv")
-    for effect in dict.fromkeys(arguments.effect):
-        print(power.sentence(design, points, effect, participants))
+    for line in () if plan.within else _curve(design, participants, arguments):
+        print(line)
     if arguments.simulated_effect:
         print(simulated_effect.source())
     for line in (
@@ -99,8 +95,22 @@ def run(arguments: argparse.Namespace) -> int:
         *_primary_lines(design, plan, participants, arguments),
     ):
         print(line)
-    print(f"The curve: {arguments.out / 'power.svg'}; its numbers: {arguments.out / 'power.csv'}")
+    curve = f"The curve: {arguments.out / 'power.svg'}; its numbers: {arguments.out / 'power.csv'}"
+    print(f"No curve: {', '.join(plan.within)} varies within participants." if plan.within else curve)
     return 0
+
+
+def _curve(design: "PowerDesign", participants: int, arguments: argparse.Namespace) -> Iterator[str]:
+    """Write the curve for two conditions; a sentence for every effect."""
+    from analysis import figure_style, figures, power
+
+    sizes = power.sizes_for(design, arguments.effect, participants)
+    points = power.curve(design, arguments.effect, sizes, arguments.studies, arguments.seed)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    figure_style.save(figures.power(points, participants), arguments.out, "power")
+    power.write_points(points, arguments.out / "power.csv")
+    for effect in dict.fromkeys(arguments.effect):
+        yield power.sentence(design, points, effect, participants)
 
 
 def _primary_lines(
@@ -122,7 +132,10 @@ def _primary_lines(
             )
             return
         effects, spread = arguments.answer_effect, plan.answer_sds
-    of_primary = primary_power.PrimaryDesign(declared, *spread, plan.primary_episodes)
+    if unknown := [name for name in declared.effect if name not in plan.factors]:
+        yield f"Primary test: no power, as the data have no factor {unknown[0]}."
+        return
+    of_primary = primary_power.PrimaryDesign(declared, *spread, plan.primary_episodes, plan.factors, plan.within)
     for effect in dict.fromkeys(effects):
         yield primary_power.sentence(of_primary, effect, participants, arguments.studies, arguments.seed)
 
@@ -137,7 +150,7 @@ def _factor_lines(
         yield f"Factorial: no power of its effects, as the study leaves out {', '.join(plan.left_out)}."
     elif plan.factors:
         for effect in dict.fromkeys(arguments.effect):
-            yield from factorial_power.sentences(design, plan.factors, effect, participants)
+            yield from factorial_power.sentences(design, plan.factors, plan.within, effect, participants)
 
 
 def _design(arguments: argparse.Namespace) -> "tuple[PowerDesign, StudyPlan, int]":
@@ -188,7 +201,8 @@ def _from_export(folder: Path, arguments: argparse.Namespace, declared: "Declare
     from analysis import measures, mixed_model, primary
     from analysis.declared import declaration_of
     from analysis.exclusions import versions_notice
-    from analysis.factorial import factors_of
+    from analysis.factorial import levels_in
+    from analysis.factorial_within import repeated_factors, within_of
     from analysis.study import MEASURE, smallest_condition
     from analysis.tables import read_export
 
@@ -200,13 +214,16 @@ def _from_export(folder: Path, arguments: argparse.Namespace, declared: "Declare
     variance = model.variance
     if variance is None:
         raise ValueError(f"{folder} does not tell how reward varies: its mixed model {model.rows[0].note}.")
+    within = within_of(export)
+    factors = repeated_factors(export) if within else levels_in(export)
     plan = StudyPlan(
         round(episodes.height / episodes["participant"].n_unique()),
         smallest_condition(episodes, export.conditions),
         variance.person_sd,
         variance.residual_sd,
         declared or declaration_of(export).primary,
-        factors={name: len(levels) for name, levels in factors_of(export).items()},
+        factors={name: len(levels) for name, levels in factors.items()},
+        within=within,
     )
     if plan.declared is None:
         return plan
@@ -228,7 +245,9 @@ def _from_study(path: Path) -> StudyPlan:
         repeat = int(study.get("order", {}).get("repeat", 1))
         layouts, agents = len(study["layouts"]), len(study["agents"])
         factors = {name: len(levels) for name, levels in (study.get("factors") or {}).items()}
-        left_out = tuple(map(str, (study.get("cells") or {}).get("without", ())))
+        cells = study.get("cells") or {}
+        left_out, within = (tuple(map(str, cells.get(key) or ())) for key in ("without", "within"))
+        repeat *= math.prod(factors[name] for name in within)  # each block has all rounds
     except OSError as error:
         raise ValueError(
             f"cannot read {path}: {error.strerror}. Give a study file or the folder of an export."
@@ -240,4 +259,4 @@ def _from_study(path: Path) -> StudyPlan:
     except ValueError as error:
         raise ValueError(f"{path}: {error}. `kitchenmind study check {path}` names the line.") from None
     used = (len(declared.layouts) or layouts) * (len(declared.agents) or agents) * repeat if declared else 0
-    return StudyPlan(layouts * agents * repeat, 29, None, None, declared, used, factors, left_out)
+    return StudyPlan(layouts * agents * repeat, 29, None, None, declared, used, factors, within, left_out)

@@ -119,8 +119,9 @@ async def _walk(one: _One, turn: asyncio.Event, following: asyncio.Event, databa
         await one.bot.close()
 
 
-def judge(bots: Sequence[Bot], database: Database | None) -> CrowdOutcome:
-    """Count them, and check every guarantee against what they saw and, where there is a database, what is stored."""
+def judge(bots: Sequence[Bot], database: Database | None, study: Study | None = None) -> CrowdOutcome:
+    """Count them, and check every guarantee against what they saw and, where there is a database, what is stored.
+    `study`: what they took part in, if it is known."""
     outcome = CrowdOutcome()
     journals = [bot.journal for bot in bots]
     for bot in bots:
@@ -129,7 +130,7 @@ def judge(bots: Sequence[Bot], database: Database | None) -> CrowdOutcome:
         outcome.dropped += bool(bot.token) and bot.journal.code is None
         games, ended = bot.journal.games, bot.journal.ended
         outcome.episodes += sum(games[episode].kind == "episode" for episode in ended)
-        outcome.violations += invariants.broken_in_journal(bot.journal)
+        outcome.violations += invariants.broken_in_journal(bot.journal, study.blocks if study else 1)
     outcome.violations += invariants.broken_codes(journals)
     if database is not None:
         outcome.violations += database.read_now(_stored, [Claim(bot.token, bot.journal) for bot in bots if bot.token])

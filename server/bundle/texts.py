@@ -50,7 +50,8 @@ def questions(study: Study) -> str:
     blocks = {**({"quiz": study.quiz} if study.quiz else {}), **study.questionnaires}
     for key, block in blocks.items():
         after = ", after each episode" if key == study.after_episode else ""
-        lines += ["", f"## {key}{after}", ""]
+        only = f", only after {' or '.join(block.when.one_of)} to `{block.when.question}`" if block.when else ""
+        lines += ["", f"## {key}{after}{only}", ""]
         for question in block.asks:
             lines += _question(study, question)
     return "\n".join(lines) + "\n"
@@ -89,16 +90,23 @@ def _tests(study: Study) -> list[str]:
 
 
 def _levels(study: Study) -> dict[str, dict[str, str]]:
-    """The level of each factor, by condition."""
-    names = {condition.name for condition in study.conditions}
+    """The level of each factor, by condition; with blocks of rounds, by what is seen in one."""
+    names = {condition.name for condition in study.displays}
     return {name: levels for name, levels in crossed(study.factors) if name in names}
+
+
+def _blocks(study: Study) -> dict[str, list[str]]:
+    """What is seen in each block of rounds, by condition; {} without blocks."""
+    if study.blocks == 1:
+        return {}
+    return {condition.name: [seen.name for seen in condition.displays] for condition in study.conditions}
 
 
 def planned_analysis(study: Study) -> dict[str, Any]:
     """What `kitchenmind report` will do with this study's data; fixed before there are any."""
     conditions = [condition.name for condition in study.conditions]
     layouts = [kitchen.name for kitchen in study.layouts]
-    contrast = main_contrast(conditions)
+    contrast = None if study.cells.within else main_contrast(conditions)
     return {
         "command": "kitchenmind report EXPORT",
         "measure": "reward: score plus credit for unfinished soups, per episode",
@@ -106,6 +114,8 @@ def planned_analysis(study: Study) -> dict[str, Any]:
         "conditions": conditions,
         "factors": {factor: list(levels) for factor, levels in study.factors.items()} or None,
         "levels_of_conditions": _levels(study) or None,
+        "within": list(study.cells.within) or None,
+        "blocks_of_conditions": _blocks(study) or None,
         "primary_test": study.primary.model_dump(mode="json") if study.primary else None,
         "smallest_effect": study.smallest_effect.model_dump(mode="json") if study.smallest_effect else None,
         "main_comparison": f"{contrast[0]} - {contrast[1]}" if contrast else None,

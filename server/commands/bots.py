@@ -226,7 +226,7 @@ def _walk(arguments: argparse.Namespace, crowd: "Crowd", url: str, database_url:
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
             bots: list[Bot] = runner.run(simulate(crowd, url, database, lambda *done: _progress(arguments, *done)))
         _say(arguments, f"\n{len(bots)} participants in {time.monotonic() - began:.0f} s; checking what they leave ...")
-        return judge(bots, database)
+        return judge(bots, database, crowd.study)
 
 
 def _progress(arguments: argparse.Namespace, done: int, number: int) -> None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 STUDIES = Path(__file__).parents[2] / "studies"
 PATTERN = STUDIES / "quick_look.yaml"
 SCHEMA = STUDIES / "schema.json"
-MOST_PLACES, WIDTH = 20, 20
+MOST_PLACES, WIDTH = 20, 22
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -95,6 +95,7 @@ def _summary(file: "StudyFile") -> str:
         f"{file.source} is a study: {study.name}, version {file.sha256[:12]}",
         *([f"  factors      {factors}"] if factors else []),
         f"  conditions   {conditions}",
+        *_blocks(study),
         f"  steps        {pages}, with {episodes} episode{'s' * (episodes != 1)}; languages {languages}",
         f"  primary      {_primary(study)}",
         f"  order        {study.order.rule}; how many of 60 simulated participants meet what in which episode:",
@@ -103,12 +104,21 @@ def _summary(file: "StudyFile") -> str:
     return "\n".join(lines)
 
 
+def _blocks(study: "Study") -> list[str]:
+    """What is seen in which block, where factors vary within people."""
+    if study.blocks == 1:
+        return []
+    orders = (f"{one.name}: {', '.join(seen.name for seen in one.displays)}" for one in study.conditions)
+    return [f"  blocks       {'; '.join(orders)}"]
+
+
 def _primary(study: "Study") -> str:
     """The declared primary test, or that there is none."""
     primary = study.primary
     if primary is None:
         return "no primary test is declared; `primary:` declares one before the data"
-    words = f"{primary.test} of {primary.measure}, {' - '.join(primary.comparison)}, {primary.direction}"
+    what = f"effect of {' x '.join(primary.effect)}" if primary.effect else " - ".join(primary.comparison)
+    words = f"{primary.test} of {primary.measure}, {what}, {primary.direction}"
     looks = f", looks at {', '.join(map(str, primary.looks))} people ({primary.spending})" if primary.looks else ""
     return f"{words}, alpha {primary.alpha:g}{looks}"
 

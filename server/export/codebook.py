@@ -57,7 +57,11 @@ PARTICIPANTS = ExportTable(
         Column("attention_failed", "integer", "How many of them were failed.", bits=32),
     ),
 )
-FACTOR = text("factor_{factor}", "Level of this factor in the participant's condition; empty: the version has none.")
+FACTOR = text(
+    "factor_{factor}",
+    "Level of this factor, for the participant or in the episode; empty: the version has no such factor.",
+)
+BLOCK = Column("block", "integer", "Block of rounds, from 1, in a study with factors within people.", bits=16)
 # Made for every participant from episodes and answers; the patterns stand in the codebook, the columns themselves too.
 WIDE = (
     text("layout_{number}", "Layout of the participant's episode with this number."),
@@ -270,7 +274,7 @@ EVENTS = ExportTable(
         text("participant", "Who."),
         text("episode", "During which episode."),
         time("at", "When."),
-        text("kind", "reload, takeover, trouble, rtt, ..."),
+        text("kind", "reload, takeover, trouble, rtt, not_asked (because of an earlier answer), ..."),
         Column("detail", "json", "Further details."),
     ),
 )

@@ -19,6 +19,7 @@ _TYPES = (
     (JSON, "JSON"),
     (String, "text"),
 )
+_WIDE = {"participants": (codebook.FACTOR, *codebook.WIDE), "episodes": (codebook.BLOCK, codebook.FACTOR)}
 _HEAD = """# Data dictionary
 
 `python -m docs.generate` writes this page from the tables in `server/store` and `server/export/codebook.py`. First come
@@ -50,7 +51,7 @@ def _lines() -> Iterator[str]:
     yield _HEAD
     yield _EXPORT.format(escaped=codebook.ESCAPED)
     for table in codebook.TABLES:
-        wide = (codebook.FACTOR, *codebook.WIDE) if table is codebook.PARTICIPANTS else ()
+        wide = _WIDE.get(table.name, ())
         yield f"### {table.name}\n\nA row is {table.row}.\n\n| column | type | unit | meaning |\n|---|---|---|---|\n"
         for column in (*table.columns, *wide):
             yield f"| `{column.name}` | {column.type} | {column.unit} | {column.meaning} |\n"

@@ -83,7 +83,8 @@ def participant_rows(chosen: Selection, wide: tuple[Column, ...]) -> Rows:
     levels = factor_levels.factor_levels(_versions(chosen))
     for row in chosen.rows(query.order_by(*_PARTICIPANT_ORDER), _p.study_id):
         values = dict(_wide_values(chosen, row.id))
-        values |= levels.get(factor_levels.version_key(row.key, row.version), {}).get(row.condition, {})
+        if known := levels.get(factor_levels.version_key(row.key, row.version)):
+            values |= known.of_participant(row.condition)
         yield (*row, *(values.get(column.name) for column in wide))
 
 
@@ -95,7 +96,7 @@ def _versions(chosen: Selection) -> list[StudyVersion]:
 def wide_columns(chosen: Selection) -> tuple[Column, ...]:
     """The columns that the participants' table has for this study's factors, episodes and questions."""
     numbers = select(_e.number).where(_e.kind == "episode").distinct().order_by(_e.number)
-    found = list(factor_levels.factor_columns(factor_levels.factor_levels(_versions(chosen))))
+    found = list(factor_levels.participant_columns(factor_levels.factor_levels(_versions(chosen))))
     found += [
         Column(pattern.name.format(number=row.number), pattern.type, pattern.meaning, pattern.unit, pattern.bits)
         for row in chosen.rows(numbers, _e.study_id)
@@ -122,7 +123,12 @@ def _wide_values(chosen: Selection, participant: str) -> Iterator[tuple[str, Any
         yield WIDE[-1].name.format(step=answer.step_key, question=answer.question_key), value_text(answer.value)[0]
 
 
-def episode_rows(chosen: Selection) -> Rows:
+def wide_episode_columns(chosen: Selection) -> tuple[Column, ...]:
+    """The columns that the episodes' table has for this study's factors."""
+    return factor_levels.episode_columns(factor_levels.factor_levels(_versions(chosen)))
+
+
+def episode_rows(chosen: Selection, wide: tuple[Column, ...]) -> Rows:
     first = select(_e.id, *_STUDY, _e.participant_0, _e.participant_1, _e.condition, _e.kind, _e.number, _e.step_key)
     models = (
         _e.agent_0,
@@ -143,6 +149,7 @@ def episode_rows(chosen: Selection) -> Rows:
     )
     names = list(query.selected_columns.keys())
     before_display, before_timesteps = names.index("seed"), names.index("score")
+    levels = factor_levels.factor_levels(_versions(chosen))
     for row in chosen.rows(query, _e.study_id):
         last = select(ticks).where(ticks.c.episode_id == row.id).order_by(ticks.c.timestep.desc()).limit(1)
         stored = chosen.connection.execute(last).first()
@@ -151,10 +158,12 @@ def episode_rows(chosen: Selection) -> Rows:
         rest = (json_text(row.spec), last_tick_text(stored) if stored else None)
         broken = violations(chosen.connection, [row.id]).get(row.id, 0)
         spec = row.spec
+        known = levels.get(factor_levels.version_key(row.key, row.version)) if row.key else None
+        own = known.of_episode(row.condition, row.number) if known else {}
         display = (spec.get("show", "always"), spec.get("view_radius", 0), spec.get("misleading", False), broken)
         yield (
             *values[:before_display], *display, *values[before_display:before_timesteps], timesteps,
-            *values[before_timesteps:], *rest,
+            *values[before_timesteps:], *rest, *(own.get(column.name) for column in wide),
         )  # fmt: skip
 
 

@@ -25,7 +25,6 @@ _ROWS: dict[str, Callable[[Selection], Rows]] = {
     "studies": exported.study_rows,
     "arrivals": exported.arrival_rows,
     "withdrawals": exported.withdrawal_rows,
-    "episodes": exported.episode_rows,
     "inputs": exported.input_rows,
     "reliance": lambda chosen: _reliance_rows(chosen),
     "pauses": exported.pause_rows,
@@ -122,6 +121,10 @@ def _table(chosen: Selection, table: ExportTable) -> tuple[tuple[Column, ...], I
         wide = exported.wide_columns(chosen)
         columns = (*table.columns, *wide)
         return columns, _of_rows(exported.participant_rows(chosen, wide), columns)
+    if table is codebook.EPISODES:
+        wide = exported.wide_episode_columns(chosen)
+        columns = (*table.columns, *wide)
+        return columns, _of_rows(exported.episode_rows(chosen, wide), columns)
     return table.columns, _of_rows(_ROWS[table.name](chosen), table.columns)
 
 

@@ -28,7 +28,7 @@ def episode_spec(study: Study, step: StudyStep, condition: str, language: str, p
     FileNotFoundError for a layout that is none (`kitchenmind study check` finds these first), KeyError for names
     that the study lacks.
     """
-    arm = study.condition(condition)
+    arm = study.condition(condition).at(step.block)
     tutorial = step.kind == "tutorial"
     kitchen = study.tutorial.layout if tutorial else study.layout(step.layout)
     layout = layout_of(kitchen)
@@ -121,7 +121,7 @@ def models_of(study: Study) -> tuple[set[tuple[str, str]], set[tuple[str, str]]]
     if any(agent.human for _, agent in games):
         games += [(kitchen.name, study.waiting_room.agent) for kitchen in study.layouts]
     agents = {(layout, agent.catalogue_name) for layout, agent in games if not agent.human}
-    asked = {(layout, predictor_of(study, agent, arm)) for layout, agent in games for arm in study.conditions}
+    asked = {(layout, predictor_of(study, agent, arm)) for layout, agent in games for arm in study.displays}
     return agents, {(layout, name) for layout, name in asked if name is not None}
 
 

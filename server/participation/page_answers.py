@@ -1,22 +1,57 @@
-"""Check the answers of one page: valid, right (quiz), and attentive (attention checks)."""
+"""The questions of one page, and its answers: valid, right (quiz), and attentive (attention checks)."""
 
 from collections.abc import Mapping
 
 from server.store.participants import Participant
 from server.study.answer_checks import AnswerError, Checked, check_answers
+from server.study.branching import Said, When
 from server.study.definition import Study
-from server.study.questionnaire import asked, is_attentive, is_correct
+from server.study.questionnaire import AnyQuestion, asked, asked_after, is_attentive, is_correct
 from server.study.steps import StudyStep
 
 
-def check_page(
-    study: Study, participant: Participant, step: StudyStep, form: Mapping[str, list[str]]
-) -> tuple[Checked, dict[str, bool]]:
-    """Return the answers of a page with questions, and whether each attention check among them was passed."""
+def questions_of(study: Study, participant: Participant, step: StudyStep, said: Said | None) -> tuple[AnyQuestion, ...]:
+    """Return the questions that a participant gets who gave these answers before; none of a page without questions.
+    None: in a preview, what depends on an answer is shown."""
     if not step.asks:
-        return Checked({}, {}), {}
-    condition = study.condition(participant.condition)
+        return ()
+    condition = study.condition(participant.condition).at(step.block)
     questions = asked(study.questions(step.asks), condition.name, condition.shows_predictions)
+    return asked_after(questions, said)
+
+
+def is_shown(study: Study, participant: Participant, step: StudyStep, said: Said) -> bool:
+    """Return whether a participant with these answers gets the page: what it depends on was answered, and where its
+    questions depend on answers, one of them is asked."""
+    when = _when(study, step)
+    if when is not None and not when.holds(said):
+        return False
+    branches = step.kind == "questionnaire" and any(one.when is not None for one in study.questions(step.asks))
+    return not branches or bool(questions_of(study, participant, step, said))
+
+
+def not_asked(study: Study, participant: Participant, step: StudyStep, said: Said) -> list[str]:
+    """Return the questions of a page that are not asked because of earlier answers, in order."""
+    every = {question.key for question in questions_of(study, participant, step, said)}
+    if not is_shown(study, participant, step, said):
+        every = set()
+    return [question.key for question in questions_of(study, participant, step, None) if question.key not in every]
+
+
+def _when(study: Study, step: StudyStep) -> When | None:
+    if step.kind == "questionnaire":
+        return study.questionnaires[step.page].when
+    return study.pages[step.page].when if step.kind == "page" else None
+
+
+def check_page(
+    study: Study, participant: Participant, step: StudyStep, form: Mapping[str, list[str]], said: Said
+) -> tuple[Checked, dict[str, bool]]:
+    """Return the answers of a page with questions, and whether each attention check among them was passed. `said`: the
+    answers before."""
+    questions = questions_of(study, participant, step, said)
+    if not questions:
+        return Checked({}, {}), {}
     checked = check_answers(questions, form)
     checks = {question.key: is_attentive(question, checked.answers.get(question.key)) for question in questions}
     attention = {key: passed for key, passed in checks.items() if passed is not None and key in checked.answers}

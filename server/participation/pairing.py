@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 
 from sqlalchemy import Connection, func, select
 
-from server.participation import progress
+from server.participation import next_step
 from server.participation.served_studies import Studies
 from server.participation.waiting_room import PairingRequest
 from server.store import episodes, events, participants
@@ -103,7 +103,7 @@ def go_alone(connection: Connection, studies: Studies, seat_down: SeatDown, part
     if not is_for_two(study, step) or episodes.of_step(connection, participant_id, step.key) is not None:
         return
     if study.waiting_room.fallback == "leave":
-        participants.release_with_code(connection, participant_id, progress.new_code())
+        participants.release_with_code(connection, participant_id, next_step.new_code())
         _note(connection, participant_id, "alone", step, why=why)
     else:
         episode = seat_down(connection, [participant], step)

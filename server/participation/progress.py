@@ -2,7 +2,6 @@
 
 Every function may be called again: what is done stays done, and what comes too late changes nothing."""
 
-import secrets
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -10,6 +9,7 @@ from typing import Any
 
 from sqlalchemy import Connection
 
+from server.participation.next_step import move_on, note
 from server.participation.served_studies import Studies
 from server.store import answers, decisions, episodes, events, new_places, participants, studies, study_openings
 from server.store.events import ATTENTION_SCREENED_OUT
@@ -20,7 +20,6 @@ from server.study.definition import Study
 from server.study.steps import StudyStep
 
 _QUIZ_FAILED = "quiz_failed"  # kind of the event
-_CODE_LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # none that look alike
 
 
 class StudyPaused(StudyFullError):
@@ -61,12 +60,6 @@ class FailedQuiz:
 
     attempt: int
     wrong: Mapping[str, Any]
-
-
-def new_code() -> str:
-    """A completion code of 40 random bits, easy to read out."""
-    letters = "".join(secrets.choice(_CODE_LETTERS) for _ in range(8))
-    return f"KM-{letters[:4]}-{letters[4:]}"
 
 
 def known(connection: Connection, all_studies: Studies, name: str, person: str | None) -> Participant | None:
@@ -184,7 +177,7 @@ def arrive(connection: Connection, all_studies: Studies, participant_id: str) ->
     way = all_studies.way(participant)
     step = way[min(participant.position, len(way) - 1)]
     if step.is_game and _is_over(connection, participant, step):
-        _move_on(connection, participant, way)
+        move_on(connection, all_studies, participant)
         participant = participants.get(connection, participant_id)
         step = way[participant.position] if participant else step
     answers.enter(connection, participant_id, step.key)
@@ -222,7 +215,7 @@ def submit(connection: Connection, all_studies: Studies, participant_id: str, su
         note(connection, participant_id, {"attention_failed": {"step": step.key, "questions": failed}})
         if _screened_out(connection, participant_id, all_studies.of(participant)):
             return True
-    return _move_on(connection, participant, way)
+    return move_on(connection, all_studies, participant)
 
 
 def _screened_out(connection: Connection, participant_id: str, study: Study) -> bool:
@@ -233,13 +226,6 @@ def _screened_out(connection: Connection, participant_id: str, study: Study) -> 
         return False
     note(connection, participant_id, {ATTENTION_SCREENED_OUT: {"failed": count.failed, "answered": count.answered}})
     return True
-
-
-def note(connection: Connection, participant_id: str, happened: Mapping[str, Mapping[str, Any]]) -> None:
-    """Keep things that happened apart from the answers: a failed attention check, a wrong answer in the quiz."""
-    now = datetime.now(UTC)
-    new = [events.Event(kind, now, participant_id, detail=dict(detail)) for kind, detail in happened.items()]
-    events.add(connection, *new)
 
 
 def quiz_attempt(connection: Connection, participant_id: str) -> int:
@@ -288,13 +274,3 @@ def _is_over(connection: Connection, participant: Participant, step: StudyStep) 
     if episode is None:
         return False
     return bool(episode.passed) if step.kind == "tutorial" else episode.status in ("done", "aborted")
-
-
-def _move_on(connection: Connection, participant: Participant, way: tuple[StudyStep, ...]) -> bool:
-    """To the next step; who gets to the last one has done everything, and gets the code in the same transaction."""
-    following = participant.position + 1
-    if following >= len(way) or not participants.advance(connection, participant.id, participant.position, following):
-        return False
-    if way[following].kind == "thanks":
-        participants.complete(connection, participant.id, new_code())
-    return True

@@ -5,9 +5,11 @@ from collections.abc import Iterable
 
 from sqlalchemy import Connection
 
+from server.store import answers
 from server.store import studies as stored_studies
 from server.store.database import Database
 from server.store.participants import Participant
+from server.study.branching import Said
 from server.study.definition import Study
 from server.study.loader import StudyError, StudyFile, parse_study
 from server.study.steps import StudyStep, steps
@@ -88,6 +90,12 @@ class Studies:
         # Conditions fill in turn, so counting per condition spreads the rows of a Latin square evenly over each.
         number = (participant.number - 1) // len(study.conditions)
         return steps(study, participant.condition, participant.seed, number)
+
+    async def said(self, database: Database, participant: Participant) -> Said | None:
+        """The answers on which pages and questions may depend; of a study without such, none are read."""
+        if not self.of(participant).branches:
+            return {}
+        return await database.read(answers.of_participant, participant.id)
 
     def step(self, participant: Participant) -> StudyStep:
         """The step that the participant is at; the last one for those who finished."""

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from server.study.assignment import participant_seed
-from server.study.definition import FIXED_PAGES, Study
+from server.study.definition import FIXED_PAGES, Condition, Study
 from server.study.locale import languages
 from server.study.order import episode_order
 from server.study.published_scales import scale_languages
@@ -21,7 +21,7 @@ from server.study.questionnaire import (
     asked,
     questions_of,
 )
-from server.study.steps import episodes_of
+from server.study.steps import episodes_of, episodes_of_a_block
 from server.study.text import Text
 
 Path = tuple[str | int, ...]
@@ -135,7 +135,7 @@ def _flow(study: Study) -> Iterator[Problem]:
 
 
 def _conditions(study: Study) -> Iterator[Problem]:
-    for index, condition in enumerate(study.conditions):
+    for index, condition in enumerate(study.displays):
         if (condition.predictor == "degraded") != (condition.accuracy is not None):
             reason = "`accuracy` and `predictor: degraded` belong together"
             yield Problem(
@@ -154,8 +154,8 @@ def _conditions(study: Study) -> Iterator[Problem]:
 
 def _debriefing(study: Study) -> Iterator[Problem]:
     """People who were misled are told so, after the rounds."""
-    misleading = [index for index, condition in enumerate(study.conditions) if condition.predictor == "misleading"]
-    for index, condition in enumerate(study.conditions):
+    misleading = [index for index, condition in enumerate(study.displays) if condition.predictor == "misleading"]
+    for index, condition in enumerate(study.displays):
         if index not in misleading and "misleading" in condition.model_fields_set:
             reason = "`misleading` has no effect with another predictor"
             yield Problem(("conditions", index, "misleading"), reason, "Set `predictor: misleading`, or remove it.")
@@ -178,7 +178,7 @@ def _debriefing(study: Study) -> Iterator[Problem]:
 
 def _questions(study: Study, questionnaire: Questionnaire, path: Path) -> Iterator[Problem]:
     taken: set[str] = set()
-    conditions = {condition.name for condition in study.conditions}
+    conditions = {condition.name for condition in (*study.conditions, *study.displays)}
     for index, question in enumerate(questionnaire.questions):
         place = (*path, "questions", index)
         keys = [one.key for one in questions_of(question)]
@@ -221,19 +221,20 @@ def _attention(study: Study) -> Iterator[Problem]:
 
 def _attention_checks(study: Study, condition: str) -> int:
     """How many attention checks a participant in this condition meets."""
-    shows = study.condition(condition).shows_predictions
+    arm = study.condition(condition)
 
-    def of(key: str) -> int:
-        questions = asked(study.questions(key), condition, shows)
+    def of(key: str, seen: Condition = arm) -> int:
+        questions = asked(study.questions(key), seen.name, seen.shows_predictions)
         return sum(getattr(question, "attention", None) is not None for question in questions)
 
     pages = [entry for entry in study.flow if entry in study.questionnaires or (entry == "quiz" and study.quiz)]
     after = study.after_episode if study.after_episode in study.questionnaires else None
-    return sum(map(of, pages)) + (episodes_of(study) * of(after) if after else 0)
+    rounds = sum(of(after, seen) for seen in arm.displays) if after else 0
+    return sum(map(of, pages)) + rounds * episodes_of(study) // study.blocks
 
 
 def _episodes(study: Study) -> Iterator[Problem]:
-    count = len(study.layouts) * len(study.agents) * study.order.repeat
+    count = episodes_of_a_block(study) * study.blocks
     for index, number in enumerate(study.breaks.after):
         if not 1 <= number < count:
             yield Problem(

@@ -61,5 +61,31 @@ class Condition(ConditionSettings, NamedPart):
     """The largest number of participants. Empty: no limit."""
 
     @property
+    def displays(self) -> tuple["Condition", ...]:
+        """What is seen in each block of rounds; without blocks, the condition itself."""
+        return (self,)
+
+    def at(self, block: int) -> "Condition":
+        """What is seen in a block of rounds, from 1. 0: outside of the rounds, or without blocks."""
+        return self.displays[block - 1] if block else self
+
+    @property
     def shows_predictions(self) -> bool:
-        return self.predictor != "none"
+        """Whether marks are shown at any time."""
+        return any(one.predictor != "none" for one in self.displays)
+
+    @property
+    def misleads(self) -> bool:
+        """Whether marks mislead at any time."""
+        return any(one.predictor == "misleading" for one in self.displays)
+
+
+class BlockOrder(Condition):
+    """An arm that `cells.within` makes: its participants see one combination of levels in each block of rounds. Its own
+    settings are those of the first block with marks, for the pages and the practice before the rounds."""
+
+    blocks: tuple[Condition, ...] = ()
+
+    @property
+    def displays(self) -> tuple[Condition, ...]:
+        return self.blocks

@@ -8,6 +8,7 @@ from overcooked.other_names import bundled_name
 from server.study.analysis_plan import PrimaryTest, SmallestEffect
 from server.study.condition import Condition as Condition
 from server.study.condition import Form, Show, StepsShown
+from server.study.consent import Consent, TextPage
 from server.study.factors import Cells, Conditions, Factors
 from server.study.locale import languages, locale
 from server.study.questionnaire import AnyQuestion, Key, Questionnaire
@@ -180,37 +181,6 @@ class AttentionChecks(StrictModel):
     """Screen a participant out after this many failed checks. Empty: failed checks are only recorded."""
 
 
-class Fact(StrictModel):
-    """One line of the consent page's summary."""
-
-    label: Text
-    """What the line is about, such as Time."""
-    value: Text
-    """What it says, such as 6 minutes."""
-
-
-class Section(StrictModel):
-    """A heading with Markdown below it."""
-
-    title: Text
-    """The heading."""
-    body: Text
-    """The text below it, in Markdown."""
-
-
-class Consent(StrictModel):
-    """The consent page. Nothing is stored before a participant agrees."""
-
-    title: Text
-    """The heading of the page."""
-    lead: Text
-    """The first paragraph."""
-    facts: Annotated[tuple[Fact, ...], Field(max_length=6)] = ()
-    sections: Annotated[tuple[Section, ...], Field(min_length=1)]
-    boxes: Annotated[tuple[Text, ...], Field(min_length=1)]
-    """The statements that a participant must tick."""
-
-
 class Breaks(StrictModel):
     """Pages between episodes on which participants can rest."""
 
@@ -267,13 +237,32 @@ class Study(StrictModel):
     smallest_effect: SmallestEffect | None = None
     debriefing: str | None = None
     """The key of the page in `pages` that tells participants about misleading marks. It follows the rounds."""
-    pages: dict[Key, Section] = Field(default_factory=dict)
+    pages: dict[Key, TextPage] = Field(default_factory=dict)
     flow: Annotated[tuple[str, ...], Field(min_length=1)]
     """The steps in order: introduction, quiz, tutorial, episodes, thanks, and keys of `pages` and `questionnaires`."""
 
     def condition(self, name: str) -> Condition:
         """Raises KeyError for a name that the study does not have."""
         return _named(self.conditions, name)
+
+    @property
+    def displays(self) -> tuple[Condition, ...]:
+        """What participants can see in a round, each once: the conditions, or the combinations of levels in blocks."""
+        seen = {one.name: one for condition in self.conditions for one in condition.displays}
+        return self.conditions if self.blocks == 1 else tuple(seen.values())
+
+    @property
+    def blocks(self) -> int:
+        """How many blocks of rounds each participant has: one, unless there are factors within people."""
+        return len(self.conditions[0].displays)
+
+    @property
+    def branches(self) -> bool:
+        """Whether anything depends on an answer."""
+        found = [page.when for page in self.pages.values()]
+        for block in self.questionnaires.values():
+            found += [block.when, *(entry.when for entry in block.questions)]
+        return any(when is not None for when in found)
 
     def agent(self, name: str) -> PartnerSettings:
         return _named(self.agents, name)

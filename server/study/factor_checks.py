@@ -22,6 +22,23 @@ def factor_problems(study: Study) -> Iterator[Problem]:
                     reason = f"`{key}` is set by the factors {owners[key]!r} and {factor!r}"
                     yield Problem(("factors", factor, level, key), reason, "Set it in the levels of one factor only.")
     yield from _without(study)
+    yield from _within(study)
+
+
+def _within(study: Study) -> Iterator[Problem]:
+    """Every participant meets all levels of these factors."""
+    for index, name in enumerate(study.cells.within):
+        place: Path = ("cells", "within", index)
+        if name not in study.factors:
+            yield Problem(place, f"there is no factor {name!r}", f"Known: {', '.join(study.factors)}.")
+        if name in study.cells.within[:index]:
+            yield Problem(place, f"{name!r} is there twice", "Name each once.")
+    if study.cells.within and study.cells.without:
+        reason = "a participant meets all combinations of the levels in `within`, so none can be left out"
+        yield Problem(("cells", "without"), reason, "Remove `without`, or remove `within`.")
+    if study.cells.within and "episodes" not in study.flow:
+        reason = "there are no rounds in which the levels could be met"
+        yield Problem(("cells", "within"), reason, "Add `episodes` to `flow`, or remove it.")
 
 
 def _without(study: Study) -> Iterator[Problem]:
@@ -37,7 +54,7 @@ def in_factors(study: Study, found: Iterable[Problem]) -> Iterator[Problem]:
     for problem in found:
         match problem.path:
             case ("conditions", int(index), *rest) if study.factors:
-                name = study.conditions[index].name
+                name = study.displays[index].name
                 place = _place(study, name, str(rest[0]) if rest else "predictor")
                 yield replace(problem, path=place, reason=f"in the condition {name}, {problem.reason}")
             case _:

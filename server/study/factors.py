@@ -8,7 +8,8 @@ from typing import Annotated, Any, Final
 from pydantic import AfterValidator, BeforeValidator, Field, GetJsonSchemaHandler, ValidationInfo
 from pydantic_core import CoreSchema, PydanticKnownError
 
-from server.study.condition import Condition, ConditionSettings
+from server.study.condition import BlockOrder, Condition, ConditionSettings
+from server.study.latin_square import balanced_square
 from server.study.questionnaire import Key
 from server.study.strict_model import StrictModel
 
@@ -24,6 +25,9 @@ class Cells(StrictModel):
 
     without: tuple[Key, ...] = Field(default=(), examples=[["none_on"]])
     """Conditions to leave out, by the names of their levels: `none_on`. Empty: all combinations, a full factorial."""
+    within: tuple[Key, ...] = Field(default=(), examples=[["prediction"]])
+    """Factors of which every participant meets all levels, each in a block of rounds. The conditions are then the
+    orders of the blocks. Empty: every participant has one level of each factor."""
     quota: Annotated[int, Field(ge=1)] | None = Field(default=None, examples=[20])
     """The largest number of participants in each condition. Empty: no limit."""
 
@@ -80,6 +84,20 @@ def crossed(factors: Mapping[str, Iterable[str]]) -> Iterator[tuple[str, dict[st
         yield "_".join(levels), dict(zip(factors, levels, strict=True))
 
 
+def arms(
+    factors: Mapping[str, Iterable[str]], within: Sequence[str]
+) -> Iterator[tuple[str, tuple[dict[str, str], ...]]]:
+    """Yield each condition: its name, and the level of each factor in each of its blocks of rounds. Without factors
+    within people there is one block. The orders of the blocks are the rows of a balanced Latin square."""
+    blocks = [levels for _, levels in crossed({name: factors[name] for name in factors if name in within})]
+    orders = balanced_square(len(blocks)) if len(blocks) > 1 else [[0]]
+    for between, levels in crossed({name: factors[name] for name in factors if name not in within}):
+        for number, order in enumerate(orders, start=1):
+            name = "_".join(part for part in (between, f"order_{number}" if len(orders) > 1 else "") if part)
+            seen = [levels | blocks[place] for place in order]
+            yield name, tuple({factor: block[factor] for factor in factors} for block in seen)
+
+
 def levels_of(factors: Any) -> dict[str, tuple[str, ...]]:
     """Return the names of the levels by factor, from the values of a study's text; {} where there are none."""
     if not isinstance(factors, Mapping):
@@ -99,21 +117,36 @@ def conditions_of(factors: Mapping[str, Mapping[str, ConditionSettings]], cells:
     count = math.prod(len(levels) for levels in factors.values())
     if count > MOST_CELLS:
         raise ValueError(f"the levels have {count} combinations. Use factors with at most {MOST_CELLS}")
-    found = []
-    for name, levels in crossed(factors):
-        if len(name) > LONGEST_NAME:
-            raise ValueError(
-                f"the condition {name} has more than {LONGEST_NAME} characters. Use shorter names of levels"
-            )
-        if name not in cells.without:
-            settings = {"predictor": DEFAULT_PREDICTOR, "quota": cells.quota, "name": name}
-            for factor, level in levels.items():
-                chosen = factors[factor][level]
-                settings |= {key: getattr(chosen, key) for key in set_by(chosen)}
-            found.append(Condition(**settings))
+    found: list[Condition] = []
+    for name, blocks in arms(factors, cells.within):
+        if name in cells.without:
+            continue
+        seen = tuple(_condition(factors, levels, cells) for levels in blocks)
+        if len(seen) == 1:
+            found.append(seen[0])
+            continue
+        settings = next((one for one in seen if one.shows_predictions), seen[0])
+        found.append(BlockOrder(**dict(settings) | {"name": _fits(name), "blocks": seen}))
     if not found:
         raise ValueError("`without` leaves no condition. Leave fewer out")
     return tuple(found)
+
+
+def _condition(
+    factors: Mapping[str, Mapping[str, ConditionSettings]], levels: dict[str, str], cells: Cells
+) -> Condition:
+    """One combination of levels."""
+    settings = {"predictor": DEFAULT_PREDICTOR, "quota": cells.quota, "name": _fits("_".join(levels.values()))}
+    for factor, level in levels.items():
+        chosen = factors[factor][level]
+        settings |= {key: getattr(chosen, key) for key in set_by(chosen)}
+    return Condition(**settings)
+
+
+def _fits(name: str) -> str:
+    if len(name) > LONGEST_NAME:
+        raise ValueError(f"the condition {name} has more than {LONGEST_NAME} characters. Use shorter names of levels")
+    return name
 
 
 def _made(conditions: tuple[Condition, ...], info: ValidationInfo) -> tuple[Condition, ...]:

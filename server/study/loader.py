@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
+from server.study.branch_checks import branch_problems
 from server.study.checks import Path, Problem, problems
 from server.study.definition import Study
 from server.study.factor_checks import factor_problems, in_factors
@@ -136,7 +137,10 @@ def parse_study(text: str, source: str = "study.yaml") -> StudyFile:
     except ValidationError as error:
         found = sorted(mistakes(error, places.nearest), key=lambda one: places.line(one.path))
         raise places.error(found) from None
-    together = (*factor_problems(study), *in_factors(study, (*problems(study), *plan_problems(study))))
+    together = (
+        *factor_problems(study),
+        *in_factors(study, (*problems(study), *plan_problems(study), *branch_problems(study))),
+    )
     found = sorted(together, key=lambda one: places.line(places.nearest(one.path)))
     wrong = [problem for problem in found if not problem.warning]
     if wrong:

@@ -5,6 +5,7 @@ import random
 from collections.abc import Sequence
 
 from server.study.definition import Study
+from server.study.latin_square import balanced_square
 
 Pair = tuple[str, str]  # layout, agent
 
@@ -16,7 +17,8 @@ def derived_seed(*parts: str | int) -> int:
 
 
 def episode_order(study: Study, seed: int, number: int) -> tuple[Pair, ...]:
-    """All episodes of the participant with this seed, the `number`-th (from 0) of the study or condition."""
+    """All episodes of a block (without blocks: of the study) of the participant with this seed, the `number`-th (from
+    0) of the study or condition."""
     layouts = [layout.name for layout in study.layouts]
     agents = [agent.name for agent in study.agents]
     rounds = [
@@ -53,18 +55,3 @@ def _alternating(layouts: Sequence[str], agents: Sequence[str]) -> list[Pair]:
     return [
         (layout, agent) for turn, layout in enumerate(layouts) for agent in (agents if turn % 2 == 0 else agents[::-1])
     ]
-
-
-def balanced_square(size: int) -> list[list[int]]:
-    """A Latin square in which everything follows everything else equally often (Williams 1949); odd sizes need the
-    mirrored rows too, so they have twice as many."""
-    zigzag = [0]
-    low, high = 1, size - 1
-    while len(zigzag) < size:
-        zigzag.append(low)
-        low += 1
-        if len(zigzag) < size:
-            zigzag.append(high)
-            high -= 1
-    rows = [[(cell + shift) % size for cell in zigzag] for shift in range(size)]
-    return rows if size % 2 == 0 else rows + [row[::-1] for row in rows]

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from server.study.branching import Said, When
 from server.study.published_scales import ScaleName, published_scale, scale_questions
 from server.study.strict_model import StrictModel
 from server.study.text import Text
@@ -35,6 +36,8 @@ class SurveyQuestion(StrictModel):
     """Whether the question must be answered."""
     conditions: Literal["all", "with_predictor"] | tuple[str, ...] = "all"
     """Who is asked: `all`, `with_predictor` (participants who see predictions), or a list of conditions."""
+    when: When | None = None
+    """Ask only after a certain answer on an earlier page. Empty: always."""
 
 
 class ScaleQuestion(SurveyQuestion):
@@ -153,6 +156,8 @@ class PublishedScale(StrictModel):
     """Whether each item must be answered."""
     conditions: Literal["all", "with_predictor"] | tuple[str, ...] = Field(default="all", examples=["with_predictor"])
     """Who is asked: `all`, `with_predictor` (participants who see predictions), or a list of conditions."""
+    when: When | None = None
+    """Ask only after a certain answer on an earlier page. Empty: always."""
 
     @model_validator(mode="after")
     def _known_subscales(self) -> "PublishedScale":
@@ -165,7 +170,7 @@ class PublishedScale(StrictModel):
     @cached_property
     def items(self) -> tuple[ScaleQuestion, ...]:
         """The questions that participants get."""
-        shared = {"required": self.required, "conditions": self.conditions}
+        shared = {"required": self.required, "conditions": self.conditions, "when": self.when}
         return tuple(
             ScaleQuestion.model_validate(item | shared) for item in scale_questions(self.scale, self.subscales)
         )
@@ -190,6 +195,8 @@ class Questionnaire(StrictModel):
     """The heading of the page."""
     lead: Text | None = None
     """A paragraph below the heading."""
+    when: When | None = None
+    """Show the page only after a certain answer on an earlier page. Empty: always."""
     questions: Annotated[tuple[QuestionEntry, ...], Field(min_length=1)]
     """The questions, in order."""
 
@@ -205,7 +212,7 @@ def questions_of(entry: "QuestionEntry") -> tuple[AnyQuestion, ...]:
 
 
 def asked(questions: tuple[AnyQuestion, ...], condition: str, shows_predictions: bool) -> tuple[AnyQuestion, ...]:
-    """The questions that a participant in `condition` gets."""
+    """The questions that a participant gets in `condition`, or in a block of rounds with these levels."""
 
     def is_asked(question: SurveyQuestion) -> bool:
         if question.conditions == "with_predictor":
@@ -213,6 +220,11 @@ def asked(questions: tuple[AnyQuestion, ...], condition: str, shows_predictions:
         return question.conditions == "all" or condition in question.conditions
 
     return tuple(question for question in questions if is_asked(question))
+
+
+def asked_after(questions: tuple[AnyQuestion, ...], said: Said | None) -> tuple[AnyQuestion, ...]:
+    """Those of the questions that are asked after these answers. None: in a preview, all."""
+    return tuple(question for question in questions if question.when is None or question.when.holds(said))
 
 
 def is_correct(question: AnyQuestion, answer: Value | None) -> bool:

@@ -1,6 +1,6 @@
 """The steps of one participant after consent: which page follows which. Pure functions of the study and a seed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from server.study.definition import Study
@@ -24,6 +24,7 @@ class StudyStep:
     layout: str = ""
     agent: str = ""
     seed: int = 0  # of the episode
+    block: int = 0  # of rounds, from 1, in which the step lies; 0: outside of the rounds, or the study has no blocks
 
     @property
     def is_game(self) -> bool:
@@ -42,7 +43,7 @@ def step_address(study: str) -> str:
 
 def steps(study: Study, condition: str, seed: int, number: int = 0) -> tuple[StudyStep, ...]:
     """The way of the participant with this seed, the `number`-th (from 0) in the condition. Raises KeyError for an
-    unknown condition. The condition never changes the order: only what is drawn and asked."""
+    unknown condition. The condition never changes the order of the rounds: only what is drawn and asked."""
     study.condition(condition)
     way: list[StudyStep] = []
     for entry in study.flow:
@@ -57,7 +58,12 @@ def steps(study: Study, condition: str, seed: int, number: int = 0) -> tuple[Stu
 
 def episodes_of(study: Study) -> int:
     """How many episodes everybody plays."""
-    return len(study.layouts) * len(study.agents) * study.order.repeat if "episodes" in study.flow else 0
+    return study.blocks * episodes_of_a_block(study) if "episodes" in study.flow else 0
+
+
+def episodes_of_a_block(study: Study) -> int:
+    """How many episodes a block of rounds has; without blocks, all of them."""
+    return len(study.layouts) * len(study.agents) * study.order.repeat
 
 
 def position(way: tuple[StudyStep, ...], key: str) -> int:
@@ -71,17 +77,25 @@ def position(way: tuple[StudyStep, ...], key: str) -> int:
 def _episodes(study: Study, seed: int, number: int) -> list[StudyStep]:
     way: list[StudyStep] = []
     order = episode_order(study, seed, number)
+    for later in range(1, study.blocks):
+        order += episode_order(study, derived_seed(seed, "block", later), number)
     for turn, (layout, agent) in enumerate(order, start=1):
-        game = {"number": turn, "layout": layout, "agent": agent}
+        block = block_of(study, turn)
+        step = StudyStep("", "ready", "rounds", number=turn, layout=layout, agent=agent, block=block)
         name = f"{turn:02d}"
-        way.append(StudyStep(f"ready-{name}", "ready", "rounds", number=turn, layout=layout, agent=agent))
-        way.append(StudyStep(f"episode-{name}", "episode", "rounds", **game, seed=derived_seed(seed, "episode", turn)))  # type: ignore[arg-type]
+        way.append(replace(step, key=f"ready-{name}"))
+        way.append(replace(step, key=f"episode-{name}", kind="episode", seed=derived_seed(seed, "episode", turn)))
         if study.after_episode:
             key = f"{study.after_episode}-{name}"
-            way.append(StudyStep(key, "questionnaire", "rounds", study.after_episode, turn, layout, agent))
+            way.append(replace(step, key=key, kind="questionnaire", page=study.after_episode))
         if turn in study.breaks.after and turn < len(order):
-            way.append(StudyStep(f"break-{name}", "break", "rounds", number=turn))
+            way.append(StudyStep(f"break-{name}", "break", "rounds", number=turn, block=block))
     return way
+
+
+def block_of(study: Study, number: int) -> int:
+    """The block of rounds in which an episode lies, from 1; 0 in a study without blocks."""
+    return (number - 1) // episodes_of_a_block(study) + 1 if study.blocks > 1 else 0
 
 
 def _page(study: Study, entry: str, phase: Phase) -> StudyStep:

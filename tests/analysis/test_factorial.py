@@ -201,7 +201,7 @@ def test_power_is_how_often_the_report_s_own_test_finds_the_effect(
         values = tuple(generator.normal(mean, DESIGN.mean_sd, people) for mean in shape.ravel())
         rows = factorial.of_measure(FactorialCells(names, values), "")
         found += next(row for row in rows if row.test == "anova" and row.contrast == " x ".join(term)).p < DESIGN.alpha
-    exact = factorial_power.exact(DESIGN, levels, term, effect, people)
+    exact = factorial_power.EffectPower(DESIGN, levels, term).exact(effect, people)
     assert 0.1 < exact < 0.95
     assert abs(found / studies - exact) < 4 * math.sqrt(exact * (1 - exact) / studies)
 

@@ -16,7 +16,7 @@ from statsmodels.stats.weightstats import CompareMeans, DescrStatsW
 
 import kitchenmind
 from analysis import primary, primary_power
-from analysis.declared import DIRECTIONS, TESTS, Declaration, DeclaredTest, declaration_of, declared_test
+from analysis.declared import ANOVA, DIRECTIONS, TESTS, Declaration, DeclaredTest, declaration_of, declared_test
 from analysis.primary_text import primary_lines, primary_sentence
 from analysis.report import write_report
 from analysis.results import select
@@ -35,7 +35,7 @@ SECOND = np.array([60.0, 72.0, 55.5, 64.0, 61.0, 58.0])
 def test_the_study_file_and_the_report_know_the_same_declaration() -> None:
     fields = PrimaryTest.model_fields
     assert set(fields) == set(DeclaredTest.__dataclass_fields__)
-    for name, known in (("test", TESTS), ("direction", DIRECTIONS)):
+    for name, known in (("test", (*TESTS, ANOVA)), ("direction", DIRECTIONS)):
         assert set(fields[name].annotation.__args__) == set(known)  # type: ignore[union-attr]
     in_the_file = PrimaryTest(comparison=("tom", "none"))
     assert declared_test({"primary": {"comparison": ["tom", "none"]}}) == DeclaredTest(**in_the_file.model_dump())
@@ -104,7 +104,7 @@ def test_a_person_counts_once_with_the_declared_episodes_only(
     assert declared is not None
     row = primary.primary_row(declared, export.episodes.filter(pl.col("excluded") == "").with_columns(
         reward=pl.col("score") + pl.col("progress")
-    ), export.answers)  # fmt: skip
+    ), export)  # fmt: skip
     means = by_hand(planted_folder, {"matrix", "double_rings"}, {"fcp"}, question)
     t, p = stats.ttest_ind(means["tom"], means["random"], equal_var=False)
     assert (row.statistic, row.p) == pytest.approx((t, p))

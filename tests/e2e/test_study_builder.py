@@ -365,3 +365,29 @@ def test_every_page_of_a_preview_is_shown_and_nothing_is_stored(new_page: NewPag
     expect(page.locator(".preview")).to_contain_text("page 2 of")
     assert rows(server, "select id from participants where ? > 0 and study_id = 0", draft) == []
     assert rows(server, "select key from studies where ? > 0 and key = 'previewed'", draft) == []
+
+
+def test_languages_stand_side_by_side_and_missing_texts_are_found(new_page: NewPage) -> None:
+    page = new_page()
+    begin(page, "bilingual")
+    expect(page.locator("#missing-texts")).to_be_hidden()
+    english, chinese = at(page, "summary").locator("input, textarea").all()
+    left, right = english.bounding_box(), chinese.bounding_box()
+    assert left is not None
+    assert right is not None
+    assert (left["y"], left["x"] < right["x"]) == (right["y"], True)
+    chinese.fill("")
+    expect(page.get_by_role("button", name="zh: 1 text is missing. Show the next")).to_be_visible()
+    expect(at(page, "summary").locator(".missing .lang")).to_have_text("zh: missing")
+    yaml_of(page).fill(yaml_of(page).input_value().replace("languages: [en, zh]", "languages: [en, zh, de]"))
+    page.get_by_role("button", name=re.compile("^de: .* are missing")).click()
+    expect(page.locator(":focus")).to_have_attribute("aria-label", "Title (de), missing")
+    page.get_by_role("button", name=re.compile("^de: .* are missing")).click()
+    expect(page.locator(":focus")).to_have_attribute("aria-label", "Summary (de), missing")
+    page.get_by_role("button", name=re.compile("^zh: ")).click()
+    expect(page.locator(":focus")).to_have_attribute("aria-label", "Summary (zh), missing")
+    page.keyboard.type("几分钟")
+    expect(page.locator("#missing-texts [data-language=zh]")).to_be_hidden()
+    is_accessible(page)
+    if os.environ.get("KITCHENMIND_PICTURES"):
+        page.screenshot(path=os.environ["KITCHENMIND_PICTURES"])

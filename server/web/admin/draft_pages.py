@@ -31,8 +31,12 @@ LONGEST_TITLE: Final = 200
 TEMPLATES: Final = {
     "external_predictor": ("The published study", "Three conditions, five kitchens, two agents, ten rounds."),
     "quick_look": ("A quick look", "A short study of some minutes, to try things out."),
-    "classic": ("The classic kitchens", "The five kitchens of overcooked_ai."),
-    "trust": ("Trust", "How much people trust the predictions of their partner."),
+    "classic": (
+        "The classic kitchens",
+        "The published design in the five kitchens of overcooked_ai. Its two agents have no predictors there: "
+        "no marks, or random ones.",
+    ),
+    "trust": ("Trust", "Right or misleading marks; Trust in Automation and NASA-TLX after six rounds; a debriefing."),
     "two_people": ("Two people", "Two participants cook with each other."),
 }
 

@@ -9,6 +9,7 @@ from fastapi import APIRouter, HTTPException, Request, Response
 
 from server.participation.episode_specs import layout_of
 from server.participation.served_studies import Studies
+from server.store.database import Database
 from server.store.participants import Participant
 from server.store.study_drafts import StudyDraft
 from server.study import drafting
@@ -32,6 +33,9 @@ class PreviewedStudies(Studies):
     def __init__(self, study: Study) -> None:
         super().__init__()
         self._versions, self._open = {0: study}, {study.name: 0}
+
+    async def said(self, database: Database, participant: Participant) -> None:
+        """Nothing was answered, and what depends on answers is shown."""
 
 
 @dataclass(frozen=True)

@@ -235,7 +235,8 @@ async def submit(
     if participant.status != "active" or first(form, "step") != step.key:
         return back
     study = web.studies.of(participant)
-    checked, attention = check_page(study, participant, step, form)
+    said = await web.studies.said(web.database, participant) or {}
+    checked, attention = check_page(study, participant, step, form, said)
     if checked.faults:
         if any(fault.reason == "wrong" for fault in checked.faults.values()):
             failed = progress.FailedQuiz(_attempt(form), {key: checked.answers.get(key) for key in checked.faults})

@@ -8,13 +8,14 @@ from fastapi import Response
 
 from server.participation import pairing, progress
 from server.participation.episode_specs import layout_of, lessons, show_of, view_radius_of
+from server.participation.page_answers import questions_of
 from server.participation.recruiter_links import WayBack, way_back
 from server.store import episodes, events, participants
 from server.store.participants import Participant
 from server.store.tables import RECRUITMENT_ID
 from server.study.answer_checks import AnswerError
-from server.study.definition import Section, Study
-from server.study.questionnaire import asked
+from server.study.consent import Section
+from server.study.definition import Study
 from server.study.recruitment import Exit
 from server.study.steps import PHASES, Kind, StudyStep, episodes_of
 from server.web.dependencies import PageResponse
@@ -93,7 +94,7 @@ async def _ended(page: PageResponse, participant: Participant) -> tuple[str, Exi
 def debriefing_of(page: PageResponse, participant: Participant) -> Section | None:
     """The debriefing of somebody who leaves early and whose condition may have misled them."""
     study = page.web.studies.of(participant)
-    misled = study.condition(participant.condition).predictor == "misleading"
+    misled = study.condition(participant.condition).misleads
     return study.pages[study.debriefing] if misled and study.debriefing else None
 
 
@@ -109,12 +110,12 @@ async def _back(page: PageResponse, outcome: Exit, code: str = "") -> WayBack | 
 
 async def _questions(page: PageResponse, participant: Participant, step: StudyStep, filled: Filled) -> dict[str, Any]:
     study = page.web.studies.of(participant)
-    condition = study.condition(participant.condition)
+    said = await page.web.studies.said(page.web.database, participant)
     questionnaire = study.quiz if step.kind == "quiz" and study.quiz else study.questionnaires[step.asks]
     messages = {name: _message(page, study, name, fault) for name, fault in filled.faults.items()}
     return {
         "questionnaire": questionnaire,
-        "questions": asked(questionnaire.asks, condition.name, condition.shows_predictions),
+        "questions": questions_of(study, participant, step, said),
         "form": filled.form,
         "faults": messages,
         "attempts": None,
@@ -145,7 +146,7 @@ async def _introduction(
     slides = [key for key in INTRODUCTION if key != "marks" or condition.shows_predictions]
     with_human = all(agent.human for agent in study.agents)
     return {"slides": slides, "with_human": with_human, "show": show_of(study, condition)} | {
-        "view_radius": view_radius_of(study, condition)
+        "view_radius": next(filter(None, (view_radius_of(study, one) for one in condition.displays)), 0)
     }
 
 

@@ -4,6 +4,7 @@ import { find, findAll } from '../browser/dom.js';
 import { fieldOf, helpOf, keyOf, show } from './builder-fields.js';
 import { listOf, mapOf } from './builder-items.js';
 import { blank, planOf, shapeOf } from './builder-plan.js';
+import { MissingTexts } from './builder-translations.js';
 import { make } from './elements.js';
 
 /** @typedef {import('./builder-plan.js').PlanNode} PlanNode */
@@ -37,6 +38,7 @@ export class DraftForm {
     this.schema = schema;
     this.on = on;
     this.place = find('#form', HTMLElement);
+    this.missing = new MissingTexts(find('#missing-texts', HTMLElement));
     this.shape = '';
     this.values = {};
     /** @type {string[]} */
@@ -66,6 +68,7 @@ export class DraftForm {
     if (shape !== this.shape) this.build(plan);
     this.shape = shape;
     this.fill(plan);
+    this.missing.show(plan, this.languages, (path) => this.controls.get(keyOf(path)));
     this.tell(problems);
   }
 

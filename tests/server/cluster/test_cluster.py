@@ -28,7 +28,8 @@ from server.monitoring.commands import (
 )
 from server.monitoring.peers import Process, View
 from server.play.game import Game
-from server.store import admins, decisions, new_places, ticks
+from server.store import admins, decisions, new_places, study_drafts, ticks
+from server.store.study_drafts import DraftText
 from server.study.loader import StudyError
 from server.web.passwords import hashed
 from tests.support.live_server import LiveServer
@@ -251,15 +252,16 @@ def change_the_study(folder: Path) -> None:
     path.write_text(path.read_text("utf-8").replace("A short study", "A newer study"), encoding="utf-8")
 
 
-def opened(live: LiveServer) -> Any:
+def opened(live: LiveServer, study: str = "short") -> Any:
     """The number of the version that this server lets people into."""
-    return live.app.state.services.web.studies.open("short")[0]
+    found = live.app.state.services.web.studies.open(study)
+    return found[0] if found else None
 
 
-def signed_in(live: LiveServer) -> httpx.Client:
+def signed_in(live: LiveServer, role: str = "act") -> httpx.Client:
     """A researcher at this server."""
     database, password = live.app.state.services.web.database, "a password for the tests"
-    live.do(lambda: database.write(admins.create, "ada", hashed(password), "act"))
+    live.do(lambda: database.write(admins.create, "ada", hashed(password), role))
     client = httpx.Client(base_url=live.url, follow_redirects=True, timeout=60)
     form = {"form_token": token_in(client.get("/admin/login").text), "name": "ada", "password": password}
     assert client.post("/admin/login", data=form).status_code == 200
@@ -316,6 +318,40 @@ async def test_a_participant_of_a_version_that_one_process_serves_is_known_in_al
     assert "A newer study" in found.text
     await until(lambda: opened(there) == opened(here))  # nobody told it: it has seen what the other serves
     await visitor.close()
+
+
+async def test_a_draft_that_is_opened_in_one_process_is_served_changed_and_closed_in_the_other(pair: Pair) -> None:
+    here, there = pair
+    await until(lambda: all(live.do(live.app.state.services.live.peers.processes) for live in pair))
+    researcher, database = signed_in(here, "own"), here.app.state.services.web.database
+    text = STUDY.replace("name: short", "name: drafted")
+    number = here.do(lambda: database.write(study_drafts.create, DraftText("ada", text, "drafted", note="created")))
+    draft = f"/admin/drafts/{number}"
+
+    def click(what: str, **fields: str) -> str:
+        form = {"form_token": token_in(researcher.get(draft).text), **fields}
+        return researcher.post(f"{draft}/{what}", data=form).text
+
+    assert opened(there, "drafted") is None
+    assert "The study is open: participants are let in." in click("open", revision="1")
+    await until(lambda: opened(there, "drafted") is not None)
+    assert opened(there, "drafted") == opened(here, "drafted")
+    early = Bot(there.url, "drafted", 1)
+    await early.consent()
+    newer = DraftText("ada", text.replace("A short study", "A newer study"), "drafted", 1)
+    here.do(lambda: database.write(study_drafts.save, number, newer))
+    before = opened(there, "drafted")
+    click("open", revision="2")
+    await until(lambda: opened(there, "drafted") not in (None, before))
+    kept = httpx.get(f"{here.url}/s/drafted/now", cookies={"participant": early.token})
+    assert "A short study" in kept.text, "who has begun keeps the version, in every process"
+    assert "A newer study" in httpx.get(f"{there.url}/s/drafted").text
+    click("close", study="drafted")
+    late = httpx.get(f"{there.url}/s/drafted")
+    assert "form_token" not in late.text, "nobody new is let in"
+    assert httpx.get(f"{there.url}/s/drafted/now", cookies={"participant": early.token}).status_code == 200
+    await early.close()
+    researcher.close()
 
 
 class Nobody:

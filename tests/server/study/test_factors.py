@@ -149,6 +149,40 @@ def test_the_form_of_a_condition_chooses_its_predictor() -> None:
             "factors:",
             "the levels have 40 combinations. Use factors with at most 32.",
         ),
+        (
+            NAMED + "primary: {effect: [speed]}\n",
+            "primary:",
+            "primary.effect.0: there is no factor 'speed'. Known: pred",
+        ),
+        (
+            NAMED + "primary: {effect: [opacity, opacity]}\n",
+            "primary:",
+            "effect.1: 'opacity' is there twice. Name each",
+        ),
+        (NAMED + "primary: {test: welch}\n", "primary:", "nothing says what is tested. Write either `comparison: [A"),
+        (
+            NAMED + "primary: {effect: [opacity], comparison: [tom_on, tom_off]}\n",
+            "primary:",
+            "primary: it names both two conditions and an effect. Write either",
+        ),
+        (NAMED + "primary: {effect: [opacity], test: welch}\n", "primary:", "test: an effect of factors has no welch."),
+        (NAMED + "primary: {effect: [opacity], looks: [9, 20]}\n", "primary:", "looks: an effect of factors is tested"),
+        (
+            NAMED + "primary: {comparison: [tom_on, tom_off], test: anova}\n",
+            "primary:",
+            "primary.test: `anova` tests an effect of factors, not two conditions. Use welch,",
+        ),
+        (
+            NAMED + "cells: {without: [random_on]}\nprimary: {effect: [opacity]}\n",
+            "primary:",
+            "primary.effect: effects cannot be told apart, as the study leaves out random_on. Remove `cells.without`",
+        ),
+        (
+            "factors: {prediction: [none, random, tom]}\nprimary: {effect: [prediction], direction: less}\n",
+            "primary:",
+            "primary.direction: an effect of prediction, which has more than two levels, has no direction. Remove",
+        ),
+        (NAMED + "primary: {effect: [opacity], measure: check}\n", "primary:", "after every episode in all conditions"),
     ],
 )
 def test_mistakes_are_told_with_place_and_remedy(factors: str, line: str, words: str) -> None:

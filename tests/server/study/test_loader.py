@@ -61,7 +61,7 @@ WRONG = [
     (FLOW, PRIMARY + ", agents: [moon]}\n" + FLOW, "primary:", "primary.agents.0: there is no agent 'moon'. Known: "),
     (FLOW, PRIMARY + ", measure: marks}\n" + FLOW, "primary:", "'marks' is not measured after every episode in both"),
     (FLOW, PRIMARY + ", measure: check}\n" + FLOW, "primary:", "'check' is not measured after every episode in both"),
-    (FLOW, PRIMARY + ", test: anova}\n" + FLOW, "primary:", "'anova' is not possible here. Use 'welch', 'student'"),
+    (FLOW, PRIMARY + ", test: chi}\n" + FLOW, "primary:", "'chi' is not possible here. Use 'welch', 'student'"),
     (FLOW, PRIMARY + ", alpha: 5}\n" + FLOW, "primary:", "primary.alpha: 5 is too large. Write less than 0.5."),
     (FLOW, PRIMARY + ", looks: [30]}\n" + FLOW, "primary:", "looks: one look alone is the final test. List two or"),
     (FLOW, PRIMARY + ", looks: [60, 30]}\n" + FLOW, "primary:", "primary.looks: the looks do not grow. List the"),

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from server.study.definition import Study
+from server.study.latin_square import balanced_square
 from server.study.loader import load_study, parse_study
-from server.study.order import balanced_square, episode_order
+from server.study.order import episode_order
 from server.study.steps import episodes_of, position, steps
 from tests.support.study_text import SMALL_STUDY
 

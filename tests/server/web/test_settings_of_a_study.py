@@ -54,7 +54,12 @@ OF_TWO_PEOPLE |= {"WaitingRoomSettings.limit_s", "WaitingRoomSettings.agent", "W
 MISLEADING = {"ConditionSettings.misleading", "Misleading.from_round", "Misleading.share", "Study.debriefing"}
 
 # Tested by themselves, as they take the place of `conditions`: test_factors.py.
-FACTORS = {"Study.factors", "Study.cells", "Cells.without", "Cells.quota"}
+FACTORS = {"Study.factors", "Study.cells", "Cells.without", "Cells.quota", "Cells.within", "BlockOrder.blocks"}
+FACTORS |= {"PrimaryTest.effect"}
+
+
+# Tested by themselves, as they decide who gets a page: test_branching.py, test_branching_pages.py.
+BRANCHING = {"SurveyQuestion.when", "Questionnaire.when", "TextPage.when"}
 
 
 def test_the_study_sets_everything_that_can_be_set(study: Study) -> None:
@@ -63,7 +68,7 @@ def test_the_study_sets_everything_that_can_be_set(study: Study) -> None:
     # with the questions and the published scales.
     questions = {"ChoiceQuestion.attention", "NumberQuestion.whole"}
     questions |= {"ScaleQuestion.first", "ScaleQuestion.step", "ScaleQuestion.labels"}
-    assert {name for name in never if name not in OF_TWO_PEOPLE | MISLEADING | FACTORS} == questions
+    assert {name for name in never if name not in OF_TWO_PEOPLE | MISLEADING | FACTORS | BRANCHING} == questions
 
 
 def spec(study: Study, condition: str, kind: str = "episode", language: str = "en") -> tuple[StudyStep, EpisodeSpec]:

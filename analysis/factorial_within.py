@@ -1,0 +1,228 @@
+"""Factorial analysis where people meet the levels of a factor in blocks of rounds: effects within people.
+
+A person has a mean for each combination of levels that was met. An effect within people is tested on each person's own
+differences, from which everything falls out that a person has in all blocks; an effect between people is tested on the
+mean over the combinations. The people of a condition, who met the blocks in one order, are a group: groups with the
+same levels are averaged with equal weight, and only variance within groups is error, so that what a later block adds to
+every level is no effect (Hills and Armitage 1979). Balanced data give the tests of a split-plot analysis of variance.
+Where an effect within people has several differences, its degrees of freedom are corrected (Greenhouse and Geisser
+1959).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+
+import numpy as np
+import polars as pl
+from scipy import stats
+
+from analysis import compare, effects, factorial, mixed_model
+from analysis.factorial import PREFIX, SIMPLE, Array, Factors, contrast_weights
+from analysis.groups import computed
+from analysis.results import Result
+from analysis.tables import Export
+
+WITHIN = "within people"  # in the note of a test
+
+
+@dataclass(frozen=True)
+class RepeatedCells:
+    """The means of people by combination of the levels within people. `groups`: of each condition, the combination of
+    levels between people, and (people, combinations) in the order of the factors' product."""
+
+    factors: Factors
+    within: tuple[str, ...]
+    groups: tuple[tuple[tuple[str, ...], Array], ...]
+
+    @property
+    def inner(self) -> Factors:
+        """The factors within people."""
+        return {name: levels for name, levels in self.factors.items() if name in self.within}
+
+    @property
+    def outer(self) -> Factors:
+        """The factors between people."""
+        return {name: levels for name, levels in self.factors.items() if name not in self.within}
+
+    @property
+    def people(self) -> int:
+        return sum(len(values) for _, values in self.groups)
+
+
+def within_of(export: Export) -> tuple[str, ...]:
+    """Return the factors whose levels differ between the episodes of a person."""
+    own = set(export.participants.columns)
+    return tuple(
+        name.removeprefix(PREFIX) for name in export.episodes.columns if name.startswith(PREFIX) and name not in own
+    )
+
+
+def repeated_factors(export: Export) -> dict[str, tuple[str, ...]]:
+    """Return the levels of each factor in the order of the study file, those within people included."""
+    declared = export.about.get("factors") or {}
+    names = [name.removeprefix(PREFIX) for name in export.episodes.columns if name.startswith(PREFIX)]
+    known = {name: tuple(declared.get(name, ())) for name in sorted(names, key=lambda name: list(declared).index(name))}
+    found = {name: tuple(export.episodes[f"{PREFIX}{name}"].drop_nulls().unique().sort().to_list()) for name in known}
+    return {name: levels or found[name] for name, levels in known.items()}
+
+
+def repeated_cells(table: pl.DataFrame, export: Export) -> RepeatedCells:
+    """Return the means of people with values in all combinations that they meet. `table`: `episode` and `value`."""
+    factors, within = repeated_factors(export), within_of(export)
+    empty = RepeatedCells(factors, within, ())
+    columns = [pl.col(f"{PREFIX}{name}").cast(pl.String) for name in factors]
+    known = export.episodes.select("episode", "participant", "condition", *columns).drop_nulls()
+    values = table.drop_nulls("value").select("episode", "value").join(known, on="episode", maintain_order="left")
+    keys = ["condition", "participant", *(f"{PREFIX}{name}" for name in factors)]
+    means = values.group_by(keys, maintain_order=True).agg(pl.col("value").mean())
+    inner = list(product(*empty.inner.values()))
+    groups: dict[tuple[str, tuple[str, ...]], list[list[float]]] = {}
+    for (condition, _), person in means.group_by("condition", "participant", maintain_order=True):
+        met = dict(zip(zip(*(person[f"{PREFIX}{name}"] for name in within), strict=True), person["value"], strict=True))
+        if all(levels in met for levels in inner):
+            between = tuple(str(person[f"{PREFIX}{name}"][0]) for name in empty.outer)
+            groups.setdefault((str(condition), between), []).append([met[levels] for levels in inner])
+    return replace(empty, groups=tuple((key[1], np.array(rows)) for key, rows in sorted(groups.items())))
+
+
+def repeated_rows(export: Export, episodes: pl.DataFrame, answers: pl.DataFrame) -> list[Result]:
+    """Return the analysis of reward and of each question; [] for a study without factors within people."""
+    if not within_of(export):
+        return []
+    table = episodes.select("episode", pl.col(factorial.REWARD).alias("value"))
+    rows = of_repeated(repeated_cells(table, export), "")
+    by_question = (
+        of_repeated(repeated_cells(answers.filter(pl.col("question") == question), export), str(question))
+        for question in dict.fromkeys(answers["question"])
+    )
+    return [*rows, *factorial.adjusted(by_question)]
+
+
+def of_repeated(cells: RepeatedCells, question: str) -> list[Result]:
+    """Return tests, marginal means and simple effects of one measure; one row with the reason where there are none."""
+    base = Result(factorial.SECTION, "anova", "all", "all", question=question, n=cells.people, unit="people")
+    if trouble := trouble_with(cells):
+        return [replace(base, note=trouble)]
+    rows = []
+    for term in factorial.terms(cells.factors):
+        named = replace(base, contrast=factorial.BY.join(term))
+        rows.append(computed(tested, named, cells, term))
+        if factorial.has_one_difference(cells.factors, term):
+            named = replace(named, test="difference", note=factorial.difference_words(cells.factors, term))
+            rows.append(computed(difference, named, cells, term))
+    return [*rows, *_marginal_means(replace(base, test="marginal_mean"), cells), *_simple_effects(base, cells)]
+
+
+def trouble_with(cells: RepeatedCells) -> str:
+    """Return why no effect can be tested; empty where it can."""
+    present = {between for between, _ in cells.groups}
+    for levels in product(*cells.outer.values()):
+        if levels not in present:
+            where = ", ".join(f"{name} {level}" for name, level in zip(cells.outer, levels, strict=True))
+            return f"nobody has values in all blocks{' with ' + where if where else ''}"
+    if cells.people == len(cells.groups):
+        return "every order of the blocks has one person"
+    return ""
+
+
+def _weights(cells: RepeatedCells, term: Sequence[str]) -> tuple[Array, Array]:
+    """The hypothesis of a term as weights of the combinations within people, and of the groups."""
+    inner = contrast_weights(cells.inner, [name for name in term if name in cells.inner])
+    return inner, _of_groups(cells, contrast_weights(cells.outer, [name for name in term if name in cells.outer]))
+
+
+def _of_groups(cells: RepeatedCells, outer: Array) -> Array:
+    """Weights of the combinations between people, shared equally by the groups that have them."""
+    order = list(product(*cells.outer.values()))
+    place = np.array([order.index(between) for between, _ in cells.groups])
+    return np.asarray(outer[:, place] / np.bincount(place)[place])
+
+
+def tested(base: Result, cells: RepeatedCells, term: Sequence[str]) -> Result:
+    """Return the F test of a term, with partial eta squared."""
+    inner, outer = _weights(cells, term)
+    scores = [values @ np.linalg.qr(inner.T)[0] for _, values in cells.groups]
+    means, sizes = np.stack([part.mean(axis=0) for part in scores]), np.array([len(part) for part in scores])
+    squares = np.asarray(sum((part - part.mean(axis=0)).T @ (part - part.mean(axis=0)) for part in scores))
+    rest, count = cells.people - len(scores), len(inner)
+    if np.trace(squares) <= 1e-12 * max(1.0, float((means**2).sum())):
+        raise ValueError("the values do not vary within the orders of the blocks")
+    found = outer @ means
+    explained = float(np.trace(found.T @ np.linalg.solve(outer / sizes @ outer.T, found)))
+    f = explained / (len(outer) * count) / (np.trace(squares) / (rest * count))
+    epsilon = float(np.trace(squares) ** 2 / (count * np.trace(squares @ squares)))
+    df, df_rest = len(outer) * count * epsilon, rest * count * epsilon
+    eta = effects.eta_squared(f, df, df_rest)
+    about = WITHIN if any(name in cells.within for name in term) else "between people"
+    return replace(
+        base,
+        statistic_name="F",
+        statistic=float(f),
+        df=df,
+        df_residual=df_rest,
+        p=float(stats.f.sf(f, df, df_rest)),
+        effect_name="partial eta squared",
+        effect=eta.value,
+        ci_low=eta.low,
+        ci_high=eta.high,
+        ci_level=eta.level,
+        note=f"{about}, Greenhouse-Geisser epsilon {epsilon:.3f}" if count > 1 else about,
+    )
+
+
+def estimated(base: Result, cells: RepeatedCells, inner: Array, outer: Array) -> Result:
+    """Return a weighted sum of means with its t-test against 0. `inner`: weights within people; `outer`: of groups."""
+    scores = [values @ inner for _, values in cells.groups]
+    sizes = np.array([part.size for part in scores])
+    rest = int(sizes.sum()) - len(scores)
+    variance = sum(float(((part - part.mean()) ** 2).sum()) for part in scores) / rest
+    estimate = float(outer @ np.array([part.mean() for part in scores]))
+    return mixed_model.with_t_test(base, estimate, float(np.sqrt(variance * (outer**2 / sizes).sum())), float(rest))
+
+
+def difference(base: Result, cells: RepeatedCells, term: Sequence[str]) -> Result:
+    """Return, of factors with two levels, the difference (or difference of differences): later minus earlier levels."""
+    inner, outer = _weights(cells, term)
+    return estimated(base, cells, inner[0], outer[0])
+
+
+def _weights_at(cells: RepeatedCells, wanted: dict[str, dict[str, float]]) -> tuple[Array, Array]:
+    """Weights of the levels of the wanted factors; the others are averaged."""
+
+    def of(factors: Factors) -> Array:
+        weights = np.ones(1)
+        for name, levels in factors.items():
+            some = wanted.get(name, dict.fromkeys(levels, 1 / len(levels)))
+            weights = np.kron(weights, np.array([some.get(level, 0.0) for level in levels]))
+        return weights
+
+    return of(cells.inner), _of_groups(cells, of(cells.outer)[None, :])[0]
+
+
+def _marginal_means(base: Result, cells: RepeatedCells) -> Iterator[Result]:
+    """The mean of each level over the other factors, each combination counting the same."""
+    for factor, levels in cells.factors.items():
+        for level in levels:
+            inner, outer = _weights_at(cells, {factor: {level: 1.0}})
+            n = sum(len(values) for (_, values), weight in zip(cells.groups, outer, strict=True) if weight)
+            row = computed(estimated, replace(base, contrast=factor, condition=level, n=n), cells, inner, outer)
+            yield replace(row, statistic_name="", statistic=np.nan, df=np.nan, p=np.nan)
+
+
+def _simple_effects(base: Result, cells: RepeatedCells) -> Iterator[Result]:
+    """Between the levels of each factor at every combination of levels of the others, Benjamini-Hochberg within the
+    factor; of a single factor, only where it has more than two levels."""
+    for factor, levels in cells.factors.items():
+        others = {name: cells.factors[name] for name in cells.factors if name != factor}
+        if not others and len(levels) == 2:
+            continue
+        family = []
+        for fixed in product(*others.values()):
+            at = dict(zip(others, fixed, strict=True))
+            for first, second in combinations(levels, 2):
+                row = replace(base, section=SIMPLE, test="simple_effect", contrast=f"{factor}: {second} - {first}")
+                row = replace(row, condition=", ".join(f"{name} {level}" for name, level in at.items()))
+                wanted = {name: {level: 1.0} for name, level in at.items()} | {factor: {second: 1.0, first: -1.0}}
+                family.append(computed(estimated, row, cells, *_weights_at(cells, wanted)))
+        yield from compare.adjust(family)

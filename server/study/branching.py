@@ -1,0 +1,28 @@
+"""Pages and questions that are only shown after a certain answer on an earlier page. Pure."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from server.study.strict_model import StrictModel
+
+Said = Mapping[str, Mapping[str, Any]]  # step key -> question key -> answer
+
+
+class When(StrictModel):
+    """Show it only after one of these answers on an earlier page. Nobody who was not asked, or gave no answer, gets
+    it."""
+
+    question: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$", examples=["plays"])]
+    """The key of a choice, multiple or scale question in a questionnaire that comes earlier in `flow`."""
+    one_of: Annotated[tuple[str, ...], Field(min_length=1, examples=[["often"]])]
+    """The answers that lead here: values of options, or numbers of the scale. Of several chosen options, one is
+    enough."""
+
+    def holds(self, said: Said | None) -> bool:
+        """Whether one of the answers was given. None: nobody answers, as in a preview, and everything is shown."""
+        if said is None:
+            return True
+        given = next((page[self.question] for page in said.values() if self.question in page), None)
+        return any(str(value) in self.one_of for value in (given if isinstance(given, list) else [given]))
