@@ -16,7 +16,7 @@ def check_page(
     if not step.asks:
         return Checked({}, {}), {}
     condition = study.condition(participant.condition)
-    questions = asked(study.questions(step.asks), condition.name, condition.shows_predictions)
+    questions = asked(study.questions(step.asks), condition.name, study.shows_predictions(condition))
     checked = check_answers(questions, form)
     checks = {question.key: is_attentive(question, checked.answers.get(question.key)) for question in questions}
     attention = {key: passed for key, passed in checks.items() if passed is not None and key in checked.answers}

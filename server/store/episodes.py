@@ -180,6 +180,7 @@ def load(connection: Connection, episode_id: str) -> EpisodeRecord | None:
         known_at=_known_at(last, held),
         inputs=input_rows.stored(connection, episode_id),
         asked=last.asked if last else None,
+        displayed_intention=last.displayed_intention if last else None,
     )
 
 

@@ -7,10 +7,28 @@ from pydantic import Field
 from server.study.questionnaire import Key
 from server.study.strict_model import StrictModel
 
+Display = Literal["actions", "intention", "both", "none"]
 Show = Literal["always", "on_key", "toggle"]
 Form = Literal["window", "stream"]
 StepsShown = Annotated[int, Field(ge=1, le=3)]
 Predictor = Literal["none", "random", "tom", "degraded", "misleading"]
+
+
+class PredictorSettings(StrictModel):
+    """The predictor that watches the partner, and how its predictions are drawn."""
+
+    form: Form = "stream"
+    """stream: remembers earlier timesteps; bundled. window: looks at ten timesteps, as in the paper; train it first."""
+    display: Display = "actions"
+    """What of a prediction is drawn. actions: marks for the next steps. intention: an icon at the station that the
+    partner uses next, and a bubble. both: both of them. none: nothing; it is still recorded."""
+    steps_shown: StepsShown = 3
+    """How many predicted steps are drawn."""
+    confidence_opacity: bool = False
+    """Draw a step fainter when the predictor is less certain."""
+    show: Show = "always"
+    """When the marks are drawn. always: in every timestep. on_key: while the participant holds the marks key or button.
+    toggle: from one press of it to the next. A condition can have its own `show`."""
 
 
 class Misleading(StrictModel):
@@ -39,6 +57,9 @@ class ConditionSettings(StrictModel):
     misleading: Misleading = Misleading()
     show: Show | None = Field(default=None, examples=["on_key"])
     """When the marks are drawn in this condition: always, on_key or toggle. Empty: as in `predictor.show`."""
+    display: Display | None = Field(default=None, examples=["intention"])
+    """What of a prediction is drawn in this condition: actions, intention, both or none. Empty: as in
+    `predictor.display`."""
     form: Form | None = Field(default=None, examples=["stream"])
     """The form of the predictor in this condition, window or stream. Empty: as in `predictor.form`."""
     steps_shown: StepsShown | None = None
@@ -60,6 +81,6 @@ class Condition(ConditionSettings, NamedPart):
     quota: Annotated[int, Field(ge=1)] | None = None
     """The largest number of participants. Empty: no limit."""
 
-    @property
-    def shows_predictions(self) -> bool:
-        return self.predictor != "none"
+    def drawn(self, settings: PredictorSettings) -> Display:
+        """What participants see of a prediction; `settings`: those of the study."""
+        return "none" if self.predictor == "none" else self.display or settings.display

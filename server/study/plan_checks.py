@@ -56,7 +56,7 @@ def _measures(study: Study, condition: str) -> Iterator[str]:
     """What can be compared between conditions: reward, and the scale questions that follow every episode."""
     yield "reward"
     if study.after_episode in study.questionnaires:
-        shows = study.condition(condition).shows_predictions
+        shows = study.shows_predictions(study.condition(condition))
         for question in asked(study.questions(str(study.after_episode)), condition, shows):
             if isinstance(question, ScaleQuestion) and question.attention is None:
                 yield question.key

@@ -114,7 +114,7 @@ async def _questions(page: PageResponse, participant: Participant, step: StudySt
     messages = {name: _message(page, study, name, fault) for name, fault in filled.faults.items()}
     return {
         "questionnaire": questionnaire,
-        "questions": asked(questionnaire.asks, condition.name, condition.shows_predictions),
+        "questions": asked(questionnaire.asks, condition.name, study.shows_predictions(condition)),
         "form": filled.form,
         "faults": messages,
         "attempts": None,
@@ -142,7 +142,7 @@ async def _introduction(
     """The slides; predictions are only explained in conditions that show them."""
     study = page.web.studies.of(participant)
     condition = study.condition(participant.condition)
-    slides = [key for key in INTRODUCTION if key != "marks" or condition.shows_predictions]
+    slides = [key for key in INTRODUCTION if key != "marks" or study.shows_predictions(condition)]
     with_human = all(agent.human for agent in study.agents)
     return {"slides": slides, "with_human": with_human, "show": show_of(study, condition)} | {
         "view_radius": view_radius_of(study, condition)
