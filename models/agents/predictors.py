@@ -1,5 +1,6 @@
 """The predictors that a study may name, and those that are not networks: uniform, and degraded to a wanted accuracy."""
 
+import json
 import zlib
 from pathlib import Path
 
@@ -7,15 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.agents.blackbox import is_foreign, load_foreign_predictor
+from models.agents.model_paths import without_variant
 from models.agents.scripted import GuidePredictor
 from models.inference.predictor_numpy import load_trained_predictor
-from models.protocols import STEPS, Observations, Predictions, Predictor
+from models.protocols import (
+    INTENTION,
+    INTENTIONS,
+    STEPS,
+    IntentionPredictor,
+    Intentions,
+    Observations,
+    Predictions,
+    Predictor,
+)
 from overcooked.constants import ACTIONS
 from overcooked.layout import Layout
 
 WEIGHTS = Path(__file__).parents[1] / "weights"
 RANDOM = "random"
 GUIDE = "guide"  # of the tutorial's agent of the same name
+_INTENTION_DRAWS = 1  # so that errors of intentions do not come with those of actions
 
 
 class UnknownPredictor(ValueError):
@@ -54,6 +66,18 @@ def predictor_folder(name: str, layout: Layout) -> Path:
     """Return where a predictor's checkpoint is: a path as it is, a bundled one among the weights, else a folder."""
     bundled = WEIGHTS / layout.name / name
     return Path(name) if "/" in name or (not bundled.is_dir() and Path(name).is_dir()) else bundled
+
+
+def has_intentions(name: str, layout: Layout) -> bool:
+    """Return whether the predictor called `name` says intentions; no weights are loaded. A Python class is taken to
+    have them if it may: only its answers can tell."""
+    if is_foreign(name):
+        return not name.endswith(".onnx")
+    base = without_variant(name)
+    if base in (RANDOM, GUIDE):
+        return base == GUIDE
+    config = predictor_folder(base, layout) / "config.json"
+    return config.is_file() and "intentions" in json.loads(config.read_text(encoding="utf-8"))
 
 
 def predictor_names(layout: Layout) -> list[str]:
@@ -117,11 +141,32 @@ class DegradedPredictor:
     ) -> Predictions:
         answer = self._predictor.predict(slots, observations, last_actions).copy()
         for row, (state, actions) in enumerate(zip(observations, last_actions, strict=True)):
-            draws = np.random.default_rng(zlib.crc32(state.tobytes(), zlib.crc32(actions.tobytes())))
+            draws = np.random.default_rng(_state_number(state, actions))
             for step in range(STEPS):
                 if draws.random() < self._rate:
                     _mislead(answer[row, step], int(draws.integers(1, ACTIONS)))
         return answer
+
+    def intentions(
+        self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
+    ) -> Intentions:
+        """Return the predictor's intentions. At the rate at which steps are replaced, the runner-up is said to be the
+        likeliest: that is the most plausible error."""
+        if not isinstance(self._predictor, IntentionPredictor):
+            return np.zeros((len(slots), INTENTIONS), INTENTION)
+        answer = self._predictor.intentions(slots, observations, last_actions).copy()
+        for row, (state, actions) in enumerate(zip(observations, last_actions, strict=True)):
+            draws = np.random.default_rng([_INTENTION_DRAWS, _state_number(state, actions)])
+            if draws.random() < self._rate and answer["probability"][row].all():
+                swapped = answer[row, ::-1].copy()
+                swapped["probability"] = answer["probability"][row]
+                answer[row] = swapped
+        return answer
+
+
+def _state_number(state: NDArray[np.int8], actions: NDArray[np.int8]) -> int:
+    """Return a number that follows from a state and the actions before it."""
+    return zlib.crc32(state.tobytes(), zlib.crc32(actions.tobytes()))
 
 
 def _mislead(action_distribution: NDArray[np.float32], shift: int) -> None:
