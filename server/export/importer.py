@@ -19,8 +19,8 @@ from sqlalchemy.exc import DBAPIError
 
 from server.export import codebook, manifest
 from server.export.codebook import ACTION_NAMES, STEPS
-from server.export.files import TABLE_FORMATS, table_path
 from server.export.codebook_intentions import intentions_of, intentions_of_last
+from server.export.files import TABLE_FORMATS, table_path
 from server.export.import_checks import ImportRefused, check_files, episode_spec, plain_name, study_source
 from server.export.spreadsheet_text import unescaped
 from server.export.writer import schema

@@ -106,7 +106,7 @@ ticks = Table(
         "displayed_intention",
         LargeBinary(4),
         nullable=True,
-        meaning="The intention that the frame showed: kind (8: nothing), x, y, opacity; none: the condition shows none.",
+        meaning="The intention that the frame showed: kind (8: nothing), x, y, opacity; none: it could not show any.",
         unit="%",
     ),
     sqlite_with_rowid=False,
