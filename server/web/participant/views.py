@@ -145,7 +145,8 @@ async def _introduction(
     slides = [key for key in INTRODUCTION if key != "marks" or study.shows_predictions(condition)]
     with_human = all(agent.human for agent in study.agents)
     return {"slides": slides, "with_human": with_human, "show": show_of(study, condition)} | {
-        "view_radius": view_radius_of(study, condition)
+        "view_radius": view_radius_of(study, condition),
+        "display": study.drawn(condition),
     }
 
 

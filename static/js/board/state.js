@@ -1,7 +1,9 @@
 // Everything a page knows of a game, as plain data: defaults() and apply(message). The time is always an argument.
 
+/** @import { Intention } from './intention.js' */
 /** @import { Mark } from './marks.js' */
 
+import { NO_INTENTION, intentionOf, isSameIntention } from './intention.js';
 import { marks } from './marks.js';
 
 export const GLIDE_SHARE = 0.9; // of a tick
@@ -26,6 +28,9 @@ export const GLIDE_MAX_MS = 180;
  * @property {number[]} actions what led to the current kitchen
  * @property {Mark[]} marks
  * @property {Mark[]} marksBefore
+ * @property {Intention | null} intention what the watched chef is predicted to do next at a station
+ * @property {boolean} saysIntention whether the frame carries one, also that nothing is done soon
+ * @property {number} intentionMs since when it is this one
  * @property {{ seconds: number, sinceMs: number } | null} countdown
  * @property {boolean} partnerSeen whether the other chef is in view
  * @property {boolean} partnerSeenBefore the same in the kitchen before
@@ -53,6 +58,7 @@ export function defaults() {
   return {
     ...{ link: 'connecting', linkSinceMs: 0, phase: 'waiting', game: null, alone: false },
     ...{ previous: null, current: null, arrivedMs: 0, from: [], actions: [4, 4], marks: [], marksBefore: [] },
+    ...{ intention: null, saysIntention: false, intentionMs: 0 },
     ...{ partnerSeen: true, partnerSeenBefore: true, unknown: [] },
     ...{ countdown: null, pause: null, lesson: null, lessons: [], ended: null, notice: null, turn: null, applied: -1 },
   };
@@ -70,7 +76,7 @@ export function boardState(still, kitchen, now) {
   const welcome = {
     ...{ type: 'welcome', protocol: 0, episode: '', kind: 'episode', number: 0, episodes: 0, layout: '', title: '' },
     ...{ steps: 3, shows_predictions: true, resumed: false, partner: 'agent', show: 'always', view_radius: 0 },
-    ...{ partner_seen: true, unknown: [] },
+    ...{ partner_seen: true, unknown: [], display: 'actions' },
     ...still,
     state: kitchen,
     endless: !still.horizon,
@@ -84,7 +90,10 @@ export function boardState(still, kitchen, now) {
  * @returns {Wire.Tick}
  */
 export function tickOf(part) {
-  return { type: 'tick', actions: [4, 4], applied: -1, late: false, partner_seen: true, unknown: [], ...part };
+  /** @type {Wire.Tick['intention']} */
+  const intention = [8, -1, -1, 95];
+  const seen = { partner_seen: true, unknown: [], intention, pad: '' };
+  return { type: 'tick', actions: [4, 4], applied: -1, late: false, ...seen, ...part };
 }
 
 /**
@@ -183,6 +192,7 @@ function applyTick(state, message, now) {
   const { grid, watched_seat: watched } = state.game;
   const players = message.state.players;
   const phase = phaseAfter(state, message);
+  const intention = intentionOf(message.intention, players[watched], players[1 - watched], grid);
   return {
     ...state,
     phase,
@@ -198,6 +208,9 @@ function applyTick(state, message, now) {
     actions: message.actions,
     marks: marks(message.prediction, players[watched], players[1 - watched], grid),
     marksBefore: state.marks,
+    intention,
+    saysIntention: message.intention[0] !== NO_INTENTION,
+    intentionMs: isSameIntention(intention, state.intention) ? state.intentionMs : now,
     turn: state.turn && message.applied >= state.turn.seq ? null : state.turn,
     applied: message.applied,
   };

@@ -34,6 +34,7 @@ declare namespace Wire {
     view_radius: number;
     partner_seen: boolean;
     unknown: [number, number][];
+    display: "actions" | "both" | "intention" | "none";
   }
 
   interface Waiting {
@@ -55,6 +56,8 @@ declare namespace Wire {
     late: boolean;
     partner_seen: boolean;
     unknown: [number, number][];
+    intention: [number, number, number, number];
+    pad: string;
   }
 
   interface Paused {

@@ -27,9 +27,9 @@ export class MarksControl {
   }
 
   /** @param {State} state */
-  show({ game, marks, partnerSeen }) {
+  show({ game, marks, saysIntention, partnerSeen }) {
     const show = game?.show ?? 'always';
-    const isOn = marks.some(({ kind }) => kind !== 'none');
+    const isOn = saysIntention || marks.some(({ kind }) => kind !== 'none');
     // Of a partner out of view there are no marks, whether they are on or off.
     if (show === 'toggle' && partnerSeen) this.button.setAttribute('aria-pressed', String(isOn));
     if (show === this.shown) return;
