@@ -13,7 +13,7 @@ import { STEP } from './kitchen.js';
 import { colour } from './sprites.js';
 
 /** Sizes in 1/64 cell. */
-const BADGE = { radius: 15, ring: 3, item: 21, arrow: 7 };
+const BADGE = { radius: 15, ring: 3, item: 21, arrow: 6 };
 const DOTS = { gap: 11, light: 9, dark: 7, paint: 4.4 };
 const BUBBLE = { padX: 8, padY: 5, corner: 8, border: 2.4, tail: 9 };
 const BACKING = 0.92;
@@ -156,7 +156,7 @@ function split(words) {
 export function drawBubble(context, { box, lines, size }, opacity, { chef, who, shown }) {
   context.save();
   context.lineJoin = 'round';
-  const path = outline(box, [chef[0] * 64 + 32, chef[1] * 64 + 26]);
+  const paths = [boxOutline(box), tailOutline(box, [chef[0] * 64 + 32, chef[1] * 64 + 26])];
   for (const [width, paint, alpha] of /** @type {const} */ ([
     [2 * BUBBLE.border + 3, colour('--outline-dark'), opacity],
     [2 * BUBBLE.border, colour(PAINT[who]), opacity],
@@ -164,11 +164,11 @@ export function drawBubble(context, { box, lines, size }, opacity, { chef, who, 
     context.globalAlpha = alpha * shown;
     context.strokeStyle = paint;
     context.lineWidth = width;
-    context.stroke(path);
+    for (const path of paths) context.stroke(path);
   }
   context.globalAlpha = shown;
   context.fillStyle = colour('--card');
-  context.fill(path);
+  for (const path of paths) context.fill(path);
   context.fillStyle = colour('--ink');
   context.font = fontOf(size);
   context.textAlign = 'center';
@@ -181,10 +181,9 @@ export function drawBubble(context, { box, lines, size }, opacity, { chef, who, 
 
 /**
  * @param {Box} box
- * @param {readonly number[]} towards
  * @returns {Path2D}
  */
-function outline({ left, top, width, height }, [toX, toY]) {
+function boxOutline({ left, top, width, height }) {
   const path = new Path2D();
   const [right, bottom, corner] = [left + width, top + height, BUBBLE.corner];
   path.moveTo(left + corner, top);
@@ -193,13 +192,25 @@ function outline({ left, top, width, height }, [toX, toY]) {
   path.arcTo(left, bottom, left, top, corner);
   path.arcTo(left, top, right, top, corner);
   path.closePath();
-  const inside = corner + 5;
-  const x = Math.max(left + inside, Math.min(right - inside, toX));
-  const y = Math.max(top + inside / 2, Math.min(bottom - inside / 2, toY));
+  return path;
+}
+
+/**
+ * Return the tail: from within the box a little over its edge.
+ * @param {Box} box
+ * @param {readonly number[]} towards
+ * @returns {Path2D}
+ */
+function tailOutline(box, [toX, toY]) {
+  const { left, top, width, height } = box;
+  const path = new Path2D();
+  const inside = BUBBLE.corner + 5;
+  const x = Math.max(left + inside, Math.min(left + width - inside, toX));
+  const y = Math.max(top + inside / 2, Math.min(top + height - inside / 2, toY));
   const far = Math.hypot(toX - x, toY - y);
-  if (far < 8) return path;
+  if (far < inside) return path;
   const [east, south] = [(toX - x) / far, (toY - y) / far];
-  const edge = Math.min(far, edgeAt(x, y, east, south, { left, top, width, height }) + BUBBLE.tail);
+  const edge = Math.min(far, edgeAt(x, y, east, south, box) + BUBBLE.tail);
   path.moveTo(x - 5 * south, y + 5 * east);
   path.lineTo(x + edge * east, y + edge * south);
   path.lineTo(x + 5 * south, y - 5 * east);

@@ -47,13 +47,15 @@ const PLACES = [
  * @param {Player} watched
  * @param {Player | undefined} other
  * @param {Grid} grid
+ * @param {Cell[]} ahead the cells that the drawn steps lead to: the way follows them if they lead to the station
  * @returns {Intention | null}
  */
-export function intentionOf([number, x, y, percent], watched, other, grid) {
+export function intentionOf([number, x, y, percent], watched, other, grid, ahead = []) {
   const name = KINDS[number];
   if (name === 'none' || name === undefined || grid[y]?.[x] === undefined) return null;
   const kind = /** @type {Kind} */ (name);
-  const way = shortestWay(grid, watched, [x, y], other) ?? shortestWay(grid, watched, [x, y], undefined);
+  const free = shortestWay(grid, watched, [x, y], other) ?? shortestWay(grid, watched, [x, y], undefined);
+  const way = free && alongSteps(free, ahead, grid, [x, y], other);
   const beside = STEP.map(([columns, rows]) => /** @type {Cell} */ ([x - columns, y - rows]));
   const last = way?.[way.length - 1] ?? beside.find((cell) => isFloor(grid, ...cell)) ?? [x, y];
   const side = STEP.findIndex(([columns, rows]) => last[0] + columns === x && last[1] + rows === y);
@@ -95,6 +97,23 @@ export function shortestWay(grid, [startX, startY], [x, y], blocked) {
     }
   }
   return null;
+}
+
+/**
+ * Return a way that is as short and begins with as many of the drawn steps as possible.
+ * @param {Cell[]} way
+ * @param {Cell[]} ahead
+ * @param {Grid} grid
+ * @param {Cell} station
+ * @param {readonly number[] | undefined} other
+ * @returns {Cell[]}
+ */
+function alongSteps(way, ahead, grid, station, other) {
+  for (let count = ahead.length; count > 0; count -= 1) {
+    const rest = shortestWay(grid, ahead[count - 1], station, other);
+    if (rest && count + rest.length === way.length) return [way[0], ...ahead.slice(0, count), ...rest.slice(1)];
+  }
+  return way;
 }
 
 /** @type {(cell: Cell, before: Map<string, Cell | null>) => Cell[]} */

@@ -4,7 +4,7 @@
 /** @import { Mark } from './marks.js' */
 
 import { NO_INTENTION, intentionOf, isSameIntention } from './intention.js';
-import { marks } from './marks.js';
+import { cellAfter, marks } from './marks.js';
 
 export const GLIDE_SHARE = 0.9; // of a tick
 export const GLIDE_MAX_MS = 180;
@@ -192,7 +192,9 @@ function applyTick(state, message, now) {
   const { grid, watched_seat: watched } = state.game;
   const players = message.state.players;
   const phase = phaseAfter(state, message);
-  const intention = intentionOf(message.intention, players[watched], players[1 - watched], grid);
+  const drawn = marks(message.prediction, players[watched], players[1 - watched], grid);
+  const ahead = drawn.flatMap((mark) => (mark.kind === 'move' ? [cellAfter(mark)] : []));
+  const intention = intentionOf(message.intention, players[watched], players[1 - watched], grid, ahead);
   return {
     ...state,
     phase,
@@ -206,7 +208,7 @@ function applyTick(state, message, now) {
     unknown: message.unknown,
     from: players.map((player, seat) => startOf(state, seat, player, now)),
     actions: message.actions,
-    marks: marks(message.prediction, players[watched], players[1 - watched], grid),
+    marks: drawn,
     marksBefore: state.marks,
     intention,
     saysIntention: message.intention[0] !== NO_INTENTION,

@@ -59,7 +59,8 @@ export class Hud {
     this.#find('#legend-predictions').hidden = !game.shows_predictions;
     this.#find('#legend-pots').hidden = game.shows_predictions;
     for (const part of findAll('[data-display]', HTMLElement, this.page)) {
-      part.hidden = !['both', part.dataset.display].includes(game.display);
+      const isOne = part.dataset.display === game.display;
+      part.hidden = !isOne && (game.display !== 'both' || part.dataset.alone !== undefined);
     }
     this.#find('#ids').hidden = practice || game.seat < 0;
     this.#find('#legend').hidden = practice;
