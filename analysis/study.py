@@ -14,6 +14,7 @@ from analysis import (
     data_quality,
     exclusions,
     factorial,
+    intentions,
     limited_sight,
     measures,
     mixed_model,
@@ -130,6 +131,7 @@ def design_rows(
         *factorial.factorial_rows(export, episodes, answers),
         *on_demand.rows(export.ticks, episodes, conditions),
         *limited_sight.rows(export.ticks, episodes, conditions),
+        *intentions.rows(export.ticks, episodes, conditions),
         *reliance.rows(export.reliance, episodes, conditions),
     ]
 

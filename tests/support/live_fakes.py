@@ -13,7 +13,6 @@ from server.play.episode_spec import EpisodeSpec
 from server.play.messages import Outgoing
 from server.play.recorder import EpisodeRecord, EpisodeResult, InputRecord, PauseRecord, RecorderDown, TickRecord
 
-
 # In the coordination ring: an onion from the left crate, then a dish.
 INTENTIONS = (
     Intention(InteractionKind.TAKE_ONION, 0, 3, 4, 0.5),
@@ -90,7 +89,7 @@ class MemoryRecorder:
         last = stored[-1]
         return EpisodeRecord(
             episode, ("p1", None), spec, actions, last.state_hash, "running", 0.0, last.next_actions, last.displayed,
-            asked=last.asked,
+            asked=last.asked, displayed_intention=last.displayed_intention,
         )  # fmt: skip
 
 
