@@ -162,10 +162,12 @@ def doubts(file: StudyFile) -> Iterator[Problem]:
     study, required = file.study, required_models([file])
     if not any(condition.predictor in ("tom", "degraded", "misleading") for condition in study.conditions):
         return
+    yield from _practice_doubts(study)
     for index, agent in enumerate(study.agents):
         place: Path = ("agents", index, "predictor")
         if agent.predictor in WITHOUT_WEIGHTS and agent.predictor != agent.catalogue_name:
-            what = "guesses at random" if agent.predictor == "random" else "knows the scripted guide only"
+            scripted = f"knows the scripted {agent.predictor} only"
+            what = "guesses at random" if agent.predictor == "random" else scripted
             reason = f"a condition shows what the predictor says, and `{agent.predictor}` {what}"
             yield Problem(place, reason, "Is that intended? Name a predictor that was trained for it.", warning=True)
         names = {without_variant(predictor_of(study, agent, arm) or "") for arm in study.conditions}
@@ -179,6 +181,17 @@ def doubts(file: StudyFile) -> Iterator[Problem]:
             if watched and played and watched != played:
                 reason = f"{name} was trained to predict another agent than {agent.name} on {layout.name}"
                 yield Problem(place, reason, "Is that intended? Train one for this agent.", warning=True)
+
+
+def _practice_doubts(study: Study) -> Iterator[Problem]:
+    """A practice that is meant to teach intentions, with an agent that has none: the guide only walks."""
+    has_intentions = any(study.drawn(arm) in ("intention", "both") for arm in study.conditions)
+    is_taught = "tutorial" in study.flow and "marks" in study.tutorial.lessons
+    if has_intentions and is_taught and study.tutorial.agent.predictor == "guide":
+        reason = "the practice shows no intention: the guide never uses a station"
+        remedy = "Add `agent: {name: carrier, predictor: carrier}` to `tutorial`."
+        place: Path = ("tutorial", "agent") if "agent" in study.tutorial.model_fields_set else ("tutorial",)
+        yield Problem(place, reason, remedy, warning=True)
 
 
 def _identity(layout: str, model: str, required: RequiredModels) -> str | None:

@@ -3,11 +3,13 @@
 import json
 import zlib
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.agents.blackbox import is_foreign, load_foreign_predictor
+from models.agents.carrier import CarrierPredictor
 from models.agents.model_paths import without_variant
 from models.agents.scripted import GuidePredictor
 from models.inference.predictor_numpy import load_trained_predictor
@@ -26,7 +28,7 @@ from overcooked.layout import Layout
 
 WEIGHTS = Path(__file__).parents[1] / "weights"
 RANDOM = "random"
-GUIDE = "guide"  # of the tutorial's agent of the same name
+SCRIPTED: Final[dict[str, type[Predictor]]] = {"guide": GuidePredictor, "carrier": CarrierPredictor}  # of that agent
 _INTENTION_DRAWS = 1  # so that errors of intentions do not come with those of actions
 
 
@@ -35,7 +37,7 @@ class UnknownPredictor(ValueError):
 
 
 def load_predictor(name: str, layout: Layout) -> Predictor:
-    """The predictor called `name`: `random`, `guide` (of the scripted guide), a bundled one such as
+    """The predictor called `name`: `random`, `guide` or `carrier` (of that scripted agent), a bundled one such as
     `sp_predictor_stream`, a folder that `kitchenmind train predictor` wrote, a foreign one (`module:Class`, an ONNX
     file); `sp_predictor_stream@60` is made worse until 60 % of its steps are right. Raises ValueError (its kinds) or
     OSError."""
@@ -52,11 +54,11 @@ def _load(name: str, layout: Layout) -> tuple[Predictor, float]:
     """A predictor and how often its steps are right."""
     if name == RANDOM:
         return UniformPredictor(), 1 / ACTIONS
-    if name == GUIDE:
-        return GuidePredictor(), 1.0
+    if name in SCRIPTED:
+        return SCRIPTED[name](), 1.0
     folder = predictor_folder(name, layout)
     if not (folder / "config.json").is_file():
-        known = ", ".join([*predictor_names(layout), RANDOM, GUIDE])
+        known = ", ".join([*predictor_names(layout), RANDOM, *SCRIPTED])
         remedy = f"Known there: {known}; or give the folder that `kitchenmind train predictor` wrote."
         raise UnknownPredictor(f"{layout.name} has no predictor {name!r}. {remedy}")
     return load_trained_predictor(folder, layout)
@@ -74,8 +76,8 @@ def has_intentions(name: str, layout: Layout) -> bool:
     if is_foreign(name):
         return not name.endswith(".onnx")
     base = without_variant(name)
-    if base in (RANDOM, GUIDE):
-        return base == GUIDE
+    if base == RANDOM or base in SCRIPTED:
+        return base in SCRIPTED
     config = predictor_folder(base, layout) / "config.json"
     return config.is_file() and "intentions" in json.loads(config.read_text(encoding="utf-8"))
 

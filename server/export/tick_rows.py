@@ -51,7 +51,7 @@ def chunks(connection: Connection, episodes: Iterator[str], types: pa.Schema) ->
         before += rows[:-1]
         after += rows[1:]
         has_intentions = any(row[_INTENTIONS] for row in rows)
-        came += next_in_episode(connection, episode)[:-1] if has_intentions else [None] * len(rows[:-1])
+        came.extend(next_in_episode(connection, episode)[:-1] if has_intentions else [None] * len(rows[:-1]))
         gathered += 1
         if gathered == EPISODES:
             if before:
