@@ -117,9 +117,9 @@ def _task(seen: ParsedObservation) -> _Task:
     for blocked in (seen.other, None):  # None: as if the other would step aside
         reached = distances(seen.floor, seen.me, blocked)
         ways = [
-            (*reached[beside], direction)
+            (*reached[neighbour], direction)
             for direction in range(len(STEP_X))
-            if (beside := (station[0] - int(STEP_X[direction]), station[1] - int(STEP_Y[direction]))) in reached
+            if (neighbour := (station[0] - int(STEP_X[direction]), station[1] - int(STEP_Y[direction]))) in reached
         ]
         if ways:
             steps, first, direction = min(ways)

@@ -56,8 +56,8 @@ export function intentionOf([number, x, y, percent], watched, other, grid, ahead
   const kind = /** @type {Kind} */ (name);
   const free = shortestWay(grid, watched, [x, y], other) ?? shortestWay(grid, watched, [x, y], undefined);
   const way = free && alongSteps(free, ahead, grid, [x, y], other);
-  const beside = STEP.map(([columns, rows]) => /** @type {Cell} */ ([x - columns, y - rows]));
-  const last = way?.[way.length - 1] ?? beside.find((cell) => isFloor(grid, ...cell)) ?? [x, y];
+  const neighbours = STEP.map(([columns, rows]) => /** @type {Cell} */ ([x - columns, y - rows]));
+  const last = way?.[way.length - 1] ?? neighbours.find((cell) => isFloor(grid, ...cell)) ?? [x, y];
   const side = STEP.findIndex(([columns, rows]) => last[0] + columns === x && last[1] + rows === y);
   const item = ITEM_OF[kind] ?? ITEMS[watched[3]] ?? null;
   return { kind, x, y, opacity: percent / 100, way: way ?? [last], side, item, takes: TAKEN.includes(kind) };
