@@ -131,7 +131,7 @@ function obstacles(state) {
   for (const [x, y] of current.counters) list.push(around(x * 64 + 32, y * 64 + 28, 44, COST.item));
   current.players.forEach(([x, y], seat) => {
     if (!isInView(state, seat)) return;
-    list.push(around(x * 64 + 32, y * 64 + 30, 66, seat === game.watched_seat ? COST.watched : COST.chef));
+    list.push(around(x * 64 + 32, y * 64 + 30, 74, seat === game.watched_seat ? COST.watched : COST.chef));
     if (seat === game.seat) list.push(around(x * 64 + 32, y * 64 - 12, 34, COST.tag));
   });
   for (const { kind, x, y, dx, dy } of marks) {

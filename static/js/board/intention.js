@@ -35,10 +35,10 @@ const STATIONS = { P: 'pot', O: 'crate', D: 'rack', S: 'hatch', X: 'counter' };
 
 /** Where the icon is, from the centre of the last floor cell, by direction of the station. */
 const PLACES = [
-  [12, -37],
-  [-12, 37],
-  [36, 13],
-  [-36, 13],
+  [20, -38],
+  [-20, 38],
+  [38, 20],
+  [-38, 20],
 ];
 
 /**
