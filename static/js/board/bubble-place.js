@@ -17,7 +17,7 @@ const STEP = 8; // between the places that are tried
 const FAR = 100; // how far from the chef's middle a bubble's edge may be
 const EDGE = 4; // between bubble and board's edge
 const DISTANCE = 0.02;
-/** A bubble moves only for a place that is better by this, and is left out where even the best costs more than LIMIT. */
+/** A bubble moves only for a place that is better by this. It is left out where even the best costs more than LIMIT. */
 const MOVES_FOR = 2;
 const LIMIT = 16;
 

@@ -1,4 +1,4 @@
-// Turns a predicted intention into what is drawn of it, as plain data: the way to the station, the side from which it is
+// Turns a predicted intention into what is drawn of it, as plain data: the way to the station, from which side it is
 // used, and the words for it.
 
 /** @import { Catalogue } from '../browser/texts.js' */
@@ -73,7 +73,7 @@ export function isSameIntention(one, other) {
 }
 
 /**
- * Return the cells of a shortest way over the floor to a cell next to the station, with the start; null if there is none.
+ * Return the cells of a shortest way over the floor to a cell next to the station, with the start; null for none.
  * @param {Grid} grid
  * @param {readonly number[]} start
  * @param {Cell} station
