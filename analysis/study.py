@@ -15,6 +15,7 @@ from analysis import (
     exclusions,
     factorial,
     factorial_within,
+    intentions,
     limited_sight,
     measures,
     mixed_model,
@@ -138,6 +139,7 @@ def design_rows(
         ),
         *on_demand.rows(export.ticks, episodes, conditions),
         *limited_sight.rows(export.ticks, episodes, conditions),
+        *intentions.rows(export.ticks, episodes, conditions),
         *reliance.rows(export.reliance, episodes, conditions),
     ]
 

@@ -35,10 +35,14 @@ COLUMNS = {
 }
 IN_SIGHT = "in_sight"  # an older export lacks it
 ON_DEMAND = ("asked", "displayed_1")  # an older export lacks the first
+INTENTIONS = tuple(
+    f"{name}_{part}" for name in ("intention_1", "displayed_intention", "interaction") for part in ("kind", "x", "y")
+)  # an older export lacks them
 TICK_COLUMNS = {
     *COLUMNS["ticks"],
     *ON_DEMAND,
     IN_SIGHT,
+    *INTENTIONS,
     *(f"key_{time}_ms_{seat}" for time in ("client", "received") for seat in (0, 1)),
 }
 OPTIONAL = ("pauses", "reliance", "withdrawals")

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Final, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,11 @@ INTENTION_HORIZON = 20  # timesteps: an interaction that is farther ahead counts
 Observations = NDArray[np.int8]  # (games, width, height, 26): the lossless encoding as the agent sees it
 Probabilities = NDArray[np.float32]  # (games, 6)
 Predictions = NDArray[np.float32]  # (games, STEPS, 6)
+INTENTIONS: Final = 2  # how many a predictor says: the likeliest, then the runner-up
+INTENTION: Final = np.dtype(
+    [("kind", np.int8), ("x", np.int8), ("y", np.int8), ("steps", np.int8), ("probability", np.float32)]
+)  # the fields of an `Intention`; probability 0: not said
+Intentions = NDArray[np.void]  # (games, INTENTIONS) of INTENTION
 
 
 class BlackBoxError(ValueError):
@@ -39,6 +44,18 @@ class Predictor(Protocol):
     def predict(
         self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
     ) -> Predictions: ...
+
+
+@runtime_checkable
+class IntentionPredictor(Predictor, Protocol):
+    """A predictor that can also say what the watched agent does next at a station.
+
+    `intentions` is called after `predict` and with the same arguments. An entry with probability 0 says nothing.
+    """
+
+    def intentions(
+        self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
+    ) -> Intentions: ...
 
 
 @dataclass(frozen=True)

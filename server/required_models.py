@@ -14,7 +14,7 @@ from server.settings import ROOT
 from server.study.loader import StudyError, StudyFile
 
 WEIGHTS = ROOT / "models" / "weights"
-WITHOUT_WEIGHTS: Final = frozenset({"planner", "guide", "random", "stay"})
+WITHOUT_WEIGHTS: Final = frozenset({"planner", "guide", "carrier", "random", "stay"})
 Name = tuple[str, str]  # (layout, model)
 
 

@@ -13,6 +13,7 @@ from server.participation.episode_specs import layout_of, models_of, predictor_o
 from server.required_models import WEIGHTS, WITHOUT_WEIGHTS, RequiredModels, fingerprint, folder_of, required_models
 from server.study.checks import Path, Problem
 from server.study.definition import KitchenChoice, PartnerSettings, Study
+from server.study.factor_checks import in_factors
 from server.study.loader import StudyFile
 
 
@@ -93,6 +94,7 @@ def _model_problems(file: StudyFile, layouts: dict[str, Layout], loads: bool) ->
     required = required_models([file])
     yield from missing_problems(file, required)
     yield from _degraded_problems(required)
+    yield from in_factors(file.study, _intention_problems(file.study, layouts, required))
     told: set[str] = set()
     for place, layout, model in models_named(file.study) if loads else ():
         if (layout, model) in required.missing or layout not in layouts:
@@ -103,6 +105,27 @@ def _model_problems(file: StudyFile, layouts: dict[str, Layout], loads: bool) ->
         if problem is not None and problem.reason not in told:
             told.add(problem.reason)
             yield problem
+
+
+def _intention_problems(study: Study, layouts: dict[str, Layout], required: RequiredModels) -> Iterator[Problem]:
+    """Conditions that draw the predictor's intention where it says none. Random ones need no predictor."""
+    from models.agents.predictors import has_intentions
+
+    told: set[tuple[str, str]] = set()
+    for index, arm in enumerate(study.conditions):
+        if study.drawn(arm) not in ("intention", "both") or arm.predictor == "random":
+            continue
+        place: Path = ("conditions", index, "display") if arm.display else ("predictor", "display")
+        for kitchen, agent in product(study.layouts, study.agents):
+            name = predictor_of(study, agent, arm)
+            there = name is not None and kitchen.name in layouts and required.lacks(kitchen.name, name) is None
+            if name is None or not there or (kitchen.name, name) in told:
+                continue
+            if not has_intentions(required.paths.located(name), layouts[kitchen.name]):
+                told.add((kitchen.name, name))
+                reason = f"`display: {study.drawn(arm)}` needs a predictor with intentions; on {kitchen.name}, {name!r}"
+                remedy = "Use `display: actions`, or train it with intentions: docs/guides/intentions.md."
+                yield Problem(place, f"{reason} has none", remedy)
 
 
 def _grid_problem(study: Study, layout: Layout, model: str, required: RequiredModels) -> Problem | None:
@@ -139,10 +162,12 @@ def doubts(file: StudyFile) -> Iterator[Problem]:
     study, required = file.study, required_models([file])
     if not any(condition.predictor in ("tom", "degraded", "misleading") for condition in study.displays):
         return
+    yield from _practice_doubts(study)
     for index, agent in enumerate(study.agents):
         place: Path = ("agents", index, "predictor")
         if agent.predictor in WITHOUT_WEIGHTS and agent.predictor != agent.catalogue_name:
-            what = "guesses at random" if agent.predictor == "random" else "knows the scripted guide only"
+            scripted = f"knows the scripted {agent.predictor} only"
+            what = "guesses at random" if agent.predictor == "random" else scripted
             reason = f"a condition shows what the predictor says, and `{agent.predictor}` {what}"
             yield Problem(place, reason, "Is that intended? Name a predictor that was trained for it.", warning=True)
         names = {without_variant(predictor_of(study, agent, arm) or "") for arm in study.displays}
@@ -156,6 +181,17 @@ def doubts(file: StudyFile) -> Iterator[Problem]:
             if watched and played and watched != played:
                 reason = f"{name} was trained to predict another agent than {agent.name} on {layout.name}"
                 yield Problem(place, reason, "Is that intended? Train one for this agent.", warning=True)
+
+
+def _practice_doubts(study: Study) -> Iterator[Problem]:
+    """A practice that is meant to teach intentions, with an agent that has none: the guide only walks."""
+    has_intentions = any(study.drawn(arm) in ("intention", "both") for arm in study.conditions)
+    is_taught = "tutorial" in study.flow and "marks" in study.tutorial.lessons
+    if has_intentions and is_taught and study.tutorial.agent.predictor == "guide":
+        reason = "the practice shows no intention: the guide never uses a station"
+        remedy = "Add `agent: {name: carrier, predictor: carrier}` to `tutorial`."
+        place: Path = ("tutorial", "agent") if "agent" in study.tutorial.model_fields_set else ("tutorial",)
+        yield Problem(place, reason, remedy, warning=True)
 
 
 def _identity(layout: str, model: str, required: RequiredModels) -> str | None:

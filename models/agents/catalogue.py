@@ -5,7 +5,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
 
-from models.agents import planner, scripted
+from models.agents import carrier, planner, scripted
 from models.agents.blackbox import is_foreign, load_foreign_agent
 from models.agents.model_paths import is_class, source_file
 from models.agents.onnx_weights import onnx_sha256
@@ -18,6 +18,7 @@ WEIGHTS = Path(__file__).parents[1] / "weights"
 SCRIPTED: dict[str, tuple[type[Policy], Mode]] = {
     "planner": (planner.PlannerPolicy, planner.MODE),
     "guide": (scripted.GuidePolicy, scripted.SURE),
+    "carrier": (carrier.CarrierPolicy, scripted.SURE),
     "random": (scripted.UniformPolicy, scripted.PLAIN),
     "stay": (scripted.StayPolicy, scripted.SURE),
 }

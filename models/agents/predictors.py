@@ -1,21 +1,35 @@
 """The predictors that a study may name, and those that are not networks: uniform, and degraded to a wanted accuracy."""
 
+import json
 import zlib
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.agents.blackbox import is_foreign, load_foreign_predictor
+from models.agents.carrier import CarrierPredictor
+from models.agents.model_paths import without_variant
 from models.agents.scripted import GuidePredictor
 from models.inference.predictor_numpy import load_trained_predictor
-from models.protocols import STEPS, Observations, Predictions, Predictor
+from models.protocols import (
+    INTENTION,
+    INTENTIONS,
+    STEPS,
+    IntentionPredictor,
+    Intentions,
+    Observations,
+    Predictions,
+    Predictor,
+)
 from overcooked.constants import ACTIONS
 from overcooked.layout import Layout
 
 WEIGHTS = Path(__file__).parents[1] / "weights"
 RANDOM = "random"
-GUIDE = "guide"  # of the tutorial's agent of the same name
+SCRIPTED: Final[dict[str, type[Predictor]]] = {"guide": GuidePredictor, "carrier": CarrierPredictor}  # of that agent
+_INTENTION_DRAWS = 1  # so that errors of intentions do not come with those of actions
 
 
 class UnknownPredictor(ValueError):
@@ -23,7 +37,7 @@ class UnknownPredictor(ValueError):
 
 
 def load_predictor(name: str, layout: Layout) -> Predictor:
-    """The predictor called `name`: `random`, `guide` (of the scripted guide), a bundled one such as
+    """The predictor called `name`: `random`, `guide` or `carrier` (of that scripted agent), a bundled one such as
     `sp_predictor_stream`, a folder that `kitchenmind train predictor` wrote, a foreign one (`module:Class`, an ONNX
     file); `sp_predictor_stream@60` is made worse until 60 % of its steps are right. Raises ValueError (its kinds) or
     OSError."""
@@ -40,11 +54,11 @@ def _load(name: str, layout: Layout) -> tuple[Predictor, float]:
     """A predictor and how often its steps are right."""
     if name == RANDOM:
         return UniformPredictor(), 1 / ACTIONS
-    if name == GUIDE:
-        return GuidePredictor(), 1.0
+    if name in SCRIPTED:
+        return SCRIPTED[name](), 1.0
     folder = predictor_folder(name, layout)
     if not (folder / "config.json").is_file():
-        known = ", ".join([*predictor_names(layout), RANDOM, GUIDE])
+        known = ", ".join([*predictor_names(layout), RANDOM, *SCRIPTED])
         remedy = f"Known there: {known}; or give the folder that `kitchenmind train predictor` wrote."
         raise UnknownPredictor(f"{layout.name} has no predictor {name!r}. {remedy}")
     return load_trained_predictor(folder, layout)
@@ -54,6 +68,18 @@ def predictor_folder(name: str, layout: Layout) -> Path:
     """Return where a predictor's checkpoint is: a path as it is, a bundled one among the weights, else a folder."""
     bundled = WEIGHTS / layout.name / name
     return Path(name) if "/" in name or (not bundled.is_dir() and Path(name).is_dir()) else bundled
+
+
+def has_intentions(name: str, layout: Layout) -> bool:
+    """Return whether the predictor called `name` says intentions; no weights are loaded. A Python class is taken to
+    have them if it may: only its answers can tell."""
+    if is_foreign(name):
+        return not name.endswith(".onnx")
+    base = without_variant(name)
+    if base == RANDOM or base in SCRIPTED:
+        return base in SCRIPTED
+    config = predictor_folder(base, layout) / "config.json"
+    return config.is_file() and "intentions" in json.loads(config.read_text(encoding="utf-8"))
 
 
 def predictor_names(layout: Layout) -> list[str]:
@@ -117,11 +143,32 @@ class DegradedPredictor:
     ) -> Predictions:
         answer = self._predictor.predict(slots, observations, last_actions).copy()
         for row, (state, actions) in enumerate(zip(observations, last_actions, strict=True)):
-            draws = np.random.default_rng(zlib.crc32(state.tobytes(), zlib.crc32(actions.tobytes())))
+            draws = np.random.default_rng(_state_number(state, actions))
             for step in range(STEPS):
                 if draws.random() < self._rate:
                     _mislead(answer[row, step], int(draws.integers(1, ACTIONS)))
         return answer
+
+    def intentions(
+        self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
+    ) -> Intentions:
+        """Return the predictor's intentions. At the rate at which steps are replaced, the runner-up is said to be the
+        likeliest: that is the most plausible error."""
+        if not isinstance(self._predictor, IntentionPredictor):
+            return np.zeros((len(slots), INTENTIONS), INTENTION)
+        answer = self._predictor.intentions(slots, observations, last_actions).copy()
+        for row, (state, actions) in enumerate(zip(observations, last_actions, strict=True)):
+            draws = np.random.default_rng([_INTENTION_DRAWS, _state_number(state, actions)])
+            if draws.random() < self._rate and answer["probability"][row].all():
+                swapped = answer[row, ::-1].copy()
+                swapped["probability"] = answer["probability"][row]
+                answer[row] = swapped
+        return answer
+
+
+def _state_number(state: NDArray[np.int8], actions: NDArray[np.int8]) -> int:
+    """Return a number that follows from a state and the actions before it."""
+    return zlib.crc32(state.tobytes(), zlib.crc32(actions.tobytes()))
 
 
 def _mislead(action_distribution: NDArray[np.float32], shift: int) -> None:

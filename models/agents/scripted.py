@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.agents.observation_parser import Cell, ParsedObservation, certain, parse_observation
-from models.protocols import STEPS, Mode, Observations, Predictions, Probabilities
+from models.protocols import INTENTION, INTENTIONS, STEPS, Intentions, Mode, Observations, Predictions, Probabilities
 from overcooked.constants import ACTIONS, STAY, STEP_X, STEP_Y
+from overcooked.interactions import NO_INTERACTION
 
 PLAIN = Mode(temperature=1.0, stuck_after=1, stuck_mix=0.0)
 SURE = Mode(temperature=0.0, stuck_after=1, stuck_mix=0.0)
@@ -52,6 +53,17 @@ class GuidePredictor:
         last_actions: NDArray[np.int8],  # noqa: ARG002
     ) -> Predictions:
         return guide_ahead(observations)
+
+    def intentions(
+        self,
+        slots: NDArray[np.intp],
+        observations: Observations,  # noqa: ARG002
+        last_actions: NDArray[np.int8],  # noqa: ARG002
+    ) -> Intentions:
+        """Return that the guide uses no station, nearly certainly."""
+        answer = np.zeros((len(slots), INTENTIONS), INTENTION)
+        answer[:, 0] = (*NO_INTERACTION, 0, 0.99)
+        return answer
 
 
 def guide_ahead(observations: Observations) -> Predictions:

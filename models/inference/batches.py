@@ -3,13 +3,8 @@
 from collections.abc import Iterator, Sequence
 from itertools import accumulate, pairwise
 
-import numpy as np
-
+from models.inference.answer_arrays import AnswerArrays
 from models.inference.wire import Answer, ModelRequest
-from models.protocols import STEPS
-from overcooked.constants import ACTIONS
-
-_DISTRIBUTION_BYTES = ACTIONS * np.dtype(np.float32).itemsize
 
 
 def together(asks: Sequence[ModelRequest]) -> list[list[ModelRequest]]:
@@ -39,15 +34,7 @@ def joined(group: Sequence[ModelRequest]) -> ModelRequest:
 
 def parted(whole: Answer, group: Sequence[ModelRequest]) -> Iterator[Answer]:
     """The answer to each question of the group. Faults are told once, with the first."""
+    arrays = AnswerArrays.read(whole)
     for ask, (begin, end) in zip(group, pairwise(accumulate((len(ask.rows) for ask in group), initial=0)), strict=True):
-        action_distributions = slice(begin * _DISTRIBUTION_BYTES, end * _DISTRIBUTION_BYTES)
-        predictions = slice(STEPS * action_distributions.start, STEPS * action_distributions.stop)
-        yield Answer(
-            id=ask.id,
-            model_ms=whole.model_ms,
-            acted=whole.acted[begin:end],
-            action_distributions=whole.action_distributions[action_distributions],
-            predicted=whole.predicted[begin:end],
-            predictions=whole.predictions[predictions],
-            faults=whole.faults if ask is group[0] else [],
-        )
+        faults = whole.faults if ask is group[0] else []
+        yield arrays.rows(slice(begin, end)).packed(ask.id, whole.model_ms, faults)

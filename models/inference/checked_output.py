@@ -5,8 +5,20 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.protocols import STEPS, Predictions, Probabilities
+from models.protocols import (
+    INTENTION,
+    INTENTION_HORIZON,
+    INTENTIONS,
+    STEPS,
+    IntentionPredictor,
+    Intentions,
+    Observations,
+    Predictions,
+    Predictor,
+    Probabilities,
+)
 from overcooked.constants import ACTIONS
+from overcooked.interactions import InteractionKind
 
 ROWS_SUM_TO_ONE: Final = 1e-2  # within this
 
@@ -29,6 +41,29 @@ def checked_predictions(predictions: Predictions, rows: int) -> Predictions:
     if given.shape != (rows, STEPS, ACTIONS):
         raise WrongOutput(f"gave an array of shape {given.shape}, wanted {(rows, STEPS, ACTIONS)}")
     return _checked_rows(given)
+
+
+def checked_intentions(
+    predictor: Predictor, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
+) -> Intentions:
+    """Return the intentions (games, 2) that a predictor says after `predict`; where it has none, all have probability
+    0. Raises WrongOutput."""
+    wanted = (len(slots), INTENTIONS)
+    if not isinstance(predictor, IntentionPredictor):
+        return np.zeros(wanted, INTENTION)
+    given = np.asarray(predictor.intentions(slots, observations, last_actions))
+    if given.shape != wanted or given.dtype != INTENTION:
+        raise WrongOutput(f"gave intentions of shape {given.shape} and type {given.dtype}, wanted {wanted} {INTENTION}")
+    probability = given["probability"]
+    if not ((probability >= 0) & (probability <= 1)).all():
+        raise WrongOutput("gave an intention whose probability is not between 0 and 1")
+    width, height = observations.shape[1:3]
+    at_station = (given["x"] >= 0) & (given["x"] < width) & (given["y"] >= 0) & (given["y"] < height)
+    soon = (given["steps"] >= 1) & (given["steps"] <= INTENTION_HORIZON)
+    known = (given["kind"] > InteractionKind.NONE) & (given["kind"] <= max(InteractionKind)) & at_station & soon
+    if not (known | (given["kind"] == InteractionKind.NONE)).all():
+        raise WrongOutput(f"gave an intention of an unknown kind, beyond the kitchen or not in 1-{INTENTION_HORIZON}")
+    return given
 
 
 def _checked_rows(given: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -10,16 +10,18 @@ import zlib
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import starmap
 
 import numpy as np
 
 from models.agents.blackbox import is_foreign
 from models.agents.model_paths import ModelPaths
+from models.inference.answer_arrays import AnswerArrays
 from models.inference.launch import Launched
 from models.inference.supervised_worker import ModelsDown, SupervisedWorker
 from models.inference.wire import Answer, Load, Name, Row
-from models.protocols import STEPS, Decision, Question
-from overcooked.constants import ACTIONS, STAY
+from models.protocols import Decision, Intention, Question
+from overcooked.constants import STAY
 
 __all__ = ["ModelServer", "ModelStatistics", "ModelsDown"]
 
@@ -224,14 +226,15 @@ class ModelServer:
     def _read(self, found: "list[_Found]", answer: Answer) -> None:
         self._times.append(answer.model_ms)
         self._faults.update(f"{fault.model}: {fault.reason}" for fault in answer.faults)
-        acted = np.frombuffer(answer.acted, np.int8).tolist()
-        action_distributions = np.frombuffer(answer.action_distributions, np.float32).reshape(-1, ACTIONS).tolist()
-        predictions = np.frombuffer(answer.predictions, np.float32).reshape(-1, STEPS, ACTIONS).tolist()
+        arrays = AnswerArrays.read(answer)
+        acted, action_distributions = arrays.acted.tolist(), arrays.action_distributions.tolist()
+        predictions, intentions = arrays.predictions.tolist(), arrays.intentions.tolist()
         for k, part in enumerate(found):
             if acted[k] >= 0:
                 part.action, part.probabilities = acted[k], tuple(action_distributions[k])
-            if answer.predicted[k]:
+            if arrays.predicted[k]:
                 part.prediction = tuple(tuple(step) for step in predictions[k])
+                part.intentions = tuple(said for said in starmap(Intention, intentions[k]) if said.probability)
 
 
 @dataclass
@@ -241,13 +244,14 @@ class _Found:
     action: int | None = None
     probabilities: tuple[float, ...] = ()
     prediction: tuple[tuple[float, ...], ...] = ()
+    intentions: tuple[Intention, ...] = ()
 
     def decision(self, question: Question) -> Decision | None:
         if question.agent is not None:
             if self.action is None:
                 return None
-            return Decision(self.action, self.probabilities, self.prediction)
-        return Decision(STAY, (), self.prediction) if self.prediction else None
+            return Decision(self.action, self.probabilities, self.prediction, self.intentions)
+        return Decision(STAY, (), self.prediction, self.intentions) if self.prediction else None
 
 
 def _loads(

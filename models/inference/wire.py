@@ -85,6 +85,7 @@ class Answer(Struct, tag=True, frozen=True):
     action_distributions: bytes  # float32 (rows, 6): the distribution the action was drawn from
     predicted: bytes  # int8 (rows,): 1 where a predictor answered
     predictions: bytes  # float32 (rows, STEPS, 6)
+    intentions: bytes  # INTENTION (rows, INTENTIONS); probability 0 where nothing is said
     faults: list[ModelFault]
 
 

@@ -19,8 +19,9 @@ from models.agents.fingerprints import files_sha256
 from models.agents.model_paths import make_importable
 from models.agents.predictors import load_predictor
 from models.inference import attention
+from models.inference.answer_arrays import AnswerArrays
 from models.inference.batches import joined, parted, together
-from models.inference.checked_output import checked_predictions, checked_probabilities
+from models.inference.checked_output import checked_intentions, checked_predictions, checked_probabilities
 from models.inference.circuit_breaker import Breaker
 from models.inference.wire import (
     Answer,
@@ -36,8 +37,8 @@ from models.inference.wire import (
     frame,
     from_server,
 )
-from models.protocols import HISTORY, STEPS, Mode, Observations, Policy, Predictions, Predictor, Probabilities
-from overcooked.constants import ACTIONS, HORIZON
+from models.protocols import HISTORY, Intentions, Mode, Observations, Policy, Predictions, Predictor, Probabilities
+from overcooked.constants import HORIZON
 from overcooked.layout import Layout, load_layout, parse_layout
 from overcooked.state import Kitchens
 
@@ -113,6 +114,7 @@ class Worker:
             predictor.begin(slots)
             nothing = np.full((len(slots), 2), -1, np.int8)
             checked_predictions(predictor.predict(slots, observations, nothing), len(slots))
+            checked_intentions(predictor, slots, observations, nothing)
         self._breakers[name] = Breaker()
         return predictor
 
@@ -128,35 +130,23 @@ class Worker:
         states = np.cumsum([row.states for row in rows]) - 1  # the index of each row's newest state
         observations: Observations = np.frombuffer(ask.observations, np.int8).reshape(-1, *ask.shape)
         actions = np.frombuffer(ask.actions, np.int8).reshape(-1, 2)
-        acted = np.full(len(rows), -1, np.int8)
-        action_distributions = np.zeros((len(rows), ACTIONS), np.float32)
-        predicted = np.zeros(len(rows), np.int8)
-        predictions = np.zeros((len(rows), STEPS, ACTIONS), np.float32)
+        found = AnswerArrays.unanswered(len(rows))
         faults: list[ModelFault] = []
         for agent, chosen in _by_model([row.agent for row in rows]):
             with self._watched((ask.layout, agent), faults) as may_answer:
                 if may_answer:
-                    action_distributions[chosen], acted[chosen] = self._act(
+                    found.action_distributions[chosen], found.acted[chosen] = self._act(
                         (ask.layout, agent), [rows[k] for k in chosen], observations[states[chosen]]
                     )
         for name, known in _by_model([row.predictor for row in rows]):
             chosen = self._follow((ask.layout, name), rows, known)
             with self._watched((ask.layout, name), faults) as may_answer:
                 if may_answer and len(chosen):
-                    predictions[chosen] = self._predict(
+                    found.predictions[chosen], found.intentions[chosen] = self._predict(
                         (ask.layout, name), [rows[k] for k in chosen], states[chosen], observations, actions
                     )
-                    predicted[chosen] = 1
-        model_ms = (time.perf_counter() - started) * 1000
-        return Answer(
-            ask.id,
-            model_ms,
-            acted.tobytes(),
-            action_distributions.tobytes(),
-            predicted.tobytes(),
-            predictions.tobytes(),
-            faults,
-        )
+                    found.predicted[chosen] = 1
+        return found.packed(ask.id, (time.perf_counter() - started) * 1000, faults)
 
     def _follow(self, name: Name, rows: list[Row], chosen: NDArray[np.intp]) -> NDArray[np.intp]:
         """The rows whose states follow on what the predictor has seen of their game; the server repeats the others."""
@@ -180,7 +170,7 @@ class Worker:
         newest: NDArray[np.intp],
         observations: Observations,
         actions: NDArray[np.int8],
-    ) -> Predictions:
+    ) -> tuple[Predictions, Intentions]:
         """Bring every row's game up to its newest state, one timestep at a time, all rows together."""
         predictor, games = self._predictors[name]
         slots = np.array([games.slot(row.key) for row in rows], np.intp)
@@ -195,8 +185,9 @@ class Worker:
             state = newest[reached] - back
             answer = predictor.predict(slots[reached], observations[state], actions[state])
         checked = checked_predictions(answer, len(rows))
+        intentions = checked_intentions(predictor, slots, observations[newest], actions[newest])
         games.reached.update((row.key, row.timestep) for row in rows)
-        return checked
+        return checked, intentions
 
 
 class _Watched:

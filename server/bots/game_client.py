@@ -13,7 +13,7 @@ from overcooked.constants import STAY
 from server.bots.cook import Cook, Impression, Traits
 from server.bots.foresight.cook import cook
 from server.bots.partner_memory import PartnerMemory
-from server.play import messages
+from server.play import intentions, messages
 from server.play.close_codes import CloseCode
 from server.play.marks import NOTHING_SHOWN, is_as_required
 from server.study.order import derived_seed
@@ -115,8 +115,9 @@ class BotGame(GameClient):
         """Note a timestep whose display is not what the welcome announced."""
         if self.welcome is None or self.welcome.show != "always" or not tick.partner_seen:
             return  # the database knows in which timesteps the marks were asked for and in view
-        shown = "predictor" if self.welcome.shows_predictions else "nothing"
-        if not is_as_required(shown, tick.prediction):
+        display = self.welcome.display if self.welcome.shows_predictions else "none"
+        is_kept = is_as_required(display in ("actions", "both"), tick.prediction)
+        if not (is_kept and intentions.is_as_required(display in ("intention", "both"), tick.intention)):
             self._journal.broken_displays.setdefault(self.welcome.episode, set()).add(tick.state.t)
 
     async def before_acting(self, socket: ClientConnection, tick: messages.Tick) -> None:

@@ -15,6 +15,7 @@ from server.export.codebook_columns import (
     text,
     time,
 )
+from server.export.codebook_intentions import INTENTION_COLUMNS
 from server.export.codebook_studies import ARRIVALS, EXCLUSIONS, STUDIES, WITHDRAWALS
 from server.play.recorder import INPUT_OUTCOMES
 from server.store.tables import EPISODE_STATUSES, PARTICIPANT_STATUSES
@@ -93,6 +94,7 @@ EPISODES = ExportTable(
         text("predictor_sha256", "Hash of its weights."),
         code("watched_seat", "Seat of the chef whose next actions are predicted."),
         text("shown", "What the participant saw: nothing, predictor or random."),
+        text("display", "What of a prediction was drawn: actions (marks), intention, both, or none."),
         text("show", "When marks were drawn: always, on_key or toggle (only while the participant asked for them)."),
         Column(
             "view_radius",
@@ -174,6 +176,7 @@ TICKS = ExportTable(
             "boolean",
             "Whether the watched chef was in the participant's view in state t; empty: sight was not limited.",
         ),
+        *INTENTION_COLUMNS,
         ms("scheduled_ms", "When state t was due, from the first tick on, without pauses."),
         ms("late_ms", "Delay of the tick after its deadline."),
         ms("models_ms", "Time that the models needed for state t."),

@@ -19,6 +19,7 @@ from sqlalchemy.exc import DBAPIError
 
 from server.export import codebook, manifest
 from server.export.codebook import ACTION_NAMES, STEPS
+from server.export.codebook_intentions import intentions_of, intentions_of_last
 from server.export.files import TABLE_FORMATS, table_path
 from server.export.import_checks import ImportRefused, check_files, episode_spec, plain_name, study_source
 from server.export.spreadsheet_text import unescaped
@@ -167,7 +168,16 @@ def _episodes(folder: Path, studies: dict[tuple[str, int], int]) -> Iterator[Rec
     for row in _of_study(folder, "episodes", studies):
         episode = plain_name(row.pop("episode"), "the episode")
         spec = episode_spec(row["spec"], episode, row["layout_sha256"])
-        for name in ("timesteps", "last_tick", "excluded", "show", "view_radius", "misleading", "display_violations"):
+        for name in (
+            "timesteps",
+            "last_tick",
+            "excluded",
+            "display",
+            "show",
+            "view_radius",
+            "misleading",
+            "display_violations",
+        ):
             del row[name]
         yield row | {"id": episode, "step_key": row.pop("step"), "spec": spec, "grid": spec["grid"]}
 
@@ -230,6 +240,7 @@ def _ticks(connection: Connection, folder: Path) -> int:
 
 def _last(last: Record, episode: str, done: Record | None) -> TickRecord:
     state = last | {name: tuple(map(tuple, last[name])) for name in ("prediction", "displayed")}
+    state |= intentions_of_last(last)
     return _tick(
         episode, done["timestep"] + 1 if done else 0, state | {"next_actions": tuple(last["next_actions"])}, done
     )
@@ -247,6 +258,7 @@ def _of_state(row: Record) -> Record:
         **{name: row[name] for name in ("late", "scheduled_ms", "late_ms", "models_ms")},
         "made_unix_ms": _unix_ms(row["made_at"]) if row.get("made_at") else None,
         **{name: row.get(name) for name in ("asked", "misleading", "in_sight")},
+        **intentions_of(row),
     }
 
 

@@ -160,7 +160,8 @@ def episode_rows(chosen: Selection, wide: tuple[Column, ...]) -> Rows:
         spec = row.spec
         known = levels.get(factor_levels.version_key(row.key, row.version)) if row.key else None
         own = known.of_episode(row.condition, row.number) if known else {}
-        display = (spec.get("show", "always"), spec.get("view_radius", 0), spec.get("misleading", False), broken)
+        drawn = "none" if row.shown == "nothing" else spec.get("display", "actions")
+        display = (drawn, spec.get("show", "always"), spec.get("view_radius", 0), spec.get("misleading", False), broken)
         yield (
             *values[:before_display], *display, *values[before_display:before_timesteps], timesteps,
             *values[before_timesteps:], *rest, *(own.get(column.name) for column in wide),
@@ -172,7 +173,7 @@ def last_tick_text(stored: Any) -> str:
     record = msgspec.to_builtins(tick_rows.record_of(stored))
     names = ("state_hash", "next_actions", "prediction", "displayed", "late", "asked", "misleading", "in_sight")
     times = ("scheduled_ms", "late_ms", "models_ms", "made_unix_ms")
-    return json_text({name: record[name] for name in names + times})
+    return json_text({name: record[name] for name in (*names, "intentions", "displayed_intention", *times)})
 
 
 def pause_rows(chosen: Selection) -> Rows:

@@ -11,11 +11,14 @@ import numpy as np
 import pyarrow as pa
 from sqlalchemy import Connection
 
+from server.export import intention_rows
 from server.export.codebook import ACTION_NAMES, STEPS
+from server.store.interactions import next_in_episode
 from server.store.tables import ticks
 
 EPISODES = 64  # of a chunk
 _NAMES = [column.name for column in ticks.c]
+_INTENTIONS = _NAMES.index("intentions")
 _PROBABILITIES = len(STEPS) * len(ACTION_NAMES)
 _NOTHING_PREDICTED = np.full(_PROBABILITIES, np.nan, "<f4").tobytes()
 _EMPTY = 255  # stands for a step that was not displayed
@@ -40,22 +43,25 @@ def chunks(connection: Connection, episodes: Iterator[str], types: pa.Schema) ->
     cursor = connection.connection.cursor()  # the driver's own: its rows are plain tuples
     before: list[Any] = []
     after: list[Any] = []
+    came: list[Any] = []  # what the watched chef did next in each state
     gathered = 0
     for episode in episodes:
         cursor.execute(query, (episode,))
         rows = cursor.fetchall()
         before += rows[:-1]
         after += rows[1:]
+        has_intentions = any(row[_INTENTIONS] for row in rows)
+        came.extend(next_in_episode(connection, episode)[:-1] if has_intentions else [None] * len(rows[:-1]))
         gathered += 1
         if gathered == EPISODES:
             if before:
-                yield _table(before, after, types)
-            before, after, gathered = [], [], 0
+                yield _table(before, after, came, types)
+            before, after, came, gathered = [], [], [], 0
     if before:
-        yield _table(before, after, types)
+        yield _table(before, after, came, types)
 
 
-def _table(before: Sequence[Any], after: Sequence[Any], types: pa.Schema) -> pa.Table:
+def _table(before: Sequence[Any], after: Sequence[Any], came: Sequence[Any], types: pa.Schema) -> pa.Table:
     state = dict(zip(_NAMES, zip(*before, strict=True), strict=True))
     step = dict(zip(_NAMES, zip(*after, strict=True), strict=True))
     columns: dict[str, Any] = {"episode": state["episode_id"], "timestep": state["timestep"]}
@@ -67,6 +73,7 @@ def _table(before: Sequence[Any], after: Sequence[Any], types: pa.Schema) -> pa.
     for name in ("asked", "misleading", "in_sight"):
         columns[name] = [None if value is None else bool(value) for value in state[name]]
     columns |= _predicted(state["prediction"]) | _displayed(state["displayed"])
+    columns |= intention_rows.columns(state["intentions"], state["displayed_intention"], came)
     arrays = [pa.array(columns[field.name], field.type) for field in types]
     return pa.Table.from_arrays(arrays, schema=types)
 

@@ -165,11 +165,16 @@ def accuracy_of(accuracy: RunningAccuracy) -> dict[str, Any]:
         share, low, high = wilson(sum(hits.right), sum(hits.asked))
         by_step = [round(wilson(right, asked)[0], 4) for right, asked in zip(hits.right, hits.asked, strict=True)]
         row = {"agent": agent, "layout": layout, "episodes": hits.episodes, "n": sum(hits.asked), "steps": by_step}
-        rows.append(row | {"share": round(share, 4), "low": round(low, 4), "high": round(high, 4)})
+        row |= {"share": round(share, 4), "low": round(low, 4), "high": round(high, 4)}
+        rows.append(row | {"intention": shares(hits.intentions_right, hits.intentions)})
     right = sum(sum(hits.right) for hits in accuracy.hits.values())
     asked = sum(sum(hits.asked) for hits in accuracy.hits.values())
-    overall = [round(value, 4) for value in wilson(right, asked)] if asked else None
-    return {"rows": rows, "overall": overall, "n": asked, "waiting": accuracy.waiting}
+    return {"rows": rows, "overall": shares(right, asked), "n": asked, "waiting": accuracy.waiting}
+
+
+def shares(right: int, asked: int) -> list[float] | None:
+    """A share with its interval, as the page shows it; None of nothing."""
+    return [round(value, 4) for value in wilson(right, asked)] if asked else None
 
 
 def _quantile(ordered: list[float], part: float) -> float:

@@ -13,6 +13,7 @@ from server.monitoring.peers import Peers, SingleProcess, View
 from server.monitoring.site import OpenSockets, Site
 from server.play.game import Game
 from server.play.games import Games
+from server.play.intentions import hidden
 from server.play.marks import Displayed
 from server.store import overview, participants
 from server.store.overview import Played
@@ -156,6 +157,7 @@ def board_of(game: Game, blind: bool) -> dict[str, Any]:
     return {
         "state": kitchen_of(game),
         "prediction": [] if blind else session.frames.displayed,
+        "intention": hidden(session.frames.intention) if blind else session.frames.intention,
         "actions": session.simulation.last_actions or (4, 4),
     }
 

@@ -4,7 +4,7 @@ import json
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any, Final
 
 from sqlalchemy import Connection
@@ -13,7 +13,7 @@ from overcooked.constants import EVENT_NAMES
 from overcooked.layout import parse_layout
 from server.play.recorder import MARKS, EpisodeRecord, InputRecord, PauseRecord, TickRecord
 from server.play.simulation import Simulation
-from server.store import episodes, inputs, ticks
+from server.store import episodes, inputs, interactions, ticks
 from server.store.accuracy import wilson
 from server.store.database import Database, DatabaseDown
 from server.store.episodes import BrokenEpisode
@@ -41,6 +41,7 @@ def record_json(connection: Connection, episode: str, blind: bool) -> str:
             "tick_ms": spec.tick_ms,
             "deadline_ms": spec.deadline_ms,
             "show": "always" if blind else spec.show,
+            "display": "none" if blind or spec.shown == "nothing" else spec.display,
             "view_radius": 0 if blind else spec.view_radius,
         },
         "status": loaded.status,
@@ -49,6 +50,7 @@ def record_json(connection: Connection, episode: str, blind: bool) -> str:
         "inputs": [input_of(one, spec.tick_ms, held) for one in visible(inputs.of_episode(connection, episode), blind)],
         "checked": {"states": len(stored), "equal": difference is None, "difference": difference},
         "accuracy": [] if blind else _accuracy(stored, spec.watched_seat),
+        "intention_accuracy": None if blind else _intention_accuracy(connection, episode),
     }
     return json.dumps(found, separators=(",", ":"))
 
@@ -84,6 +86,8 @@ def row_of(tick: TickRecord, simulation: Simulation, blind: bool) -> dict[str, A
         "events": [_names(bits) for bits in tick.events],
         "prediction": [] if blind else [[round(value, 4) for value in step] for step in tick.prediction],
         "displayed": [] if blind else tick.displayed,
+        "intentions": [] if blind else [asdict(one) for one in tick.intentions],
+        "displayed_intention": None if blind else tick.displayed_intention,
         "asked": None if blind else tick.asked,
         "misleading": None if blind else tick.misleading,
         "keys": [[key.seat, key.seq, round(key.received_ms)] for key in tick.keys],
@@ -131,6 +135,15 @@ def _accuracy(stored: list[TickRecord], seat: int) -> list[dict[str, Any]]:
         share, low, high = wilson(right, len(pairs))
         rows.append({"share": round(share, 4), "low": round(low, 4), "high": round(high, 4), "n": len(pairs)})
     return rows
+
+
+def _intention_accuracy(connection: Connection, episode: str) -> dict[str, Any] | None:
+    """How often the likeliest intention came, with its interval; None without intentions."""
+    asked, right = interactions.hits_of(connection, episode)
+    if not asked:
+        return None
+    share, low, high = wilson(right, asked)
+    return {"share": round(share, 4), "low": round(low, 4), "high": round(high, 4), "n": asked}
 
 
 class StoredTicks:

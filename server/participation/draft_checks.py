@@ -37,7 +37,7 @@ def known_names(kitchens: Sequence[str] = ()) -> dict[str, list[str]]:
 def _bundled_names() -> dict[str, list[str]]:
     models = {path.parent.name for path in WEIGHTS.glob("*/*/config.json")}
     predictors = sorted(name for name in models if "_predictor_" in name)
-    agents = sorted((models - set(predictors)) | (WITHOUT_WEIGHTS - {"guide"}))
+    agents = sorted((models - set(predictors)) | (WITHOUT_WEIGHTS - {"guide", "carrier"}))
     return {"layouts": layout_names(), "agents": agents, "predictors": [*predictors, "random"]}
 
 

@@ -45,7 +45,7 @@ def episode_spec(study: Study, step: StudyStep, condition: str, language: str, p
         agents=(None, other) if seat == 0 else (other, None),
         predictor=predictor_of(study, agent, arm),
         watched_seat=1 - seat,
-        shown=_SHOWN[arm.predictor],
+        shown=_SHOWN[arm.predictor] if study.shows_predictions(arm) else "nothing",
         seed=step.seed,
         steps_shown=arm.steps_shown or study.predictor.steps_shown,
         confidence_opacity=opacity_of(study, arm),
@@ -56,6 +56,7 @@ def episode_spec(study: Study, step: StudyStep, condition: str, language: str, p
         progress=ProgressWeights(study.game.progress.onion_in_pot, study.game.progress.soup_on_dish),
         show=show_of(study, arm),
         view_radius=view_radius_of(study, arm),
+        display=study.drawn(arm),
         misleading=not tutorial and is_misleading(arm, step),
         lessons=lessons(study, arm) if tutorial else (),
     )
@@ -69,12 +70,12 @@ def agent_of(study: Study, step: StudyStep, people: int = 1) -> PartnerSettings:
 
 def lessons(study: Study, condition: Condition) -> tuple[str, ...]:
     """What the tutorial teaches: marks only to those who will see some."""
-    return tuple(key for key in study.tutorial.lessons if key != "marks" or condition.shows_predictions)
+    return tuple(key for key in study.tutorial.lessons if key != "marks" or study.shows_predictions(condition))
 
 
 def show_of(study: Study, condition: Condition) -> Show:
     """When the marks of a condition are drawn; `always` also where it has none."""
-    return (condition.show or study.predictor.show) if condition.shows_predictions else "always"
+    return (condition.show or study.predictor.show) if study.shows_predictions(condition) else "always"
 
 
 def opacity_of(study: Study, condition: Condition) -> bool:

@@ -16,7 +16,7 @@ def questions_of(study: Study, participant: Participant, step: StudyStep, said: 
     if not step.asks:
         return ()
     condition = study.condition(participant.condition).at(step.block)
-    questions = asked(study.questions(step.asks), condition.name, condition.shows_predictions)
+    questions = asked(study.questions(step.asks), condition.name, study.shows_predictions(condition))
     return asked_after(questions, said)
 
 

@@ -40,7 +40,16 @@ class EpisodeSpec:
     show: Literal["always", "on_key", "toggle"] = "always"  # when the marks are drawn: as the marks key says, or always
     view_radius: int = 0  # how many cells around their chef people see; 0: the whole kitchen
     misleading: bool = False  # the marks are the most plausible wrong future
+    display: Literal["actions", "intention", "both", "none"] = "actions"  # what of a prediction is drawn, if anything
     lessons: tuple[str, ...] = ()  # tutorial: keys of what is taught, in order (server.play.tutorial.LESSONS)
+
+    @property
+    def shows_actions(self) -> bool:
+        return self.shown != "nothing" and self.display in ("actions", "both")
+
+    @property
+    def shows_intention(self) -> bool:
+        return self.shown != "nothing" and self.display in ("intention", "both")
 
     @property
     def human_seats(self) -> tuple[int, ...]:

@@ -1,13 +1,14 @@
 """What the frame of a state shows to each person: decided once a state, stored, then sent."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from overcooked.constants import STAY
-from server.play import marks, messages
+from server.play import intentions, marks, messages
 from server.play.episode_spec import EpisodeSpec
 from server.play.keys import Keys
 from server.play.marks_key import MarksKey
 from server.play.misleading import wrong_future
+from server.play.partner import Answers
 from server.play.recorder import EpisodeRecord
 from server.play.sight import Sight
 from server.play.simulation import Simulation
@@ -19,6 +20,7 @@ class Frames:
     def __init__(self, record: EpisodeRecord, simulation: Simulation) -> None:
         self._spec, self._simulation = record.spec, simulation
         self.displayed = record.displayed or marks.display(record.spec, simulation.timestep, ())
+        self.intention = record.displayed_intention or intentions.display(record.spec, simulation.layout, 0, ())
         self.asked = record.asked  # whether the participant asked for the marks on the current state; None: always
         self.in_sight: bool | None = None  # whether the watched chef is in the view of who sees marks; None: no limit
         self.misleading: bool | None = None  # whether the marks are a wrong future; None: they never are here
@@ -40,30 +42,38 @@ class Frames:
         if person is not None and person.marks_key is not None:
             self.asked = person.marks_key.take()
 
-    def decide(self, prediction: Sequence[Sequence[float]], decided: int | None, over: bool) -> None:
-        """Decide what the frame of the current state shows. Nothing is done any more when the episode is `over`.
-        `decided`: what the watched chef does next, if an agent has decided it."""
+    def decide(self, answers: Answers, over: bool) -> None:
+        """Decide what the frame of the current state shows. Nothing is done any more when the episode is `over`."""
         self.misleading = None
         sight = self._sights.get(viewer(self._spec))
         self.in_sight = None if sight is None else sight.sees_partner(self._simulation.kitchen())
         if over:
-            self.displayed = marks.hidden(self.displayed)
+            self._hide()
             return
-        self.displayed = marks.display(self._spec, self._simulation.timestep, prediction)
-        if self._spec.misleading:
-            self._mislead(prediction, decided)
+        spec, timestep = self._spec, self._simulation.timestep
+        self.displayed = marks.display(spec, timestep, answers.prediction)
+        layout = self._simulation.layout
+        self.intention = intentions.display(spec, layout, timestep, answers.intentions, spec.misleading)
+        if spec.misleading:
+            self._mislead(answers)
         due = self.asked is not False and self.in_sight is not False
         if not due:
-            self.displayed = marks.hidden(self.displayed)
+            self._hide()
         elif sight is not None:
             self.displayed = sight.cut(self.displayed, self._simulation.kitchen())
-        self.violations += not marks.is_as_required(self._spec.shown, self.displayed, due)
+        is_kept = marks.is_as_required(spec.shows_actions and due, self.displayed)
+        self.violations += not (is_kept and intentions.is_as_required(spec.shows_intention and due, self.intention))
 
-    def _mislead(self, prediction: Sequence[Sequence[float]], decided: int | None) -> None:
+    def _hide(self) -> None:
+        self.displayed, self.intention = marks.hidden(self.displayed), intentions.hidden(self.intention)
+
+    def _mislead(self, answers: Answers) -> None:
         """Put the most plausible wrong future in the place of the predicted one."""
-        rows = prediction[: self._spec.steps_shown]
+        rows = answers.prediction[: self._spec.steps_shown] if self._spec.shows_actions else ()
+        decided = answers.next_actions[self._spec.watched_seat]  # what the watched chef does next, if an agent has it
         actions = wrong_future(self._simulation, self._spec.watched_seat, rows, decided) if rows else ()
-        self.misleading = bool(actions)
+        is_wrong = self._spec.shows_intention and intentions.wrong_intention(answers.intentions) is not None
+        self.misleading = bool(actions) or is_wrong
         if actions:
             self.displayed = tuple(zip(actions, (opacity for _, opacity in self.displayed), strict=True))
 
@@ -71,6 +81,7 @@ class Frames:
         """All that the page of one person needs to draw the game."""
         spec, simulation = self._spec, self._simulation
         state, partner_seen, unknown = self.seen_by(person)
+        sees_predictions = spec.shown != "nothing" and person != spec.watched_seat
         return messages.Welcome(
             protocol=messages.PROTOCOL,
             episode=episode,
@@ -85,7 +96,7 @@ class Frames:
             horizon=spec.horizon,
             tick_ms=spec.tick_ms,
             steps=spec.steps_shown,
-            shows_predictions=spec.shown != "nothing" and person != spec.watched_seat,
+            shows_predictions=sees_predictions,
             state=state,
             resumed=resumed,
             endless=spec.horizon == 0,
@@ -95,18 +106,30 @@ class Frames:
             partner_seen=partner_seen,
             unknown=unknown,
             asked=self._asked_by(person),
+            display=spec.display if sees_predictions else "none",
         )
 
     def tick(self, person: int, applied: int, late: bool) -> messages.Tick:
         """The frame of the current state for one person. Nobody sees predictions about themselves."""
         watched = person == self._spec.watched_seat
         displayed = marks.hidden(self.displayed) if watched else self.displayed
+        intention = intentions.hidden(self.intention) if watched else self.intention
         actions = list(self._simulation.last_actions or (STAY, STAY))
         state, partner_seen, unknown = self.seen_by(person)
         if not partner_seen:
             actions[1 - person] = STAY
-        done = (actions[0], actions[1])
-        return messages.Tick(state, displayed, done, applied, late, partner_seen, unknown, asked=self._asked_by(person))
+        return messages.Tick(
+            state=state,
+            prediction=displayed,
+            actions=(actions[0], actions[1]),
+            applied=applied,
+            late=late,
+            partner_seen=partner_seen,
+            unknown=unknown,
+            asked=self._asked_by(person),
+            intention=intention,
+            pad=intentions.padding(intention),
+        )
 
     def _asked_by(self, person: int) -> bool:
         return not _on_demand(self._spec, person) or bool(self.asked)

@@ -21,19 +21,21 @@ def display(spec: EpisodeSpec, timestep: int, prediction: Sequence[Sequence[floa
     are uniform over the six actions and redrawn each timestep.
     """
     opacities = _opacities(spec, prediction)
-    if spec.shown == "random":
+    if not spec.shows_actions:
+        actions = [NOTHING_SHOWN] * spec.steps_shown
+    elif spec.shown == "random":
         actions = [int(uniform(spec.seed, timestep, MARKS + step) * ACTIONS) for step in range(spec.steps_shown)]
-    elif spec.shown == "predictor" and prediction:
+    elif prediction:
         actions = [max(range(ACTIONS), key=row.__getitem__) for row in prediction[: spec.steps_shown]]
     else:
         actions = [NOTHING_SHOWN] * spec.steps_shown
     return tuple(zip(actions, opacities, strict=True))
 
 
-def is_as_required(shown: str, displayed: Displayed, due: bool = True) -> bool:
-    """Return whether a frame carries marks where the condition requires some, and none where it does not. `shown` as
-    in `EpisodeSpec`; `due`: whether they were due on this state, e.g. because the participant asked for them."""
-    return any(action != NOTHING_SHOWN for action, _ in displayed) == (shown != "nothing" and due)
+def is_as_required(is_due: bool, displayed: Displayed) -> bool:
+    """Return whether a frame carries marks where some are due, and none where they are not: the condition shows none,
+    or the participant did not ask for them."""
+    return any(action != NOTHING_SHOWN for action, _ in displayed) == is_due
 
 
 def hidden(displayed: Displayed) -> Displayed:

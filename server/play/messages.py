@@ -21,6 +21,8 @@ Move = Annotated[int, Meta(ge=0, le=3)]
 Tap = Literal[0, 1, 2, 3, 5]  # staying is no key
 Action = Annotated[int, Meta(ge=0, le=5)]
 ShownAction = Annotated[int, Meta(ge=0, le=6)]  # 6: nothing is drawn
+ShownKind = Annotated[int, Meta(ge=0, le=8)]  # 0-7: an InteractionKind; 8: nothing is drawn
+CellOrNone = Annotated[int, Meta(ge=-1)]
 Opacity = Annotated[int, Meta(ge=0, le=100)]
 Seat = Annotated[int, Meta(ge=0, le=1)]
 SeatOrViewer = Annotated[int, Meta(ge=-1, le=1)]
@@ -123,6 +125,7 @@ class Welcome(ToBrowser, frozen=True):
     partner_seen: bool = True  # as in Tick
     unknown: tuple[tuple[Count, Count], ...] = ()  # as in Tick
     asked: bool = True  # as in Tick
+    display: Literal["actions", "intention", "both", "none"] = "actions"  # what of a prediction frames carry
 
 
 class Countdown(ToBrowser, frozen=True):
@@ -137,7 +140,10 @@ class Tick(ToBrowser, frozen=True):
     had arrived when the timestep was played (-1: none). With limited sight, `state` is what the participant knows:
     `partner_seen` tells whether the partner is in view, `unknown` which counters and pots never were. `asked`: whether
     the participant asks for the marks on this state; always true where marks need no asking. It is how a page that
-    connects again, or a second one, knows whether a toggle is on."""
+    connects again, or a second one, knows whether a toggle is on. `intention`: what the watched chef will do next at
+    which station: [kind 0-8, x, y, opacity in %]; kinds: 0 none soon, 1 take an onion, 2 take a dish, 3 take a soup, 4
+    fill a pot, 5 plate a soup, 6 serve, 7 put down, 8 nothing is drawn. `pad` means nothing: it makes the frames of all
+    conditions equally long."""
 
     state: KitchenState
     prediction: tuple[tuple[ShownAction, Opacity], ...]
@@ -147,6 +153,8 @@ class Tick(ToBrowser, frozen=True):
     partner_seen: bool = True
     unknown: tuple[tuple[Count, Count], ...] = ()
     asked: bool = True
+    intention: tuple[ShownKind, CellOrNone, CellOrNone, Opacity] = (8, -1, -1, 95)
+    pad: str = ""
 
 
 class Paused(ToBrowser, frozen=True):

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from models.protocols import Decision, Question
+from models.protocols import Decision, Intention, Question
 from overcooked.constants import ACTIONS
 from server.play.episode_spec import EpisodeSpec
 from server.play.randomness import PARTNER, uniform
@@ -17,6 +17,7 @@ class Answers:
     next_actions: tuple[int | None, int | None]  # by seat; None: a human's seat, or no answer in time
     prediction: tuple[tuple[float, ...], ...]  # (steps, 6); empty: no predictor, or no answer in time
     late: bool  # an agent did not answer in time: it will wait
+    intentions: tuple[Intention, ...] = ()  # the likeliest first; empty: none, or no answer in time
 
 
 def questions(episode: str, spec: EpisodeSpec, simulation: Simulation) -> list[Question]:
@@ -46,6 +47,7 @@ def answers(asked: Sequence[Question], decisions: Sequence[Decision | None]) -> 
     """Put the decisions on the questions of one state together; an invalid action counts as no answer."""
     next_actions: list[int | None] = [None, None]
     prediction: tuple[tuple[float, ...], ...] = ()
+    intentions: tuple[Intention, ...] = ()
     late = False
     for question, decision in zip(asked, decisions, strict=True):
         if decision is None or not 0 <= decision.action < ACTIONS:
@@ -54,5 +56,5 @@ def answers(asked: Sequence[Question], decisions: Sequence[Decision | None]) -> 
         if question.agent is not None:
             next_actions[question.seat] = decision.action
         if question.predictor is not None:
-            prediction = decision.prediction
-    return Answers((next_actions[0], next_actions[1]), prediction, late)
+            prediction, intentions = decision.prediction, decision.intentions
+    return Answers((next_actions[0], next_actions[1]), prediction, late, intentions)

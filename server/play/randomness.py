@@ -4,6 +4,7 @@ from typing import Final
 
 PARTNER: Final = 1  # + seat: draws the agent's action
 MARKS: Final = 16  # + step: the random marks of the "random" condition
+INTENTION: Final = 24  # the random intention of the "random" condition, by stretch of timesteps
 MISLEAD: Final = 32  # at timestep 0: whether the marks of the episode mislead
 
 _MASK = (1 << 64) - 1

@@ -6,6 +6,7 @@ from datetime import datetime
 from typing import Final, Literal, Protocol
 
 from server.play.episode_spec import EpisodeSpec
+from server.play.intentions import Intention, ShownIntention
 
 AWAY_REASONS = frozenset({"hidden", "blur", "lost", "other_tab"})  # these count against the limits of `PauseLimits`
 PAUSE_REASONS = AWAY_REASONS | {"database", "researcher", "server"}
@@ -87,6 +88,8 @@ class TickRecord:
     asked: bool | None = None  # whether the participant asked for the marks on state n; None: they are always drawn
     misleading: bool | None = None  # whether the marks of state n are a wrong future; None: a truthful round
     in_sight: bool | None = None  # whether the watched chef was in their view in state n; None: they see everything
+    intentions: tuple[Intention, ...] = ()  # of the watched chef in state n, the likeliest first; empty: none or late
+    displayed_intention: ShownIntention | None = None  # what the frame carried; None: the condition shows none
 
 
 @dataclass(frozen=True)
@@ -126,6 +129,7 @@ class EpisodeRecord:
     known_at: datetime | None = None  # the last moment that is stored of it: of a tick, or of the end of a pause
     inputs: Mapping[int, StoredInputs] = field(default_factory=dict)  # by seat; nothing for a seat without inputs
     asked: bool | None = None  # of the last stored tick
+    displayed_intention: ShownIntention | None = None  # of the last stored tick
 
 
 @dataclass(frozen=True)

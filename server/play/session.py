@@ -204,7 +204,7 @@ class Session:
         answers = partner.answers(self._asked, decisions)
         timestep, step = self.simulation.timestep, self._step
         self.next_actions, self.late = answers.next_actions, answers.late
-        self.frames.decide(answers.prediction, answers.next_actions[self.spec.watched_seat], self.over)
+        self.frames.decide(answers, self.over)
         self.record = TickRecord(
             episode=self.episode,
             timestep=timestep,
@@ -226,6 +226,8 @@ class Session:
             asked=self.frames.asked,
             in_sight=self.frames.in_sight,
             misleading=self.frames.misleading,
+            intentions=answers.intentions,
+            displayed_intention=self.frames.intention if self.spec.shows_intention else None,
         )
         return self.record
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from sqlalchemy import Connection, case, func, select
 
+from server.store import interactions
 from server.store.tables import episodes, ticks
 
 EPISODES_A_CALL = 20
@@ -25,6 +26,8 @@ class Hits:
     episodes: int = 0
     asked: list[int] = field(default_factory=lambda: [0] * _STEPS)
     right: list[int] = field(default_factory=lambda: [0] * _STEPS)
+    intentions: int = 0  # that were predicted in states in which the chef used something within the horizon
+    intentions_right: int = 0  # kind and station
 
 
 @dataclass
@@ -47,6 +50,9 @@ class RunningAccuracy:
             for step, (asked, right) in enumerate(hits_of(connection, row.id, row.watched_seat)):
                 hits.asked[step] += asked
                 hits.right[step] += right
+            intentions, right = interactions.hits_of(connection, row.id)
+            hits.intentions += intentions
+            hits.intentions_right += right
             hits.episodes += 1
             self._counted.add(row.id)
         self.waiting = max(0, len(new) - EPISODES_A_CALL)

@@ -7,9 +7,11 @@ Of each episode all stored timesteps count but the last one, in which nothing is
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from sqlalchemy import Connection, LargeBinary, and_, func, not_, or_, select
 
+from server.play.intentions import NO_INTENTION_SHOWN
 from server.play.marks import NOTHING_SHOWN
 from server.store.tables import episodes, ticks
 
@@ -22,12 +24,22 @@ def violations(connection: Connection, chosen: Sequence[str]) -> dict[str, int]:
     """Return how many timesteps of these episodes are wrong, for each that has any."""
     last = select(func.max(ticks.c.timestep)).where(ticks.c.episode_id == _e.id).correlate(episodes).scalar_subquery()
     drawn = [func.substr(ticks.c.displayed, 1 + _BYTES_A_STEP * step, 1, type_=LargeBinary) for step in range(_STEPS)]
-    empty = and_(*(step.in_([bytes([NOTHING_SHOWN]), b""]) for step in drawn))
+    no_action = and_(*(step.in_([bytes([NOTHING_SHOWN]), b""]) for step in drawn))
+    kind = func.substr(ticks.c.displayed_intention, 1, 1, type_=LargeBinary)
+    no_intention = func.coalesce(kind, bytes([NO_INTENTION_SHOWN])) == bytes([NO_INTENTION_SHOWN])
     due = and_(_e.shown != "nothing", ticks.c.asked.is_not(False), ticks.c.in_sight.is_not(False))
-    broken = or_(and_(due, empty), and_(not_(due), not_(empty)))
+    display = func.coalesce(_e.spec["display"].as_string(), "actions")  # an older episode does not say
+    broken = or_(
+        _is_broken(and_(due, display.in_(("actions", "both"))), no_action),
+        _is_broken(and_(due, display.in_(("intention", "both"))), no_intention),
+    )
     query = select(_e.id, func.count()).join_from(episodes, ticks, ticks.c.episode_id == _e.id)
     query = query.where(_e.id.in_(chosen), broken, ticks.c.timestep < last).group_by(_e.id)
     return {row[0]: int(row[1]) for row in connection.execute(query)}
+
+
+def _is_broken(due: Any, empty: Any) -> Any:
+    return or_(and_(due, empty), and_(not_(due), not_(empty)))
 
 
 @dataclass

@@ -180,6 +180,7 @@ def load(connection: Connection, episode_id: str) -> EpisodeRecord | None:
         known_at=_known_at(last, held),
         inputs=input_rows.stored(connection, episode_id),
         asked=last.asked if last else None,
+        displayed_intention=last.displayed_intention if last else None,
     )
 
 
@@ -235,8 +236,7 @@ _BEGIN_PAUSE: Final = pauses.insert()
 
 def pauses_of(connection: Connection, episode_id: str) -> list[PauseRecord]:
     """The episode's pauses, in order."""
-    query = select(pauses).where(pauses.c.episode_id == episode_id).order_by(pauses.c.started_at)
-    rows = connection.execute(query)
+    rows = connection.execute(select(pauses).where(pauses.c.episode_id == episode_id).order_by(pauses.c.started_at))
     return [PauseRecord(row.episode_id, row.timestep, row.reason, row.started_at, row.duration_ms) for row in rows]
 
 

@@ -95,6 +95,20 @@ ticks = Table(
         nullable=True,
         meaning="Whether the watched chef was in the participant's view in state n; none: sight was not limited.",
     ),
+    column(
+        "intentions",
+        LargeBinary(16),
+        nullable=True,
+        meaning="What the watched chef does next, the likeliest and the runner-up: kind, x, y, timesteps until it is "
+        "done (a byte each), probability (float32); none: not predicted. Kinds: overcooked/interactions.py.",
+    ),
+    column(
+        "displayed_intention",
+        LargeBinary(4),
+        nullable=True,
+        meaning="The intention that the frame showed: kind (8: nothing), x, y, opacity; none: it could not show any.",
+        unit="%",
+    ),
     sqlite_with_rowid=False,
 )
 

@@ -13,7 +13,7 @@ from typing import Any
 from sqlalchemy import Connection, Row, select, tuple_, update
 
 from server.play.recorder import KeyRecord, TickRecord
-from server.store import inputs
+from server.store import inputs, packed_intentions
 from server.store.tables import episodes, ticks
 
 PREDICTION = struct.Struct("<18f")  # 3 steps x 6 actions
@@ -87,6 +87,8 @@ def row_of(record: TickRecord) -> Values:
         record.asked,
         record.misleading,
         record.in_sight,
+        packed_intentions.pack(record.intentions),
+        packed_intentions.pack_shown(record.displayed_intention),
     )
 
 
@@ -112,6 +114,8 @@ def record_of(row: "Row[Any]") -> TickRecord:
         asked=row.asked,
         misleading=row.misleading,
         in_sight=row.in_sight,
+        intentions=packed_intentions.unpack(row.intentions),
+        displayed_intention=packed_intentions.unpack_shown(row.displayed_intention),
     )
 
 

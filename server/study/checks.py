@@ -43,7 +43,6 @@ def problems(study: Study) -> Iterator[Problem]:
     yield from _names(study)
     yield from _flow(study)
     yield from _conditions(study)
-    yield from _debriefing(study)
     for key, questionnaire in study.questionnaires.items():
         yield from _questions(study, questionnaire, ("questionnaires", key))
     if study.quiz:
@@ -141,39 +140,6 @@ def _conditions(study: Study) -> Iterator[Problem]:
             yield Problem(
                 ("conditions", index), reason, "Set `accuracy: 0.5` next to `predictor: degraded`, or remove it."
             )
-        for key in ("show", "steps_shown", "confidence_opacity") if not condition.shows_predictions else ():
-            value = getattr(condition, key)
-            if value in (None, "always", False):
-                continue
-            reason = f"`{key}: {str(value).lower()}` in a condition without marks has no effect"
-            remedy = "Remove it, or choose another `predictor`."
-            if study.factors:  # a full factorial needs it; without it, no interaction can be tested
-                remedy = f"Keep it for a full factorial, or leave it out: `cells: {{without: [{condition.name}]}}`."
-            yield Problem(("conditions", index, key), reason, remedy, warning=bool(study.factors))
-
-
-def _debriefing(study: Study) -> Iterator[Problem]:
-    """People who were misled are told so, after the rounds."""
-    misleading = [index for index, condition in enumerate(study.displays) if condition.predictor == "misleading"]
-    for index, condition in enumerate(study.displays):
-        if index not in misleading and "misleading" in condition.model_fields_set:
-            reason = "`misleading` has no effect with another predictor"
-            yield Problem(("conditions", index, "misleading"), reason, "Set `predictor: misleading`, or remove it.")
-        rounds = episodes_of(study)
-        if index in misleading and condition.misleading.from_round > rounds:
-            reason = f"there is no round {condition.misleading.from_round}: the study has {rounds}"
-            yield Problem(("conditions", index, "misleading", "from_round"), reason, f"Use 1 to {rounds}.")
-    if study.debriefing is None:
-        if misleading:
-            reason = "marks that mislead people need a debriefing that says so"
-            remedy = "Add a page to `pages` and `flow`, after episodes, and name it: `debriefing: KEY`."
-            yield Problem(("conditions", misleading[0], "predictor"), reason, remedy)
-    elif study.debriefing not in study.pages:
-        known = ", ".join(study.pages) or "none"
-        yield Problem(("debriefing",), f"there is no page {study.debriefing!r}", f"Known pages: {known}.")
-    elif study.debriefing not in study.flow[study.flow.index("episodes") + 1 :] if "episodes" in study.flow else True:
-        reason = "the debriefing does not follow the rounds"
-        yield Problem(("debriefing",), reason, f"Put {study.debriefing!r} after `episodes` in `flow`.")
 
 
 def _questions(study: Study, questionnaire: Questionnaire, path: Path) -> Iterator[Problem]:
@@ -224,7 +190,7 @@ def _attention_checks(study: Study, condition: str) -> int:
     arm = study.condition(condition)
 
     def of(key: str, seen: Condition = arm) -> int:
-        questions = asked(study.questions(key), seen.name, seen.shows_predictions)
+        questions = asked(study.questions(key), seen.name, study.shows_predictions(seen))
         return sum(getattr(question, "attention", None) is not None for question in questions)
 
     pages = [entry for entry in study.flow if entry in study.questionnaires or (entry == "quiz" and study.quiz)]
@@ -270,7 +236,7 @@ def _two_people(study: Study) -> Iterator[Problem]:
         if study.order.rule != "fixed":
             reason = "two people have to come to the same round at the same time"
             yield Problem(("order", "rule"), reason, "Use `rule: fixed` where an agent is `human: true`.")
-        if agent.predictor is None and any(condition.shows_predictions for condition in study.conditions):
+        if agent.predictor is None and any(map(study.shows_predictions, study.conditions)):
             reason = "there are marks to be shown, and nothing that predicts a person"
             remedy = "Add `predictor:`, e.g. that of an agent who plays much like people: `fcp_predictor_stream`."
             yield Problem(("agents", index), reason, remedy)

@@ -7,10 +7,28 @@ from pydantic import Field
 from server.study.questionnaire import Key
 from server.study.strict_model import StrictModel
 
+Display = Literal["actions", "intention", "both", "none"]
 Show = Literal["always", "on_key", "toggle"]
 Form = Literal["window", "stream"]
 StepsShown = Annotated[int, Field(ge=1, le=3)]
 Predictor = Literal["none", "random", "tom", "degraded", "misleading"]
+
+
+class PredictorSettings(StrictModel):
+    """The predictor that watches the partner, and how its predictions are drawn."""
+
+    form: Form = "stream"
+    """stream: remembers earlier timesteps; bundled. window: looks at ten timesteps, as in the paper; train it first."""
+    display: Display = "actions"
+    """What of a prediction is drawn. actions: marks for the next steps. intention: an icon at the station that the
+    partner uses next, and a bubble. both: both of them. none: nothing; it is still recorded."""
+    steps_shown: StepsShown = 3
+    """How many predicted steps are drawn."""
+    confidence_opacity: bool = False
+    """Draw a step fainter when the predictor is less certain."""
+    show: Show = "always"
+    """When the marks are drawn. always: in every timestep. on_key: while the participant holds the marks key or button.
+    toggle: from one press of it to the next. A condition can have its own `show`."""
 
 
 class Misleading(StrictModel):
@@ -39,6 +57,9 @@ class ConditionSettings(StrictModel):
     misleading: Misleading = Misleading()
     show: Show | None = Field(default=None, examples=["on_key"])
     """When the marks are drawn in this condition: always, on_key or toggle. Empty: as in `predictor.show`."""
+    display: Display | None = Field(default=None, examples=["intention"])
+    """What of a prediction is drawn in this condition: actions, intention, both or none. Empty: as in
+    `predictor.display`."""
     form: Form | None = Field(default=None, examples=["stream"])
     """The form of the predictor in this condition, window or stream. Empty: as in `predictor.form`."""
     steps_shown: StepsShown | None = None
@@ -69,10 +90,10 @@ class Condition(ConditionSettings, NamedPart):
         """What is seen in a block of rounds, from 1. 0: outside of the rounds, or without blocks."""
         return self.displays[block - 1] if block else self
 
-    @property
-    def shows_predictions(self) -> bool:
-        """Whether marks are shown at any time."""
-        return any(one.predictor != "none" for one in self.displays)
+    def drawn(self, settings: PredictorSettings) -> Display:
+        """What participants see of a prediction, over all blocks; `settings`: those of the study."""
+        every = {one.display or settings.display for one in self.displays if one.predictor != "none"} - {"none"}
+        return "both" if len(every) > 1 else next(iter(every), "none")
 
     @property
     def misleads(self) -> bool:

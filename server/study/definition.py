@@ -7,7 +7,8 @@ from pydantic import BeforeValidator, Field, model_validator
 from overcooked.other_names import bundled_name
 from server.study.analysis_plan import PrimaryTest, SmallestEffect
 from server.study.condition import Condition as Condition
-from server.study.condition import Form, Show, StepsShown
+from server.study.condition import Display
+from server.study.condition import PredictorSettings as PredictorSettings
 from server.study.consent import Consent, TextPage
 from server.study.factors import Cells, Conditions, Factors
 from server.study.locale import languages, locale
@@ -68,20 +69,6 @@ class Order(StrictModel):
     agents alternating. paper: layouts as listed; agents in random order in the first, reversed in each later one."""
     repeat: Annotated[int, Field(ge=1, le=20)] = 1
     """How often each pair of layout and agent is played."""
-
-
-class PredictorSettings(StrictModel):
-    """The predictor that watches the partner, and how its predictions are drawn."""
-
-    form: Form = "stream"
-    """stream: remembers earlier timesteps; bundled. window: looks at ten timesteps, as in the paper; train it first."""
-    steps_shown: StepsShown = 3
-    """How many predicted steps are drawn."""
-    confidence_opacity: bool = False
-    """Draw a step fainter when the predictor is less certain."""
-    show: Show = "always"
-    """When the marks are drawn. always: in every timestep. on_key: while the participant holds the marks key or button.
-    toggle: from one press of it to the next. A condition can have its own `show`."""
 
 
 class Pause(StrictModel):
@@ -263,6 +250,13 @@ class Study(StrictModel):
         for block in self.questionnaires.values():
             found += [block.when, *(entry.when for entry in block.questions)]
         return any(when is not None for when in found)
+
+    def drawn(self, condition: Condition) -> Display:
+        """What participants in a condition see of a prediction."""
+        return condition.drawn(self.predictor)
+
+    def shows_predictions(self, condition: Condition) -> bool:
+        return self.drawn(condition) != "none"
 
     def agent(self, name: str) -> PartnerSettings:
         return _named(self.agents, name)

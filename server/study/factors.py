@@ -125,7 +125,7 @@ def conditions_of(factors: Mapping[str, Mapping[str, ConditionSettings]], cells:
         if len(seen) == 1:
             found.append(seen[0])
             continue
-        settings = next((one for one in seen if one.shows_predictions), seen[0])
+        settings = next((one for one in seen if "none" not in (one.predictor, one.display)), seen[0])
         found.append(BlockOrder(**dict(settings) | {"name": _fits(name), "blocks": seen}))
     if not found:
         raise ValueError("`without` leaves no condition. Leave fewer out")

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from server.study.branch_checks import branch_problems
 from server.study.checks import Path, Problem, problems
 from server.study.definition import Study
+from server.study.display_checks import display_problems
 from server.study.factor_checks import factor_problems, in_factors
 from server.study.own_languages import LanguageError, use_languages_beside
 from server.study.plan_checks import plan_problems
@@ -137,10 +138,8 @@ def parse_study(text: str, source: str = "study.yaml") -> StudyFile:
     except ValidationError as error:
         found = sorted(mistakes(error, places.nearest), key=lambda one: places.line(one.path))
         raise places.error(found) from None
-    together = (
-        *factor_problems(study),
-        *in_factors(study, (*problems(study), *plan_problems(study), *branch_problems(study))),
-    )
+    of_parts = (*problems(study), *display_problems(study), *plan_problems(study), *branch_problems(study))
+    together = (*factor_problems(study), *in_factors(study, of_parts))
     found = sorted(together, key=lambda one: places.line(places.nearest(one.path)))
     wrong = [problem for problem in found if not problem.warning]
     if wrong:

@@ -98,7 +98,8 @@ def _measures(study: Study, seen: Condition) -> Iterator[str]:
     """What can be compared between conditions: reward, and the scale questions that follow every episode."""
     yield "reward"
     if study.after_episode in study.questionnaires:
-        for question in asked(study.questions(str(study.after_episode)), seen.name, seen.shows_predictions):
+        shows = study.shows_predictions(seen)
+        for question in asked(study.questions(str(study.after_episode)), seen.name, shows):
             always = question.when is None and study.questionnaires[str(study.after_episode)].when is None
             if isinstance(question, ScaleQuestion) and question.attention is None and always:
                 yield question.key

@@ -66,7 +66,7 @@ def test_conditions_differ_in_what_is_shown_and_in_nothing_else() -> None:
         "random": "random",
         "tom": "predictor",
     }
-    assert len({replace(spec, shown="nothing") for spec in specs.values()}) == 1
+    assert len({replace(spec, shown="nothing", display="none") for spec in specs.values()}) == 1
 
 
 def test_published_study_is_as_published() -> None:

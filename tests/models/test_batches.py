@@ -4,7 +4,7 @@ import numpy as np
 
 from models.inference.batches import joined, parted, together
 from models.inference.wire import Answer, ModelRequest, Row
-from models.protocols import STEPS
+from models.protocols import INTENTION, INTENTIONS, STEPS
 from overcooked.constants import ACTIONS
 
 
@@ -33,6 +33,8 @@ def test_every_question_gets_its_own_rows_back():
     assert [row.key for row in whole.rows] == list("abcdef")
     action_distributions = np.arange(6 * ACTIONS, dtype=np.float32).reshape(6, ACTIONS)
     predictions = np.arange(6 * STEPS * ACTIONS, dtype=np.float32).reshape(6, STEPS, ACTIONS)
+    intentions = np.zeros((6, INTENTIONS), INTENTION)
+    intentions["x"] = np.arange(12).reshape(6, 2)
     answer = Answer(
         1,
         2.0,
@@ -40,6 +42,7 @@ def test_every_question_gets_its_own_rows_back():
         action_distributions.tobytes(),
         bytes([1, 0, 1, 1, 0, 1]),
         predictions.tobytes(),
+        intentions.tobytes(),
         ["broken"],
     )
     parts = list(parted(answer, group))
@@ -47,4 +50,5 @@ def test_every_question_gets_its_own_rows_back():
     assert [part.acted for part in parts] == [bytes([0, 1]), bytes([2]), bytes([3, 4, 5])]
     assert b"".join(part.action_distributions for part in parts) == action_distributions.tobytes()
     assert np.frombuffer(parts[1].predictions, np.float32).tolist() == predictions[2].ravel().tolist()
+    assert np.frombuffer(parts[2].intentions, INTENTION)["x"].tolist() == [6, 7, 8, 9, 10, 11]
     assert [part.faults for part in parts] == [["broken"], [], []]

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from models.agents.predictors import DegradedPredictor, UniformPredictor, UnknownPredictor, load_predictor
+from models.agents.predictors import (
+    DegradedPredictor,
+    UniformPredictor,
+    UnknownPredictor,
+    has_intentions,
+    load_predictor,
+)
+from models.protocols import INTENTION
 from overcooked.layout import load_layout
 
 RING = load_layout("coordination_ring")
@@ -29,6 +36,13 @@ class Knowing:
                 right = self.draws.random() < self.accuracy
                 answer[row, step, truth if right else (truth + self.draws.integers(1, 6)) % 6] = 0.9
         return answer
+
+
+class Planning(Knowing):
+    """Also says what comes next: an onion, or else a dish."""
+
+    def intentions(self, slots, observations, last_actions):
+        return np.tile(np.array([(1, 0, 2, 5, 0.7), (2, 3, 4, 9, 0.2)], INTENTION), (len(slots), 1))
 
 
 def measured(predictor, rounds=1500):
@@ -74,3 +88,21 @@ def test_names_lead_to_predictors_or_to_an_error_that_lists_them():
         load_predictor("guide@much", RING)
     with pytest.raises(UnknownPredictor, match="between 17 and 100"):
         load_predictor("guide@5", RING)
+
+
+def test_a_degraded_predictor_says_the_runner_up_first_as_often_as_it_replaces_steps():
+    predictor = DegradedPredictor(Planning(1.0), 1.0, 0.6)
+    observations = np.random.default_rng(3).integers(0, 6, (2000, 2, 2, 26)).astype(np.int8)
+    said = predictor.intentions(np.arange(2000), observations, np.zeros((2000, 2), np.int8))
+    assert (said["kind"][:, 0] == 2).mean() == pytest.approx(0.4, abs=0.04)
+    assert {one.tobytes() for one in said} == {
+        np.array([(1, 0, 2, 5, 0.7), (2, 3, 4, 9, 0.2)], INTENTION).tobytes(),
+        np.array([(2, 3, 4, 9, 0.7), (1, 0, 2, 5, 0.2)], INTENTION).tobytes(),
+    }
+
+
+def test_a_name_tells_whether_its_predictor_says_intentions():
+    assert has_intentions("guide", RING)
+    assert has_intentions("guide@60", RING)
+    assert not has_intentions("random", RING)
+    assert not has_intentions("my_predictor.onnx", RING)

@@ -15,7 +15,7 @@ import pytest_asyncio
 from models.agents.model_paths import ModelPaths
 from models.inference.launch import launch
 from models.inference.runner import ModelsDown, ModelServer
-from models.protocols import History, Question
+from models.protocols import History, Intention, Question
 from overcooked.constants import EAST, NORTH, STAY
 from overcooked.layout import load_layout
 from overcooked.observe import PLANES
@@ -25,6 +25,7 @@ from tests.support.onnx_files import linear_agent
 LAYOUT = "coordination_ring"
 NORTHWARD, EVEN = "tests.support.foreign_models:Northward", "tests.support.foreign_models:EvenHanded"
 REMEMBERING = "tests.support.foreign_models:Remembering"
+PLANNING = "tests.support.foreign_models:Planning"
 JAMMING = "tests.support.foreign_models:Jamming"
 PATIENT_MS = 5000
 _games = count()  # no two games of this file have one name: some share a server
@@ -78,7 +79,7 @@ async def serving():
 @pytest_asyncio.fixture(scope="module", loop_scope="module")
 async def shared():
     """For tests `in_one_loop`, which only ask: starting its processes takes longer than all that they do."""
-    agents, predictors = (NORTHWARD, EVEN, JAMMING), (REMEMBERING, "random")
+    agents, predictors = (NORTHWARD, EVEN, JAMMING), (REMEMBERING, PLANNING, "random")
     server = ModelServer([(LAYOUT, name) for name in agents], [(LAYOUT, name) for name in predictors])
     await server.start()
     yield server
@@ -125,6 +126,15 @@ async def test_a_watched_human_is_only_predicted(shared):
     (decision,) = await shared.ask([Game("a").question(predictor="random")], PATIENT_MS)
     assert (decision.action, decision.probabilities) == (STAY, ())
     assert len(decision.prediction) == 3
+
+
+@in_one_loop
+async def test_a_decision_has_the_intentions_of_the_newest_state_where_the_predictor_says_some(shared):
+    games = [Game(f"g{k}", seed=k).play(k) for k in range(4)]
+    for k, decision in enumerate(await shared.ask([game.question(predictor=PLANNING) for game in games], PATIENT_MS)):
+        assert decision.intentions == (Intention(0, -1, -1, 0, 0.75), Intention(1, 2 * (k + 1) // 4, 2, 5, 0.25))
+    (decision,) = await shared.ask([Game("a").question(NORTHWARD, "random")], PATIENT_MS)
+    assert decision.intentions == ()
 
 
 @in_one_loop

@@ -9,6 +9,7 @@ from models.agents.predictors import load_predictor
 from models.networks.checkpoint import CheckpointError
 from models.networks.columns import varying_columns
 from overcooked.constants import COOKING, FACING, HELD, ITEM_NAMES, NOTHING
+from overcooked.interactions import InteractionKind
 from overcooked.layout import layout_names, load_layout
 from overcooked.state import Kitchens
 from training.evaluate_agents import EvaluatedAgent, play, with_itself
@@ -91,6 +92,7 @@ def test_the_guides_next_actions_come_as_predicted_while_nobody_crosses_its_way(
         answer = predictor.predict(slots, seen, last)
         assert answer.shape == (1, 3, 6)
         assert answer.max(axis=-1).min() > 0.98
+        assert predictor.intentions(slots, seen, last)["kind"].tolist() == [[InteractionKind.NONE] * 2]
         predicted.append(answer[0].argmax(axis=-1))
         taken.append(int(policy.probabilities(seen).argmax()))
         kitchens.step(np.array([[4, taken[-1]]]), np.zeros((1, 2), np.int32))

@@ -5,12 +5,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from models.inference.runner import ModelStatistics
-from models.protocols import STEPS, Decision, Question
+from models.protocols import STEPS, Decision, Intention, Question
 from overcooked.constants import ACTIONS, EAST, INTERACT, NORTH, SOUTH, STAY, WEST
+from overcooked.interactions import InteractionKind
 from overcooked.layout import load_layout
 from server.play.episode_spec import EpisodeSpec
 from server.play.messages import Outgoing
 from server.play.recorder import EpisodeRecord, EpisodeResult, InputRecord, PauseRecord, RecorderDown, TickRecord
+
+# In the coordination ring: an onion from the left crate, then a dish.
+INTENTIONS = (
+    Intention(InteractionKind.TAKE_ONION, 0, 3, 4, 0.5),
+    Intention(InteractionKind.TAKE_DISH, 0, 2, 3, 0.25),
+)
 
 
 def make_spec(**changes: object) -> EpisodeSpec:
@@ -82,7 +89,7 @@ class MemoryRecorder:
         last = stored[-1]
         return EpisodeRecord(
             episode, ("p1", None), spec, actions, last.state_hash, "running", 0.0, last.next_actions, last.displayed,
-            asked=last.asked,
+            asked=last.asked, displayed_intention=last.displayed_intention,
         )  # fmt: skip
 
 
@@ -115,7 +122,8 @@ class RuleModels:
     def decide(self, question: Question) -> Decision:
         action = (NORTH, SOUTH, EAST, WEST, STAY, INTERACT)[int(question.uniform * ACTIONS)]
         step = tuple(0.75 if action == EAST else 0.05 for action in range(ACTIONS))
-        return Decision(action, (1 / ACTIONS,) * ACTIONS, (step,) * STEPS if question.predictor else ())
+        prediction, intentions = ((step,) * STEPS, INTENTIONS) if question.predictor else ((), ())
+        return Decision(action, (1 / ACTIONS,) * ACTIONS, prediction, intentions)
 
     def forget(self, game: str) -> None:
         self.forgotten.append(game)

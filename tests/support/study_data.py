@@ -12,6 +12,7 @@ from overcooked.layout import load_layout
 from overcooked.score import progress_credit, shaped_reward, sparse_reward
 from overcooked.state import Kitchens
 from server.play.episode_spec import EpisodeSpec
+from server.play.intentions import Intention
 from server.play.recorder import EpisodeResult, InputRecord, KeyRecord, PauseRecord, TickRecord
 from server.store import answers, audit, episodes, events, participants, studies, ticks
 from tests.support.live_fakes import make_spec
@@ -58,6 +59,8 @@ def played(episode: str, timesteps: int = 40, seed: int = 0, spec: EpisodeSpec =
                 models_ms=chance.random() * 50,
                 late=late,
                 made_unix_ms=1_772_366_400_000.0 + timestep * 200.125,
+                intentions=() if late else (Intention(4, 3, 0, 5, 0.5), Intention(0, -1, -1, 0, 0.25)),
+                displayed_intention=None if late else (8, -1, -1, 95),
             )
         )
     return records

@@ -14,6 +14,7 @@ from server.play.close_codes import CloseCode
 from server.store import decisions, overview
 from server.store.admins import AdminSession
 from server.store.episodes import BrokenEpisode
+from server.study.locale import locale
 from server.web.admin.actions import GameDep
 from server.web.admin.live_boards import SESSION_EVERY_S, converse, let_in, send_news, still_in
 from server.web.admin.rendering import AdminPage, study_at
@@ -48,6 +49,7 @@ async def page(request: Request, name: str, admin: WatchDep, services: ServicesD
         is_live=live.games.get(game.id) is not None or await live.peer_plays(game),
         exclusions=[one for one in held if one.episode_id in (None, game.id)],
         reasons=decisions.EXCLUSION_REASONS,
+        texts=locale("en").section("game"),
     )
 
 

@@ -97,14 +97,9 @@ def _introduction(made: StepPage, context: Context) -> None:
     words = context["t"]
     made.title = words("phase.introduction")
     made.texts = [
-        StepText(words(f"introduction.{slide}_title"), words(f"introduction.{slide}{_human(slide, context)}"))
-        for slide in context["slides"]
+        StepText(words(f"introduction.{slide}_title"), words(key)) for slide, key in context["slide_texts"].items()
     ]
     _now(made, context)
-
-
-def _human(slide: str, context: Context) -> str:
-    return "_human" if context["with_human"] and slide in ("team", "marks") else ""
 
 
 def _page(made: StepPage, context: Context) -> None:

@@ -143,11 +143,21 @@ async def _introduction(
     """The slides; predictions are only explained in conditions that show them."""
     study = page.web.studies.of(participant)
     condition = study.condition(participant.condition)
-    slides = [key for key in INTRODUCTION if key != "marks" or condition.shows_predictions]
-    with_human = all(agent.human for agent in study.agents)
-    return {"slides": slides, "with_human": with_human, "show": show_of(study, condition)} | {
-        "view_radius": next(filter(None, (view_radius_of(study, one) for one in condition.displays)), 0)
+    slides = [key for key in INTRODUCTION if key != "marks" or study.shows_predictions(condition)]
+    with_human, display = all(agent.human for agent in study.agents), study.drawn(condition)
+    return {
+        "slides": slides,
+        "slide_texts": {slide: _slide_text(slide, display, with_human) for slide in slides},
+        "show": show_of(study, condition),
+        "view_radius": next(filter(None, (view_radius_of(study, one) for one in condition.displays)), 0),
+        "display": display,
     }
+
+
+def _slide_text(slide: str, display: str, with_human: bool) -> str:
+    """The key of a slide's text: what marks are depends on what is drawn, and who the partner is on the study."""
+    drawn = f"_{display}" if slide == "marks" and display in ("intention", "both") else ""
+    return f"introduction.{slide}{drawn}{'_human' if with_human and slide in ('team', 'marks') else ''}"
 
 
 async def _ready(page: PageResponse, participant: Participant, step: StudyStep, _filled: Filled) -> dict[str, Any]:

@@ -135,21 +135,33 @@ function flowNode(node) {
 
 /** @param {Researcher.Figures['accuracy']} accuracy */
 function showAccuracy({ rows, waiting }) {
-  place('accuracy').replaceChildren(...rows.map(accuracyRow));
+  place('accuracy').replaceChildren(...rows.flatMap(accuracyRows));
   const still = waiting ? ` ${waiting} games are still to be counted.` : '';
   const note = `Wilson intervals over timesteps, all conditions.${still}`;
   place('accuracy-note').textContent = rows.length || waiting ? note : 'Counted when games are over.';
 }
 
-/** @param {Researcher.AccuracyRow} row */
-function accuracyRow(row) {
+/**
+ * Of the predicted steps, and of the intentions if the predictor has some.
+ * @param {Researcher.AccuracyRow} row
+ */
+function accuracyRows({ agent, layout, steps, share, low, high, intention, episodes }) {
+  const name = `${agent} · ${layout}`;
+  const title = `steps 1 / 2 / 3: ${steps.map(percent).join(' / ')} %`;
+  const rows = [accuracyRow(name, title, [share, low, high], episodes)];
+  const meaning = 'kind and station, where something was done within 20 timesteps';
+  return intention ? [...rows, accuracyRow(`${name}, intention`, meaning, intention, episodes)] : rows;
+}
+
+/** @type {(name: string, title: string, share: [number, number, number], episodes: number) => HTMLElement} */
+function accuracyRow(name, title, [share, low, high], episodes) {
   return make(
     'tr',
-    { title: `steps 1 / 2 / 3: ${row.steps.map(percent).join(' / ')} %` },
-    make('td', { text: `${row.agent} · ${row.layout}` }),
-    make('td', { className: 'num', text: `${percent(row.share)} %` }),
-    make('td', { className: 'num', text: `${percent(row.low)}–${percent(row.high)}` }),
-    make('td', { className: 'num', text: row.episodes }),
+    { title },
+    make('td', { text: name }),
+    make('td', { className: 'num', text: `${percent(share)} %` }),
+    make('td', { className: 'num', text: `${percent(low)}–${percent(high)}` }),
+    make('td', { className: 'num', text: episodes }),
   );
 }
 

@@ -25,6 +25,7 @@ declare namespace Researcher {
   interface Board {
     state: Wire.KitchenState;
     prediction: [number, number][];
+    intention: Wire.Tick['intention'];
     actions: [number, number];
   }
 
@@ -76,6 +77,7 @@ declare namespace Researcher {
     share: number;
     low: number;
     high: number;
+    intention: [number, number, number] | null;
   }
 
   interface ClientError {
@@ -125,6 +127,8 @@ declare namespace Researcher {
     rewards: [number, number];
     prediction: number[][];
     displayed: [number, number][];
+    intentions: { kind: number; x: number; y: number; steps: number; probability: number }[];
+    displayed_intention: Wire.Tick['intention'] | null;
     asked: boolean | null;
     misleading: boolean | null;
     keys: [seat: number, seq: number, receivedMs: number][];
@@ -149,6 +153,7 @@ declare namespace Researcher {
     inputs: Input[];
     pauses: { t: number; reason: string; duration_ms: number | null }[];
     accuracy: { share: number; low: number; high: number; n: number }[];
+    intention_accuracy: { share: number; low: number; high: number; n: number } | null;
     checked: { equal: boolean; states: number; difference: string };
   }
 

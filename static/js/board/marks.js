@@ -129,6 +129,15 @@ function laneOf(mark, moves) {
   return [(-rows * lane) / 64 || 0, (columns * lane) / 64 || 0];
 }
 
+/**
+ * Return the cell that a move leads to.
+ * @param {Mark} mark
+ * @returns {Cell}
+ */
+export function cellAfter({ x, y, direction }) {
+  return [x + STEP[direction][0], y + STEP[direction][1]];
+}
+
 /** @param {Mark} mark */
 function borderOf({ x, y, direction }) {
   return `${x + STEP[direction][0] / 2}:${y + STEP[direction][1] / 2}`;

@@ -2,20 +2,25 @@
 
 /** @import { Chef, Motion } from './chef.js' */
 /** @import { Style } from './draw-marks.js' */
+/** @import { Catalogue } from '../browser/texts.js' */
+/** @import { IntentionStyle } from './draw-intention.js' */
 /** @import { Cell, Grid, Pot } from './kitchen.js' */
 /** @import { Mark } from './marks.js' */
 /** @import { Sprites } from './sprites.js' */
 /** @import { StartedState, State } from './state.js' */
 
 import { context2d } from '../browser/dom.js';
+import { BubblePlacer } from './bubble-place.js';
 import { CELL, contactShadow, paintBackground } from './background.js';
 import { drawChef, drawTag } from './chef.js';
 import { drawArrow } from './draw-arrows.js';
+import { bubbleShapes, drawBadge, drawBubble, drawWay } from './draw-intention.js';
 import { drawIcon } from './draw-marks.js';
 import { Effects, drawPotEffects } from './effects.js';
 import { events, witnessed } from './events.js';
-import { COOK_TIME, ITEMS } from './kitchen.js';
-import { eased, isStale } from './marks.js';
+import { intentionWords } from './intention.js';
+import { COOK_TIME, ITEMS, inView } from './kitchen.js';
+import { FADE_MS, eased, isStale } from './marks.js';
 import { colour } from './sprites.js';
 import { facing, isInView, isStarted, place, progress } from './state.js';
 import { drawVeil, outlineView, withinView } from './view.js';
@@ -23,6 +28,8 @@ import { drawVeil, outlineView, withinView } from './view.js';
 /** Device pixels per CSS pixel at most: more are not seen, and each costs time in every picture. */
 const MAX_RATIO = 2;
 const LANDING_MS = 160; // how long an item that was put down comes to rest
+const BUBBLE_PX = 12; // CSS pixels: the smallest letters of the bubble next to a chef
+const BUBBLE_LETTERS = 9.5; // 1/64 cell: the same on large boards
 const RING = { x: 51, y: 15, radius: 8.4, disc: 13.4, width: 5.6 };
 
 export class Renderer {
@@ -39,6 +46,7 @@ export class Renderer {
     this.effects = new Effects();
     this.cellPixels = 0;
     this.tagScale = 1;
+    this.ratio = 1;
     /** @type {HTMLCanvasElement | null} */
     this.background = null;
     /** @type {Grid} */
@@ -49,6 +57,9 @@ export class Renderer {
     this.greysOldMarks = true;
     /** Whether a limited view is only outlined: researchers see the whole kitchen. */
     this.outlinesView = false;
+    /** @type {Catalogue | null} the words of the bubble next to a chef; null: none is drawn */
+    this.text = null;
+    this.bubblePlacer = new BubblePlacer();
     /** @type {Map<string, number>} "x,y" -> when an item was put there */
     this.landed = new Map();
   }
@@ -75,6 +86,8 @@ export class Renderer {
       this.canvas.dataset.columns = String(columns);
       this.canvas.style.width = `${(columns * cell) / ratio}px`;
       this.canvas.style.height = `${(rows * cell) / ratio}px`;
+      this.ratio = ratio;
+      this.bubblePlacer = new BubblePlacer();
       this.tagScale = Math.min(1.5, Math.max(1, 52 / (cell / ratio)));
     }
     return cell / ratio;
@@ -119,10 +132,11 @@ export class Renderer {
     if (!this.outlinesView) drawVeil(context, state);
     const marks = this.#marks(state, now, reduced);
     const style = this.#markStyle(state, now, reduced);
-    withinView(context, state, () => marks.forEach((mark) => drawArrow(context, mark, style)));
+    this.#drawOnFloor(state, marks, style, now, reduced);
     if (this.highlight) this.#drawHighlight(this.highlight, now, reduced);
     this.#drawChefs(state, now, reduced);
     for (const mark of marks) drawIcon(context, mark, style);
+    this.#drawBubble(state, style, now, reduced);
     if (this.outlinesView) outlineView(context, state);
     this.#drawTag(state, now, reduced);
     this.effects.draw(context, now, state.current.t, reduced, this.grid[0].length);
@@ -212,6 +226,38 @@ export class Renderer {
       chef: reduced ? [x, y] : place(state, watched, now),
       cell: [x, y],
     };
+  }
+
+  /** @type {(state: StartedState, marks: Mark[], style: Style, now: number, reduced: boolean) => void} */
+  #drawOnFloor(state, marks, style, now, reduced) {
+    const { context } = this;
+    const { intention, game } = state;
+    const own = state.current.players[game.seat];
+    const ofIntention = this.#intentionStyle(state, style, now, reduced);
+    withinView(context, state, () => {
+      if (intention) drawWay(context, intention, ofIntention);
+      for (const mark of marks) drawArrow(context, mark, style);
+    });
+    const isSeen = intention && (!game.view_radius || !own || inView(own, intention.x, intention.y, game.view_radius));
+    if (isSeen) drawBadge(context, intention, ofIntention);
+  }
+
+  /** @type {(state: StartedState, style: Style, now: number, reduced: boolean) => void} */
+  #drawBubble(state, style, now, reduced) {
+    const { context, text } = this;
+    const { intention } = state;
+    if (!intention || !text) return;
+    const size = Math.max(BUBBLE_LETTERS, (BUBBLE_PX * CELL * this.ratio) / this.cellPixels);
+    const words = intentionWords(intention, this.grid, text);
+    const bubble = this.bubblePlacer.place(state, words, () => bubbleShapes(context, words, size));
+    const ofIntention = this.#intentionStyle(state, style, now, reduced);
+    if (bubble) drawBubble(context, { ...bubble, size }, intention.opacity, ofIntention);
+  }
+
+  /** @type {(state: StartedState, style: Style, now: number, reduced: boolean) => IntentionStyle} */
+  #intentionStyle(state, style, now, reduced) {
+    const shown = reduced ? 1 : Math.min(1, Math.max(0, (now - state.intentionMs) / FADE_MS));
+    return { ...style, shown, size: this.tagScale };
   }
 
   /** @type {(cell: Cell, now: number, reduced: boolean) => void} */

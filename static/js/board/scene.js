@@ -7,9 +7,12 @@ import { Renderer } from './renderer.js';
 import { Sprites } from './sprites.js';
 import { apply, boardState, defaults, tickOf } from './state.js';
 
+/** @type {Wire.Tick['intention']} */
+const NOTHING = [8, -1, -1, 95];
 const MAX_CELL = 96; // CSS pixels
 
-/** @typedef {{ players: Player[], prediction?: [action: number, percent: number][], mark?: Cell }} Shown mark: the cell
+/** @typedef {{ players: Player[], prediction?: [action: number, percent: number][],
+ *   intention?: Wire.Tick['intention'], mark?: Cell }} Shown mark: the cell
  *   to highlight */
 /** @typedef {Partial<Wire.KitchenState> & Shown} Moment */
 
@@ -42,12 +45,15 @@ export class Scene {
    * @param {number} seat of the own chef
    */
   show(grid, moment, seat = 0) {
-    const { prediction = [], mark = null, ...kitchen } = moment;
+    const { prediction = [], intention = NOTHING, mark = null, ...kitchen } = moment;
     /** @type {Wire.KitchenState} */
     const state = { t: 0, counters: [], pots: [], score: 0, soups: 0, ...kitchen };
     const now = performance.now();
     const start = boardState({ grid, seat, watched_seat: 1 - seat, tick_ms: 200, horizon: 0 }, state, now);
-    this.state = { ...apply(start, tickOf({ state, prediction }), now), phase: /** @type {const} */ ('waiting') };
+    this.state = {
+      ...apply(start, tickOf({ state, prediction, intention }), now),
+      phase: /** @type {const} */ ('waiting'),
+    };
     this.renderer.highlight = mark;
     this.draw();
   }

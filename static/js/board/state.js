@@ -1,8 +1,10 @@
 // Everything a page knows of a game, as plain data: defaults() and apply(message). The time is always an argument.
 
+/** @import { Intention } from './intention.js' */
 /** @import { Mark } from './marks.js' */
 
-import { marks } from './marks.js';
+import { NO_INTENTION, intentionOf, isSameIntention } from './intention.js';
+import { cellAfter, marks } from './marks.js';
 
 export const GLIDE_SHARE = 0.9; // of a tick
 export const GLIDE_MAX_MS = 180;
@@ -26,6 +28,9 @@ export const GLIDE_MAX_MS = 180;
  * @property {number[]} actions what led to the current kitchen
  * @property {Mark[]} marks
  * @property {Mark[]} marksBefore
+ * @property {Intention | null} intention what the watched chef is predicted to do next at a station
+ * @property {boolean} saysIntention whether the frame carries one, also that nothing is done soon
+ * @property {number} intentionMs since when it is this one
  * @property {{ seconds: number, sinceMs: number } | null} countdown
  * @property {boolean} partnerSeen whether the other chef is in view
  * @property {boolean} partnerSeenBefore the same in the kitchen before
@@ -54,6 +59,7 @@ export function defaults() {
   return {
     ...{ link: 'connecting', linkSinceMs: 0, phase: 'waiting', game: null, alone: false },
     ...{ previous: null, current: null, arrivedMs: 0, from: [], actions: [4, 4], marks: [], marksBefore: [] },
+    ...{ intention: null, saysIntention: false, intentionMs: 0 },
     ...{ partnerSeen: true, partnerSeenBefore: true, unknown: [], asked: true },
     ...{ countdown: null, pause: null, lesson: null, lessons: [], ended: null, notice: null, turn: null, applied: -1 },
   };
@@ -71,7 +77,7 @@ export function boardState(still, kitchen, now) {
   const welcome = {
     ...{ type: 'welcome', protocol: 0, episode: '', kind: 'episode', number: 0, episodes: 0, layout: '', title: '' },
     ...{ steps: 3, shows_predictions: true, resumed: false, partner: 'agent', show: 'always', view_radius: 0 },
-    ...{ partner_seen: true, unknown: [], asked: true },
+    ...{ partner_seen: true, unknown: [], asked: true, display: 'actions' },
     ...still,
     state: kitchen,
     endless: !still.horizon,
@@ -85,16 +91,10 @@ export function boardState(still, kitchen, now) {
  * @returns {Wire.Tick}
  */
 export function tickOf(part) {
-  return {
-    type: 'tick',
-    actions: [4, 4],
-    applied: -1,
-    late: false,
-    partner_seen: true,
-    unknown: [],
-    asked: true,
-    ...part,
-  };
+  /** @type {Wire.Tick['intention']} */
+  const intention = [8, -1, -1, 95];
+  const seen = { partner_seen: true, unknown: [], asked: true, intention, pad: '' };
+  return { type: 'tick', actions: [4, 4], applied: -1, late: false, ...seen, ...part };
 }
 
 /**
@@ -194,6 +194,9 @@ function applyTick(state, message, now) {
   const { grid, watched_seat: watched } = state.game;
   const players = message.state.players;
   const phase = phaseAfter(state, message);
+  const drawn = marks(message.prediction, players[watched], players[1 - watched], grid);
+  const ahead = drawn.flatMap((mark) => (mark.kind === 'move' ? [cellAfter(mark)] : []));
+  const intention = intentionOf(message.intention, players[watched], players[1 - watched], grid, ahead);
   return {
     ...state,
     phase,
@@ -208,8 +211,11 @@ function applyTick(state, message, now) {
     asked: message.asked,
     from: players.map((player, seat) => startOf(state, seat, player, now)),
     actions: message.actions,
-    marks: marks(message.prediction, players[watched], players[1 - watched], grid),
+    marks: drawn,
     marksBefore: state.marks,
+    intention,
+    saysIntention: message.intention[0] !== NO_INTENTION,
+    intentionMs: isSameIntention(intention, state.intention) ? state.intentionMs : now,
     turn: state.turn && message.applied >= state.turn.seq ? null : state.turn,
     applied: message.applied,
   };

@@ -35,6 +35,7 @@ declare namespace Wire {
     partner_seen: boolean;
     unknown: [number, number][];
     asked: boolean;
+    display: "actions" | "both" | "intention" | "none";
   }
 
   interface Waiting {
@@ -57,6 +58,8 @@ declare namespace Wire {
     partner_seen: boolean;
     unknown: [number, number][];
     asked: boolean;
+    intention: [number, number, number, number];
+    pad: string;
   }
 
   interface Paused {

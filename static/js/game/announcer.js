@@ -22,6 +22,7 @@ export class Announcer {
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.timer = undefined;
     this.announcedSeconds = Infinity;
+    this.announcedIntention = '';
   }
 
   /**
@@ -58,6 +59,16 @@ export class Announcer {
     const { score, soups } = current;
     if (list.some(({ kind }) => kind === 'delivery')) this.say(this.text('say.delivered', { score, soups }));
     else if (list.some(({ kind }) => kind === 'ready')) this.say(this.text('say.ready'));
+  }
+
+  /**
+   * Announce another intention of the partner, if nothing else is said just now.
+   * @param {string} words '' for none
+   */
+  intention(words) {
+    if (words === this.announcedIntention || performance.now() < this.lastMs + PAUSE_MS) return;
+    this.announcedIntention = words;
+    if (words) this.say(words);
   }
 
   /**

@@ -8,6 +8,7 @@
 /** @import { BoardBox } from './tutorial-coach.js' */
 
 import { drawLegend } from '../board/draw-marks.js';
+import { intentionWords } from '../board/intention.js';
 import { Renderer } from '../board/renderer.js';
 import { Sprites } from '../board/sprites.js';
 import { apply, applyLink, applyTurn, defaults, secondsLeft } from '../board/state.js';
@@ -75,6 +76,7 @@ const renderer = new Renderer(
   new Sprites(config.sprites),
   text('you_tag'),
 );
+renderer.text = text;
 const hud = new Hud(page, text);
 const sound = new Sound(find('#sound', HTMLElement, page), text);
 const announcer = new Announcer(find('#polite', HTMLElement, page), find('#urgent', HTMLElement, page), text);
@@ -152,6 +154,7 @@ function tick(now) {
   pointsFly(happened);
   announcer.happened(happened, state);
   announcer.time(secondsLeft(state));
+  announcer.intention(partnersIntention());
   for (const { kind, seat } of happened) {
     if (seat === undefined || seat === state.game?.seat || kind === 'delivery') sound.play(kind);
   }
@@ -165,6 +168,13 @@ function pointsFly(happened) {
   const points = state.current.score - (state.previous?.score ?? 0);
   const score = find('#score', HTMLElement, page);
   flyPoints(page, score, renderer.canvas, hatches, { grid: state.game.grid, points });
+}
+
+/** What the partner is predicted to do next, in words; '' for nothing. */
+function partnersIntention() {
+  if (!state.intention || !state.game) return '';
+  const partner = text(state.game.partner === 'human' ? 'partner_human' : 'partner');
+  return text('say.intention', { partner, words: intentionWords(state.intention, state.game.grid, text) });
 }
 
 /** @param {FinalLink | 'lost'} link */

@@ -4,7 +4,7 @@
 /** @import { Catalogue } from '../browser/texts.js' */
 
 import { isStarted, secondsLeft } from '../board/state.js';
-import { find } from '../browser/dom.js';
+import { find, findAll } from '../browser/dom.js';
 
 const HURRY_S = 10;
 
@@ -58,6 +58,10 @@ export class Hud {
     this.#find('.stat.time').hidden = game.endless;
     this.#find('#legend-predictions').hidden = !game.shows_predictions;
     this.#find('#legend-pots').hidden = game.shows_predictions;
+    for (const part of findAll('[data-display]', HTMLElement, this.page)) {
+      const isOne = part.dataset.display === game.display;
+      part.hidden = !isOne && (game.display !== 'both' || part.dataset.alone !== undefined);
+    }
     this.#find('#ids').hidden = practice || game.seat < 0;
     this.#find('#legend').hidden = practice;
     this.#find('#lessons').hidden = !practice;

@@ -130,12 +130,14 @@ function freest(cost, size, stage) {
 }
 
 /**
- * Return which text explains a lesson: marks on demand have their own.
+ * Return which text explains a lesson: marks on demand and intentions have their own.
  * @param {string} key
  * @param {State} state
  */
 function textOf(key, { game }) {
-  return key === 'marks' && game && game.show !== 'always' ? game.show : 'text';
+  if (key !== 'marks' || !game) return 'text';
+  const when = game.show === 'always' ? 'text' : game.show;
+  return ['intention', 'both'].includes(game.display) ? `${game.display}_${when}` : when;
 }
 
 /** @type {(value: number, low: number, high: number) => number} */

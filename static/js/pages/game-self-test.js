@@ -40,6 +40,12 @@ const PREDICTIONS = [
   [3, 4, 5],
   [6, 6, 6],
 ].map((actions) => actions.map((action, step) => [action, [95, 80, 60][step]]));
+/** @type {Wire.Tick['intention'][]} */
+const INTENTIONS = [
+  [4, 1, 0, 95],
+  [7, 3, 2, 60],
+  [8, -1, -1, 95],
+];
 const ONION = 1;
 const SOUP = 3;
 const MODULES = [
@@ -136,7 +142,7 @@ const WELCOME = {
   ...{ type: 'welcome', protocol: 1, episode: 'self-test', kind: 'tutorial', number: 1, episodes: 1, layout: 'test' },
   ...{ title: 'Test', grid: GRID, seat: 0, watched_seat: 1, horizon: 400, tick_ms: 200, steps: 3, resumed: false },
   ...{ shows_predictions: true, state: kitchen(0, ONION), endless: false, partner: 'agent' },
-  ...{ show: 'always', view_radius: 1, partner_seen: true, unknown: [], asked: true },
+  ...{ show: 'always', view_radius: 1, partner_seen: true, unknown: [], asked: true, display: 'both' },
 };
 
 /** @param {Renderer} renderer */
@@ -155,7 +161,9 @@ function tryGame(renderer) {
   receive({ type: 'paused', reason: 'blur', left_s: 3 });
   PREDICTIONS.forEach((prediction, step) => {
     const after = kitchen(step + 1, step % 2 ? 0 : SOUP);
-    receive(tickOf({ state: after, prediction, actions: [step, 5], partner_seen: step < 2, unknown: [[0, 2]] }));
+    /** @type {Partial<Wire.Tick>} */
+    const seen = { partner_seen: step < 2, unknown: [[0, 2]] };
+    receive(tickOf({ state: after, prediction, actions: [step, 5], intention: INTENTIONS[step], ...seen }));
     renderer.applyEvents(state, now);
     for (const still of [false, true]) renderer.draw(applyTurn(state, 2, 1), now + 50, still);
   });

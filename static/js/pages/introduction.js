@@ -7,7 +7,7 @@ import { DISH, EAST, INTERACT, NORTH, SOUP, SOUTH, WEST } from '../board/kitchen
 import { Scene } from '../board/scene.js';
 import { find, findAll } from '../browser/dom.js';
 import { session } from '../browser/storage.js';
-import { fillIn } from '../browser/texts.js';
+import { catalogue, fillIn, jsonBlock } from '../browser/texts.js';
 import { KeyboardLayout } from '../game/key-names.js';
 
 const GRID = ['XXPXXXX', 'X     D', 'O     X', 'X     S', 'XXXXXXX'];
@@ -31,6 +31,8 @@ const pot = (onions, cooking = -1) => ({ pots: [[...POT, onions, cooking]] });
 const predicted = (ai, steps) => {
   return moment([2, 3, EAST, NOTHING], ai, { ...pot(2), prediction: steps.map((step, k) => [step, OPACITIES[k]]) });
 };
+/** @type {Wire.Tick['intention']} */
+const FILLS_POT = [4, ...POT, OPACITIES[0]];
 /** @type {Player} */
 const FAR = [5, 3, NORTH, NOTHING];
 /** @type {Player} */
@@ -62,6 +64,9 @@ const SCENES = {
 };
 
 const form = find('#slides', HTMLFormElement);
+const { display = 'actions' } = form.dataset;
+if (display === 'intention') for (const each of SCENES.marks) delete each.prediction;
+if (['intention', 'both'].includes(display)) for (const each of SCENES.marks) each.intention = FILLS_POT;
 const slides = findAll('.slide', HTMLElement, form);
 const back = find('#back', HTMLButtonElement);
 const next = find('#next', HTMLButtonElement);
@@ -181,4 +186,5 @@ form.addEventListener('submit', () => session.removeItem(key));
 still.addEventListener('change', play);
 show(here);
 scene = await Scene.open(canvas, form.dataset.you ?? '');
+scene.renderer.text = catalogue(jsonBlock('texts'));
 play();

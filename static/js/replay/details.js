@@ -1,6 +1,9 @@
 // Shows what belongs to one timestep: predicted probabilities and inputs; and to the game: accuracy and verification.
 
+/** @import { Catalogue } from '../browser/texts.js' */
+
 import { make, percent } from '../admin/elements.js';
+import { intentionOf, intentionWords } from '../board/intention.js';
 import { tickOf } from '../board/state.js';
 
 export const SIGNS = ['↑', '↓', '→', '←', '○', '◆'];
@@ -13,8 +16,9 @@ const SVG = 'http://www.w3.org/2000/svg';
  * @param {Researcher.Row} row
  * @returns {Wire.Tick}
  */
-export function frameOf({ state, displayed, actions, late }) {
-  return tickOf({ state, prediction: displayed, actions: actions ?? [4, 4], late });
+export function frameOf({ state, displayed, displayed_intention: shown, actions, late }) {
+  const intention = shown ? { intention: shown } : {};
+  return tickOf({ state, prediction: displayed, actions: actions ?? [4, 4], late, ...intention });
 }
 
 /**
@@ -55,6 +59,27 @@ export function showPrediction(table, place, record, t) {
   const note = asked === false ? 'Not shown: the participant did not ask for the marks.' : drawn;
   const caption = make('caption', { className: 'soft', text: note });
   table.replaceChildren(...(note ? [caption] : []), make('thead', {}, head), make('tbody', {}, ...rows));
+}
+
+/**
+ * Show the likeliest intentions on state t, in words; nothing without any.
+ * @param {HTMLElement} list
+ * @param {Researcher.EpisodeRecord} record
+ * @param {number} t
+ * @param {Catalogue} text
+ */
+export function showIntentions(list, record, t, text) {
+  const { grid, watched_seat: watched, tick_ms: tickMs } = record.game;
+  const { intentions, state } = record.rows[t];
+  const [chef, other] = [state.players[watched], state.players[1 - watched]];
+  const items = intentions.map(({ kind, x, y, steps, probability }) => {
+    const intention = intentionOf([kind, x, y, 100], chef, other, grid);
+    const words = intention ? intentionWords(intention, grid, text) : 'nothing soon';
+    const when = intention ? ` in ${((steps * tickMs) / 1000).toFixed(1)} s` : '';
+    return make('li', {}, `${words}${when}: `, make('b', { text: `${percent(probability)} %` }));
+  });
+  list.hidden = !items.length;
+  list.replaceChildren(...items);
 }
 
 /**
@@ -140,10 +165,13 @@ function inputItem(input) {
 /**
  * @param {HTMLElement} list
  * @param {Researcher.EpisodeRecord['accuracy']} steps
+ * @param {Researcher.EpisodeRecord['intention_accuracy']} intention kind and station of the likeliest one
  */
-export function showAccuracy(list, steps) {
-  const cells = steps.flatMap(({ share, low, high, n }, step) => [
-    make('dt', { text: `Right, step ${step + 1} (n = ${n})` }),
+export function showAccuracy(list, steps, intention) {
+  const named = steps.map((step, index) => ({ ...step, name: `step ${index + 1}` }));
+  if (intention) named.push({ ...intention, name: 'intention' });
+  const cells = named.flatMap(({ name, share, low, high, n }) => [
+    make('dt', { text: `Right, ${name} (n = ${n})` }),
     make('dd', { text: n ? `${percent(share)} % (${percent(low)}–${percent(high)})` : '–' }),
   ]);
   list.replaceChildren(...cells);

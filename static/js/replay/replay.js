@@ -9,7 +9,8 @@ import { Sprites } from '../board/sprites.js';
 import { apply, boardState } from '../board/state.js';
 import { SPRITES } from '../browser/addresses.js';
 import { find, findAll } from '../browser/dom.js';
-import { frameOf, showAccuracy, showInputs, showPrediction, showVerification } from './details.js';
+import { catalogue, jsonBlock } from '../browser/texts.js';
+import { frameOf, showAccuracy, showInputs, showIntentions, showPrediction, showVerification } from './details.js';
 import { Player } from './player.js';
 import { TimeLine } from './timeline.js';
 import { VideoExport, canRecordVideo } from './video.js';
@@ -26,7 +27,9 @@ const canvas = find('#kitchen', HTMLCanvasElement);
 const scrubber = find('#scrub', HTMLInputElement);
 const videoButton = find('#video', HTMLButtonElement);
 const renderer = new Renderer(canvas, new Sprites(SPRITES), who);
+const text = catalogue(jsonBlock('texts'));
 renderer.greysOldMarks = false;
+renderer.text = text;
 renderer.outlinesView = true;
 const still = matchMedia('(prefers-reduced-motion: reduce)');
 /** @type {State | null} */
@@ -66,6 +69,7 @@ function show(t, by) {
   scrubber.setAttribute('aria-valuetext', `timestep ${t}`);
   place('score').textContent = String(row.state.score);
   showPrediction(place('probs'), place('prediction-t'), record, t);
+  showIntentions(place('intentions'), record, t, text);
   showInputs(place('inputs'), place('inputs-t'), record, t);
   line.show(record, t);
   canvas.dataset.timestep = String(t);
@@ -144,7 +148,7 @@ function showRecord() {
   showExtent();
   fit();
   showVerification(place('checked'), record);
-  showAccuracy(place('accuracy'), record.accuracy);
+  showAccuracy(place('accuracy'), record.accuracy, record.intention_accuracy);
 }
 
 /**
@@ -226,7 +230,7 @@ function connectTransport() {
 
 function connectDownloads() {
   onClick('copy', copyLink);
-  const video = new VideoExport(name, who);
+  const video = new VideoExport(name, who, text);
   onClick('picture', () => video.picture(record, player.t));
   onClick('video', () => video.record(videoButton, record, player.t));
   videoButton.disabled = !canRecordVideo;

@@ -1,5 +1,6 @@
 // Makes the picture and the video of a replay in this browser, faster than the game is played.
 
+/** @import { Catalogue } from '../browser/texts.js' */
 /** @import { State } from '../board/state.js' */
 /** @import { EncodedFrame, Film } from './webm.js' */
 
@@ -34,10 +35,12 @@ export class VideoExport {
   /**
    * @param {string} name of the files, without ending
    * @param {string} who the tag over the own chef
+   * @param {Catalogue} text the words of bubbles
    */
-  constructor(name, who) {
+  constructor(name, who, text) {
     this.name = name;
     this.who = who;
+    this.text = text;
     /** @type {{ stopped: boolean } | null} */
     this.running = null;
   }
@@ -50,6 +53,7 @@ export class VideoExport {
   async picture(record, t) {
     const board = document.createElement('canvas');
     const renderer = await rendererOf(board, record, this.who, PICTURE_SIZE);
+    renderer.text = this.text;
     const row = record.rows[t];
     const still = boardState(record.game, row.state, 0);
     renderer.draw(apply(still, frameOf(row), 0), 0, true);
@@ -74,6 +78,7 @@ export class VideoExport {
     this.running = running;
     try {
       const recorder = await VideoRecorder.open(record, this.who);
+      recorder.renderer.text = this.text;
       const last = record.rows.length - 1;
       for (let t = first < last ? first : 0; t <= last && !running.stopped; t += 1) {
         await recorder.add(t);

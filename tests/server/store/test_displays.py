@@ -64,3 +64,31 @@ def test_marks_on_demand_are_due_in_the_timesteps_in_which_they_were_asked_for(d
     asked = (False, True, True, False, False)  # right, right, missing, not asked for, the last state
     _, episode = stored(database, "predictor", displays, asked)
     assert database.read_now(violations, [episode]) == {episode: 2}
+
+
+@pytest.mark.parametrize("display", ["actions", "intention", "both"])
+def test_marks_and_intentions_are_promised_by_their_displays_only(database: Database, display: str) -> None:
+    """Four states: too little, what is promised, something else, and the last one, which does not count."""
+
+    def fill(connection):
+        study = studies.register(connection, "one", "name: one")
+        spec = replace(SPEC, shown="predictor", display=display, horizon=3)
+        new = episodes.NewEpisode(spec, "episode-01", (None, None), study.id, "tom")
+        episode = episodes.create(connection, new)
+        both = {
+            "actions": (MARKS, (8, -1, -1, 95)),
+            "intention": (NOTHING, (4, 3, 0, 95)),
+            "both": (MARKS, (0, -1, -1, 95)),
+        }
+        wrong = (NOTHING, (8, -1, -1, 95)) if display != "both" else (MARKS, None)
+        shown = [wrong, both[display], both["intention" if display == "actions" else "actions"], both["both"]]
+        records = [
+            replace(one, displayed=marks, displayed_intention=intention)
+            for one, (marks, intention) in zip(played(episode, 3), shown, strict=True)
+        ]
+        ticks.insert(connection, records)
+        episodes.end(connection, result_of(records, spec))
+        return episode
+
+    episode = database.write_now(fill)
+    assert database.read_now(violations, [episode]) == {episode: 2}

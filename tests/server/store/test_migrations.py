@@ -68,8 +68,12 @@ def test_a_database_of_an_earlier_version_keeps_its_data(empty: str, revision: s
     migrate(empty)
     with Database(empty) as database:
         assert database.read_now(revision_of) == newest_revision()
-        told = [record if revision >= "0008" else replace(record, made_unix_ms=None) for record in played(episode)]
-        assert database.read_now(ticks.of_episode, episode) == told  # 0008 added when a tick was made
+        told = played(episode)
+        if revision < "0008":
+            told = [replace(record, made_unix_ms=None) for record in told]
+        if revision < "0014":
+            told = [replace(record, intentions=(), displayed_intention=None) for record in told]
+        assert database.read_now(ticks.of_episode, episode) == told
         loaded = database.read_now(episodes.load, episode)
         assert loaded is not None
         assert (loaded.status, loaded.last_hash) == ("running", played(episode)[-1].state_hash)

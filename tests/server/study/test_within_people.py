@@ -29,7 +29,7 @@ def test_each_condition_is_an_order_of_the_blocks() -> None:
         "on_order_2": ["tom_on", "none_on"],
     }
     assert {one.quota for one in made.conditions} == {3}
-    assert made.condition("on_order_1").shows_predictions, "for the introduction and the practice"
+    assert made.shows_predictions(made.condition("on_order_1")), "for the introduction and the practice"
     assert [one.name for one in made.displays] == ["none_off", "tom_off", "none_on", "tom_on"]
 
 

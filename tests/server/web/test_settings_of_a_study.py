@@ -86,10 +86,12 @@ def test_every_setting_of_the_game_reaches_it(study: Study) -> None:
     assert (drawn_up.agents, drawn_up.watched_seat) == ((agent, None), 0)
     assert drawn_up.predictor == "guide@60", "made worse, also where the study names the predictor"
     assert (drawn_up.show, drawn_up.view_radius) == ("on_key", 2), "the condition's own, not the study's"
+    assert drawn_up.display == "both"
     assert drawn_up.title in ("环", "小角落")
     assert drawn_up.episodes == 8
     bare = spec(study, "bare")[1]
     assert (bare.steps_shown, bare.confidence_opacity, bare.shown) == (2, True, "nothing"), "the study's"
+    assert bare.display == "none"
 
 
 def test_the_tutorial_is_the_study_s_own_and_its_marks_are_never_made_worse(study: Study) -> None:
