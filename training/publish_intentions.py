@@ -1,15 +1,25 @@
 """From a predictor and its collected games to the same predictor with a decoder of intentions, measured, in its
 folder."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
 from models.networks.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from models.networks.intentions import IntentionDecoder
-from models.networks.predictor import predictor_network
-from training.collect import TEST, TRAIN, VALIDATION, read_manifest
+from models.networks.predictor import PredictorNetwork, predictor_network
+from overcooked.layout import Layout
+from training.collect import (
+    TEST,
+    TRAIN,
+    VALIDATION,
+    CollectionPlan,
+    Partner,
+    Target,
+    games_with,
+    read_manifest,
+)
 from training.evaluate_intentions import intention_entry, said_intentions
 from training.intention_baselines import FrequentNext
 from training.predictor_config import IntentionSettings
@@ -45,6 +55,22 @@ def add_intentions(
     how = {"states": len(train), **partners_met(manifest), "settings": settings.stored(), "code revision": revision()}
     write_intentions(checkpoint, network.intentions, measured, how, out)
     return measured
+
+
+def measured_intentions(
+    network: PredictorNetwork,
+    layout: Layout,
+    target: Target,
+    partners: Sequence[Partner],
+    known: Sequence[Partner],
+    plan: CollectionPlan,
+) -> dict[str, Any]:
+    """Measure what a predictor says of the target's games with `partners`, played again; the baseline of what is most
+    frequent is counted in one trajectory a setting with `known`. Raises ValueError without a decoder."""
+    counted = CollectionPlan(1, plan.timesteps, plan.seed)
+    frequent = FrequentNext([games_with(layout, target, partner, counted) for partner in known], layout)
+    shards = [games_with(layout, target, partner, plan) for partner in partners]
+    return intention_entry(said_intentions(network, shards, layout, frequent), layout)
 
 
 def write_intentions(

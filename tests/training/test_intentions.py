@@ -21,9 +21,10 @@ from training.evaluate_intentions import SaidIntentions, intention_entry
 from training.evaluate_predictor import calibration_error
 from training.intention_baselines import FrequentNext, nearest_sensible
 from training.intention_labels import UNKNOWN, interactions_done, labels_of, next_interactions
-from training.predictor_config import IntentionSettings
+from training.predictor_config import IntentionSettings, TrainingConfig
 from training.publish_intentions import add_intentions
-from training.train_intentions import IntentionStates, read_shards, train_intentions
+from training.train_intentions import IntentionStates, read_shards, states_of, train_intentions
+from training.train_predictor import prepared
 
 RING = load_layout("coordination_ring")
 POSSIBLE = possible_interactions(RING)
@@ -196,6 +197,18 @@ def test_a_decoder_replaces_the_one_before(with_decoder, games, tmp_path):
     assert again == measured
     assert load_checkpoint(tmp_path / "again").card == load_checkpoint(folder).card
     assert predictor_network(load_checkpoint(tmp_path / "again"))[0].intentions is not None
+
+
+def test_training_of_the_actions_can_begin_with_a_predictor_that_has_a_decoder(with_decoder, games):
+    trainer = prepared(RING, TINY, TrainingConfig(), games, begin_with=with_decoder[0])
+    assert trainer.network.intentions is None
+    assert torch.equal(trainer.network.norm.weight, predictor_network(load_checkpoint(with_decoder[0]))[0].norm.weight)
+
+
+def test_games_that_are_too_short_are_refused_with_the_remedy(games):
+    shards = [{name: value if name == "seat" else value[:, :19] for name, value in read_shards(games, TEST)[0].items()}]
+    with pytest.raises(ValueError, match=r"19 timesteps are too short .* --no-intentions"):
+        states_of(shards, RING, PredictorNetwork(RING, TINY))
 
 
 def test_games_of_another_agent_are_refused(games, tmp_path):

@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     if importlib.util.find_spec(_PREDICTOR):
         importlib.import_module(_PREDICTOR).add_arguments(predictor)
     intentions = kinds.add_parser("intentions", help="teach a trained predictor to say what the agent does next")
-    add_compute(intentions)
+    intentions.set_defaults(device="cpu", precision="float32")  # too small for anything else to be quicker
     importlib.import_module(_INTENTIONS).add_arguments(intentions)
 
 
