@@ -1,4 +1,4 @@
-"""How well a predictor says an agent's next interaction, beside two baselines that need no predictor."""
+"""How well a predictor says an agent's next interaction, next to two baselines that need no predictor."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
