@@ -1,6 +1,7 @@
 """A predictor learns what its agent does next at a station: labels, baselines, the decoder, and the folder."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,6 +22,8 @@ from training.evaluate_intentions import SaidIntentions, intention_entry
 from training.evaluate_predictor import calibration_error
 from training.intention_baselines import FrequentNext, nearest_sensible
 from training.intention_labels import UNKNOWN, interactions_done, labels_of, next_interactions
+from training.pipeline.predictor_tasks import predictor_tasks
+from training.pipeline.study_tasks import Work
 from training.predictor_config import IntentionSettings, TrainingConfig
 from training.publish_intentions import add_intentions
 from training.train_intentions import IntentionStates, read_shards, states_of, train_intentions
@@ -209,6 +212,18 @@ def test_games_that_are_too_short_are_refused_with_the_remedy(games):
     shards = [{name: value if name == "seat" else value[:, :19] for name, value in read_shards(games, TEST)[0].items()}]
     with pytest.raises(ValueError, match=r"19 timesteps are too short .* --no-intentions"):
         states_of(shards, RING, PredictorNetwork(RING, TINY))
+
+
+def test_the_pipeline_adds_a_decoder_after_each_predictor(without, games, tmp_path):
+    tasks = {task.name: task for task in predictor_tasks(RING, (), "", {}, extras=False, publish=False)}
+    task = tasks["intentions_sp_stream"]
+    assert task.inputs == ("games_sp", "predictor_sp_stream")
+    (tmp_path / "games").symlink_to(games)
+    (tmp_path / "predictor").symlink_to(without)
+    inputs = dict.fromkeys(task.inputs, tmp_path)
+    settings = QUICK.model_copy(update={"updates": 20}).stored()
+    task.action(Work(replace(task, settings=settings), tmp_path / "made", inputs, lambda _: None))
+    assert predictor_network(load_checkpoint(tmp_path / "made" / "predictor"))[0].intentions is not None
 
 
 def test_games_of_another_agent_are_refused(games, tmp_path):
