@@ -125,6 +125,8 @@ def run(arguments: argparse.Namespace) -> int:
         print(
             f"Training was {stopped} after {trainer.update} of {training.updates} updates; the same command continues."
         )
+        if not arguments.no_intentions:
+            print("The predictor says no intentions until training is finished.")
     return 1 if stopped == INTERRUPTED else 0
 
 
