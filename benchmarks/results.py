@@ -99,9 +99,10 @@ def shipped_agents() -> dict[str, str]:
 
 
 def shipped_entries() -> list[dict[str, Any]]:
-    """What the cards of the bundled predictors say, as `kitchenmind evaluate predictor --json` would."""
-    configs = sorted(WEIGHTS.glob("*/*_predictor_*/config.json"))
-    return [json.loads(config.read_text(encoding="utf-8"))["measured"] for config in configs]
+    """What the cards of the bundled predictors say, as `kitchenmind evaluate predictor --intentions --json` would."""
+    paths = sorted(WEIGHTS.glob("*/*_predictor_*/config.json"))
+    configs = [json.loads(path.read_text(encoding="utf-8")) for path in paths]
+    return [{**config["measured"], "intentions": config.get("measured_intentions")} for config in configs]
 
 
 def summary(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) -> str:
@@ -145,6 +146,7 @@ def rendered(entries: Sequence[Mapping[str, Any]], figures: Mapping[str, Any]) -
             *_table(head, _points(figures["agents"])),
             "",
             *_with_human(by_cell, figures["with_human_bc"]),
+            *_next_interactions(by_cell),
             END,
         ]
     )
@@ -209,6 +211,50 @@ def _with_human(
         )
     head = ["", "offline", "with human_bc", "its ceiling of step 1", "the paper, offline → with humans"]
     return [*lines, *_table(head, rows), ""]
+
+
+def _next_interactions(by_cell: Mapping[tuple[str, str, str], Mapping[str, Any]]) -> list[str]:
+    """How often the agent's next interaction is said rightly, at times before it is done."""
+    lines = [
+        "The agent's next interaction ([intentions](intentions.md)): how often its kind and station are said rightly,",
+        "1, 2 and 4 s before it is done, and in parentheses the kind alone (%). Test partners as above.",
+        "",
+    ]
+    rows = []
+    for agent in AGENTS:
+        cells = [by_cell[layout, agent, "stream"]["intentions"] for layout in LAYOUTS]
+        name = agent.upper()
+        rows += [
+            [
+                f"**{name}, {int(timesteps) // 5} s before**",
+                *(_share_of_both(entry["before"][timesteps]) for entry in cells),
+            ]
+            for timesteps in cells[0]["before"]
+        ]
+        rows += [
+            [f"{name}, {words}: 1 / 2 / 4 s", *(_at_all_times(entry, key) for entry in cells)]
+            for key, words in (
+                ("first_two", "it or the runner-up"),
+                ("nearest_sensible", "nearest station that makes sense"),
+                ("frequent", "most frequent for hand and pots"),
+                ("states", "states"),
+            )
+        ]
+        rows += [
+            [f"{name}, all states (none within 4 s)", *(f"{e['all_states']:.1f} ({e['none']:.1f})" for e in cells)],
+            [f"{name}, calibration error", *(f"{entry['ece']:.3f}" for entry in cells)],
+            [f"{name}, mean error of when, timesteps", *(f"{entry['when_error']:.1f}" for entry in cells)],
+        ]
+    return [*lines, *_table(_head(), rows), ""]
+
+
+def _share_of_both(values: Mapping[str, Any]) -> str:
+    return "-" if values["kind"] is None else f"**{values['kind_and_station']:.1f}** ({values['kind']:.1f})"
+
+
+def _at_all_times(entry: Mapping[str, Any], key: str) -> str:
+    values = [each[key] for each in entry["before"].values()]
+    return " / ".join("-" if value is None else f"{value:,}" if key == "states" else f"{value:.1f}" for value in values)
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

@@ -1,5 +1,6 @@
 """How well a predictor predicts an agent: accuracy by step, next to the ceiling and what needs no model at all."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,9 +61,15 @@ class Evaluation:
         }
 
 
-@torch.inference_mode()
 def logits(network: PredictorNetwork, episodes: Episodes) -> torch.Tensor:
     """What the network says about every state: (E, T, 3, 6), by its training forward; serving gives the same."""
+    return over_all_states(network, episodes, network)
+
+
+@torch.inference_mode()
+def over_all_states(network: PredictorNetwork, episodes: Episodes, answer: Callable[..., torch.Tensor]) -> torch.Tensor:
+    """`answer`, one of the network's functions of features, actions and (window form) presence, for every state:
+    (E, T, ...)."""
     network.eval()
     device = network.temperature.device
     labels, timesteps = episodes.labels(), episodes.own.shape[1]
@@ -72,15 +79,16 @@ def logits(network: PredictorNetwork, episodes: Episodes) -> torch.Tensor:
         for first in range(0, len(every), _AT_ONCE["stream"]):
             chosen = every[first : first + _AT_ONCE["stream"]]
             features, actions, _ = stream_batch(episodes, labels, chosen, np.zeros_like(chosen), timesteps)
-            parts.append(network(features.to(device), actions.to(device)).cpu())
+            parts.append(answer(features.to(device), actions.to(device)).cpu())
         return torch.cat(parts)
     rows, last = (each.ravel() for each in np.meshgrid(every, np.arange(timesteps), indexing="ij"))
     parts = []
     for first in range(0, len(rows), _AT_ONCE["window"]):
         some = slice(first, first + _AT_ONCE["window"])
         features, actions, present, _ = window_batch(episodes, labels, rows[some], last[some])
-        parts.append(network(*(part.to(device) for part in (features, actions, present))).cpu())
-    return torch.cat(parts).view(len(every), timesteps, STEPS, ACTIONS)
+        parts.append(answer(*(part.to(device) for part in (features, actions, present))).cpu())
+    said = torch.cat(parts)
+    return said.view(len(every), timesteps, *said.shape[1:])
 
 
 def evaluate(network: PredictorNetwork, episodes: Episodes, frequent_action: int | None = None) -> Evaluation:

@@ -6,7 +6,7 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from models.networks.config import PredictorConfig
+from models.networks.config import IntentionConfig, PredictorConfig
 from training.settings import TrainingSettings
 
 
@@ -77,6 +77,26 @@ class TrainingConfig(TrainingSettings):
     seed: int = Field(0, ge=0, description="Random seed.")
 
 
+class IntentionSettings(TrainingSettings):
+    """How a predictor's decoder of intentions learns; nothing else of the predictor changes."""
+
+    hidden: int = Field(IntentionConfig.hidden, ge=1, description="Width between the tokens and the interactions.")
+    when_hidden: int = Field(IntentionConfig.when_hidden, ge=1, description="Width before the timesteps.")
+    states: int = Field(
+        300_000, ge=1000, description="Maximum number of states to learn from, evenly from all partners."
+    )
+    updates: int = Field(2000, ge=1, description="Number of updates; the best of the validations is kept.")
+    batch: int = Field(1024, ge=1, description="States in an update.")
+    learning_rate: float = Field(
+        2e-3, ge=0, description="Learning rate of AdamW; it warms up, then falls along a cosine to a hundredth."
+    )
+    warm_up: int = Field(50, ge=1, description="Updates over which the learning rate rises from zero.")
+    weight_decay: float = Field(0.01, ge=0, description="Weight decay of AdamW.")
+    when_weight: float = Field(0.5, ge=0, description="Weight of the timesteps in the loss, next to the interactions.")
+    check_every: int = Field(250, ge=1, description="Updates between two validations.")
+    seed: int = Field(0, ge=0, description="Random seed.")
+
+
 class PredictorTrainingSettings(TrainingConfig, NetworkSettings):
     """Everything that `kitchenmind train predictor --set` can change."""
 
@@ -90,6 +110,11 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "ema_decay": 0.98, "minutes": 5.0,
     },
 }  # fmt: skip
+# The same of the decoder of intentions.
+INTENTION_PRESETS: Mapping[str, Mapping[str, Any]] = {
+    "full": {},
+    "tiny": {"hidden": 64, "when_hidden": 32, "states": 30_000, "updates": 400, "batch": 512, "check_every": 100},
+}
 Configs = tuple[PredictorConfig, TrainingConfig]
 
 
@@ -100,3 +125,8 @@ def changed(configs: Configs, changes: Mapping[str, Any], source: str) -> Config
     settings = PredictorTrainingSettings().changed(stored, source).changed(changes, source).stored()
     own = {name: settings[name] for name in asdict(network)}
     return PredictorConfig(**own), TrainingConfig().changed({key: settings[key] for key in training.stored()}, source)
+
+
+def intention_settings(preset: str) -> IntentionSettings:
+    """Return the settings with which the decoder of intentions learns in `train predictor --preset`."""
+    return IntentionSettings().changed(INTENTION_PRESETS[preset], "--preset")

@@ -37,18 +37,23 @@ def unseen_games(
 ) -> Episodes:
     """The agent's games with the test partners of a population (a folder, or the partners themselves), or with one
     other agent as people meet it, played again (the same seed gives the same games)."""
-    if partner is not None:
-        others = [Partner(partner, partner, "extra", *load_agent(partner, layout))]
-    else:
-        everybody = load_population(population, layout) if isinstance(population, Path) else list(population)
-        others = test_partners(everybody)
+    others = unseen_partners(layout, population, partner)
     return games_of(layout, target, others, network, plan)
 
 
-def test_partners(partners: list[Partner]) -> list[Partner]:
-    """Those that no predictor was trained or stopped on."""
-    split = split_by_agent(partners)
-    return [partner for partner in partners if split[partner.agent] == TEST]
+def unseen_partners(layout: Layout, population: Path | Sequence[Partner], partner: str | None = None) -> list[Partner]:
+    """The test partners of a population (a folder, or the partners themselves), or one other agent as people meet
+    it."""
+    if partner is not None:
+        return [Partner(partner, partner, "extra", *load_agent(partner, layout))]
+    return partners_in(TEST, layout, population)
+
+
+def partners_in(split: str, layout: Layout, population: Path | Sequence[Partner]) -> list[Partner]:
+    """The partners of a population in a part of its split; nothing is trained or stopped on those of `TEST`."""
+    everybody = load_population(population, layout) if isinstance(population, Path) else list(population)
+    part_of = split_by_agent(everybody)
+    return [partner for partner in everybody if part_of[partner.agent] == split]
 
 
 def games_of(

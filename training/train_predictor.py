@@ -226,6 +226,7 @@ def prepared(
 def _take_weights(learner: PredictorNetwork, folder: Path) -> None:
     other, _ = predictor_network(load_checkpoint(folder))
     try:
+        other.intentions = None  # it belongs to the tokens of the other
         learner.load_state_dict(other.state_dict())
     except RuntimeError as error:
         raise ValueError(

@@ -6,7 +6,7 @@ from typing import Any, Final
 from docs.generate.markdown import cell, code, plain_type
 from training.config import AgentConfig
 from training.pipeline.presets import StudyScale
-from training.predictor_config import NetworkSettings, TrainingConfig
+from training.predictor_config import IntentionSettings, NetworkSettings, TrainingConfig
 from training.settings import TrainingSettings
 
 HEAD: Final = """# Training settings
@@ -31,6 +31,11 @@ PARTS: Final[tuple[tuple[type[TrainingSettings], str, str], ...]] = (
     (AgentConfig, "Agent", "`kitchenmind train agent --set`, `--config`, and the tables of roles in a preset."),
     (NetworkSettings, "Network of a predictor", "`kitchenmind train predictor --set` and `[predictor]` in a preset."),
     (TrainingConfig, "Training of a predictor", "`kitchenmind train predictor --set` and `[predictor]` in a preset."),
+    (
+        IntentionSettings,
+        "Intentions of a predictor",
+        "`kitchenmind train intentions --set`. It learns after each predictor, from the same games.",
+    ),
     (StudyScale, "Scale of a study", "At the top of a preset of `kitchenmind train study --preset FILE.toml`."),
 )
 

@@ -69,8 +69,9 @@ def parse_observation(planes: NDArray[np.int8]) -> ParsedObservation:
 
 @dataclass(frozen=True)
 class Walk:
-    """The way to a station: steps to walk before the chef stands next to it, and the first action to take."""
+    """The way to a station: its cell, steps to walk before the chef stands next to it, the first action to take."""
 
+    cell: Cell
     steps: int
     action: int
 

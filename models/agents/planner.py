@@ -26,7 +26,13 @@ class PlannerPolicy:
 
 
 def _action(seen: ParsedObservation) -> int:
-    """The first wish that can be reached decides; with nothing to do, the cook makes room by waiting."""
+    """With nothing to do, the cook makes room by waiting."""
+    walk = next_walk(seen)
+    return STAY if walk is None else walk.action
+
+
+def next_walk(seen: ParsedObservation) -> Walk | None:
+    """Return the way to the nearest station that makes sense: the first wish that can be reached decides."""
     around = distances(seen.floor, seen.me, seen.other)
     through = distances(seen.floor, seen.me, None)  # as if the other would step aside
     wishes = _wishes(seen)
@@ -36,8 +42,8 @@ def _action(seen: ParsedObservation) -> int:
         for reached in (around, through):
             walk = _nearest(seen, reached, wish)
             if walk is not None:
-                return walk.action
-    return STAY
+                return walk
+    return None
 
 
 def _wishes(seen: ParsedObservation) -> list[tuple[Cell, ...]]:
@@ -69,7 +75,7 @@ def _nearest(seen: ParsedObservation, reached: dict[Cell, tuple[int, int]], cell
                 continue
             steps, first = reached[neighbour]
             if best is None or steps < best.steps:
-                best = Walk(steps, first if steps else _use(seen, direction, (x, y)))
+                best = Walk((x, y), steps, first if steps else _use(seen, direction, (x, y)))
     return best
 
 

@@ -12,59 +12,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.inference.attention import look_back, norm, window_attention
+from models.inference.attention import look_back, window_attention
 from models.inference.convolutions_numpy import NumpyConvolutions
+from models.inference.intentions_numpy import NumpyIntentions
+from models.inference.layers_numpy import Floats, Linear, NamedWeights
 from models.networks.checkpoint import Checkpoint, CheckpointError, load_checkpoint
 from models.networks.columns import varying_columns
-from models.networks.config import ROTARY_BASE, PredictorConfig
-from models.protocols import HISTORY, STEPS, Observations, Predictions, Predictor
+from models.networks.config import ROTARY_BASE, IntentionConfig, PredictorConfig, intention_config
+from models.protocols import (
+    HISTORY,
+    INTENTION,
+    INTENTIONS,
+    STEPS,
+    IntentionPredictor,
+    Intentions,
+    Observations,
+    Predictions,
+)
 from overcooked.constants import ACTIONS
 from overcooked.layout import Layout, parse_layout
 
 _SLOTS_AT_ONCE = 64
 
-Floats = NDArray[np.float32]
-
-
-@dataclass(frozen=True)
-class _Linear:
-    weight: Floats  # (inputs, outputs)
-    bias: Floats
-
-    def __call__(self, x: Floats) -> Floats:
-        out = x @ self.weight
-        out += self.bias
-        return out
-
-
-@dataclass(frozen=True)
-class _Norm:
-    weight: Floats
-    bias: Floats
-
-    def __call__(self, x: Floats) -> Floats:
-        normed: Floats = norm(x, self.weight, self.bias)
-        return normed
-
-
-class _Weights:
-    """A checkpoint's tensors by name, as the parts of a network. Raises KeyError for one that is missing."""
-
-    def __init__(self, tensors: Mapping[str, NDArray[Any]]) -> None:
-        self._tensors = tensors
-
-    def array(self, name: str) -> Floats:
-        return np.ascontiguousarray(self._tensors[name], np.float32)
-
-    def linear(self, name: str) -> _Linear:
-        return _Linear(np.ascontiguousarray(self.array(f"{name}.weight").T), self.array(f"{name}.bias"))
-
-    def norm(self, name: str) -> _Norm:
-        return _Norm(self.array(f"{name}.weight"), self.array(f"{name}.bias"))
-
 
 class _Layer:
-    def __init__(self, weights: _Weights, name: str) -> None:
+    def __init__(self, weights: NamedWeights, name: str) -> None:
         self._before_attention = weights.norm(f"{name}.before_attention")
         self._qkv, self._out = weights.linear(f"{name}.qkv"), weights.linear(f"{name}.out")
         self._before_feed_forward = weights.norm(f"{name}.before_feed_forward")
@@ -87,11 +59,11 @@ class _Games:
     the last is begun."""
 
     def __init__(self, config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], eyes: "_Encoder") -> None:
-        weights = _Weights(tensors)
+        weights = NamedWeights(tensors)
         self._eyes, self._heads, self._hidden = eyes, config.heads, config.hidden
         self.memory = config.memory
         state, token, action = (weights.linear(name) for name in ("state", "token", "action"))
-        self._state = _Linear(state.weight * eyes.scale[:, None], state.bias)
+        self._state = Linear(state.weight * eyes.scale[:, None], state.bias)
         self._token_of_state = token.weight[: config.state_width]
         # What each joint action adds to its token, (49, hidden), see `_joint_index`; -1 (none) is all zeros.
         hot = np.concatenate([np.zeros((1, ACTIONS), np.float32), np.eye(ACTIONS, dtype=np.float32)])
@@ -102,6 +74,8 @@ class _Games:
         self._first, self._second = weights.linear("decoder.0"), weights.linear("decoder.2")
         self._temperature = weights.array("temperature")[:, None]
         self._kept: list[NDArray[Any]] = []
+        self._intentions: NumpyIntentions | None = None
+        self._tokens: list[Floats] = []  # what each layer made of the newest timestep, if there is a decoder for it
 
     def begin(self, slots: NDArray[np.intp]) -> None:
         missing = int(slots.max(initial=-1)) + 1 - len(self._kept[0])
@@ -109,6 +83,20 @@ class _Games:
             more = max(missing, _SLOTS_AT_ONCE, len(self._kept[0]) // 2)
             self._kept = [np.concatenate([kept, np.zeros((more, *kept.shape[1:]), kept.dtype)]) for kept in self._kept]
         self._kept[0][slots] = 0
+
+    def say_intentions(self, decoder: NumpyIntentions) -> None:
+        """From now on `intentions` says what this decoder makes of the tokens; `predict` stays as it is."""
+        self._intentions = decoder
+
+    def intentions(
+        self,
+        slots: NDArray[np.intp],
+        observations: Observations,  # noqa: ARG002 - the tokens of the last `predict` tell enough
+        last_actions: NDArray[np.int8],  # noqa: ARG002
+    ) -> Intentions:
+        if self._intentions is None:
+            return np.zeros((len(slots), INTENTIONS), INTENTION)
+        return self._intentions(np.concatenate(self._tokens, -1))
 
     def _state_tokens(self, observations: Observations) -> Floats:
         """(games, hidden): what a state adds to its token."""
@@ -143,6 +131,7 @@ class StreamPredictor(_Games):
     def predict(
         self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
     ) -> Predictions:
+        self._tokens = []
         timesteps, *rings = self._kept
         now = timesteps[slots]
         timesteps[slots] += 1
@@ -152,6 +141,7 @@ class StreamPredictor(_Games):
         for layer, ring in zip(self._layers, rings, strict=True):
             qkv = layer.qkv(x).reshape(len(x), 3, self._heads, -1)
             x = layer.go_on(x, look_back(qkv, ring, slots, now, cosine, sine))
+            self._tokens.append(x)
         return self._probabilities(x)
 
 
@@ -160,13 +150,14 @@ class WindowPredictor(_Games):
 
     def __init__(self, config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], eyes: "_Encoder") -> None:
         super().__init__(config, tensors, eyes)
-        self._position = _Weights(tensors).array("position")
+        self._position = NamedWeights(tensors).array("position")
         states, actions = np.zeros((0, HISTORY, config.hidden), np.float32), np.zeros((0, HISTORY), np.intp)
         self._kept = [np.zeros(0, np.int64), states, actions]  # how many of the last states there are, these, actions
 
     def predict(
         self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
     ) -> Predictions:
+        self._tokens = []
         counts, states, actions = self._kept
         counts[slots] = np.minimum(counts[slots] + 1, HISTORY)
         states[slots] = np.concatenate([states[slots, 1:], self._state_tokens(observations)[:, None]], 1)
@@ -178,8 +169,10 @@ class WindowPredictor(_Games):
             flat = x.reshape(-1, self._hidden)
             seen = self._look(layer.qkv(flat), counts[slots], 0)
             x = layer.go_on(flat, seen.reshape(-1, self._hidden)).reshape(x.shape)
+            self._tokens.append(x[:, -1])
         seen = self._look(last.qkv(x.reshape(-1, self._hidden)), counts[slots], HISTORY - 1)  # nobody reads the others
-        return self._probabilities(last.go_on(x[:, -1], seen[:, 0]))
+        self._tokens.append(last.go_on(x[:, -1], seen[:, 0]))
+        return self._probabilities(self._tokens[-1])
 
     def _look(self, qkv: Floats, present: NDArray[np.int64], first_query: int) -> Floats:
         seen: Floats = window_attention(qkv.reshape(len(present), HISTORY, 3, self._heads, -1), present, first_query)
@@ -208,14 +201,22 @@ def _lent_eyes(tensors: Mapping[str, NDArray[Any]], layout: Layout) -> _Encoder:
     return _Encoder(features, np.ones(features.size, np.float32))
 
 
-def at_work(config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], layout: Layout) -> Predictor:
-    """A network, given by its weights, as a `Predictor`. Raises KeyError or ValueError where they do not belong
-    together."""
+def at_work(
+    config: PredictorConfig,
+    tensors: Mapping[str, NDArray[Any]],
+    layout: Layout,
+    intentions: IntentionConfig | None = None,
+) -> IntentionPredictor:
+    """A network, given by its weights, as a predictor; `intentions`: what decoder of intentions it has. Raises KeyError
+    or ValueError where they do not belong together."""
     form = StreamPredictor if config.form == "stream" else WindowPredictor
-    return form(config, tensors, _eyes(config, tensors, layout))
+    predictor = form(config, tensors, _eyes(config, tensors, layout))
+    if intentions is not None:
+        predictor.say_intentions(NumpyIntentions(NamedWeights(tensors), layout))
+    return predictor
 
 
-def load_trained_predictor(folder: Path, layout: Layout) -> tuple[Predictor, float]:
+def load_trained_predictor(folder: Path, layout: Layout) -> tuple[IntentionPredictor, float]:
     """A predictor ready to watch games on `layout`, and its measured mean accuracy (0-1). Raises CheckpointError."""
     checkpoint = load_checkpoint(folder)
     config, trained_on = _described(checkpoint)
@@ -223,7 +224,7 @@ def load_trained_predictor(folder: Path, layout: Layout) -> tuple[Predictor, flo
         remedy = "Choose a predictor of this layout."
         raise CheckpointError(f"{folder}: was trained on another grid than {layout.name}. {remedy}")
     try:
-        predictor = at_work(config, checkpoint.tensors, layout)
+        predictor = at_work(config, checkpoint.tensors, layout, intention_config(checkpoint.config))
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise CheckpointError(f"{folder}: not a readable predictor ({error}). Fetch it again.") from error
     return predictor, float(checkpoint.config.get("accuracy", {}).get("mean", 1.0))

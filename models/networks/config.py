@@ -1,6 +1,8 @@
 """The shapes of our networks, frozen with their weights. Only numbers: no torch."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from models.protocols import HISTORY
 
@@ -15,6 +17,14 @@ class NetworkConfig:
     kind: str = "mlp"  # "cnn" (the paper's) or "mlp"
     filters: int = 25  # of each convolution (cnn)
     hidden: tuple[int, ...] = (128, 64, 64)  # widths of the fully connected layers; the paper's CNN has (64, 64, 64)
+
+
+@dataclass(frozen=True)
+class IntentionConfig:
+    """Which decoder of intentions a predictor has; frozen with the weights."""
+
+    hidden: int = 256  # between the tokens of all layers and the classes
+    when_hidden: int = 64  # between that and the timesteps
 
 
 @dataclass(frozen=True)
@@ -37,3 +47,8 @@ class PredictorConfig:
     def memory(self) -> int:
         """How many timesteps can matter to an answer."""
         return HISTORY if self.form == "window" else self.layers * (self.look_back - 1) + 1
+
+
+def intention_config(config: Mapping[str, Any]) -> IntentionConfig | None:
+    """Return the decoder of intentions that a checkpoint's config names; None for a predictor without one."""
+    return IntentionConfig(**config["intentions"]) if "intentions" in config else None

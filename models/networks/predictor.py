@@ -6,6 +6,7 @@ one token where keys and values are kept (models.inference.predictor_numpy).
 """
 
 import math
+from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
@@ -19,10 +20,12 @@ from torch.nn import functional
 
 from models.networks.checkpoint import Checkpoint, CheckpointError, save_checkpoint
 from models.networks.columns import varying_columns
-from models.networks.config import ROTARY_BASE, PredictorConfig
+from models.networks.config import ROTARY_BASE, IntentionConfig, PredictorConfig, intention_config
+from models.networks.intentions import IntentionDecoder
 from models.networks.policy import ConvolutionalFeatures
 from models.protocols import HISTORY, STEPS
 from overcooked.constants import ACTIONS, PLAYERS
+from overcooked.interactions import possible_interactions
 from overcooked.layout import Layout, parse_layout
 from overcooked.observe import PLANES
 
@@ -99,7 +102,7 @@ class PredictorNetwork(nn.Module):
 
     temperature: Tensor  # (STEPS,): logits are divided by it, so that probabilities say how often they are right
 
-    def __init__(self, layout: Layout, config: PredictorConfig) -> None:
+    def __init__(self, layout: Layout, config: PredictorConfig, intentions: IntentionConfig | None = None) -> None:
         super().__init__()
         if config.form not in ("window", "stream"):
             raise ValueError(f"form {config.form!r} is unknown. Known: window, stream.")
@@ -115,6 +118,9 @@ class PredictorNetwork(nn.Module):
             nn.Linear(config.hidden, config.hidden), nn.ReLU(), nn.Linear(config.hidden, STEPS * ACTIONS)
         )
         self.register_buffer("temperature", torch.ones(STEPS))
+        self.intentions: IntentionDecoder | None = None
+        if intentions is not None:
+            self.intentions = intention_decoder(layout, config, intentions)
 
     def forward(self, features: Tensor, actions: Tensor, present: Tensor | None = None) -> Tensor:
         """`present` (B, T), window form: False for steps before the start of the game."""
@@ -122,6 +128,16 @@ class PredictorNetwork(nn.Module):
 
     def tokens(self, features: Tensor, actions: Tensor, present: Tensor | None = None) -> Tensor:
         """What the layers make of a game, to be decoded: (B, T, hidden), in the window form (B, hidden)."""
+        *_, last = self._after_layers(features, actions, present)
+        return last
+
+    def tokens_of_all_layers(self, features: Tensor, actions: Tensor, present: Tensor | None = None) -> Tensor:
+        """What each layer makes of a game, one after the other: (B, T, layers * hidden), in the window form (B, ...).
+
+        The last `hidden` entries are `tokens`."""
+        return torch.cat(list(self._after_layers(features, actions, present)), -1)
+
+    def _after_layers(self, features: Tensor, actions: Tensor, present: Tensor | None) -> Iterator[Tensor]:
         x: Tensor = self.token(torch.cat([functional.relu(self.state(features)), self.action(actions)], -1))
         if self.position is not None:
             mask = None if present is None else present[:, None, None, :]
@@ -131,12 +147,17 @@ class PredictorNetwork(nn.Module):
             rotation = rotations(torch.arange(x.shape[1], device=x.device), self.config.hidden // self.config.heads)
         for layer in self.layers:
             x = layer(x, mask, rotation)
-        return x if self.position is None else x[:, -1]
+            yield x if self.position is None else x[:, -1]
 
     def decode(self, x: Tensor) -> Tensor:
         """Tokens (..., hidden) to logits (..., 3, 6)."""
         logits: Tensor = self.decoder(self.norm(x))
         return logits.view(*x.shape[:-1], STEPS, ACTIONS) / self.temperature[:, None]
+
+
+def intention_decoder(layout: Layout, config: PredictorConfig, intentions: IntentionConfig) -> IntentionDecoder:
+    """Return an untrained decoder of intentions for a predictor of this shape."""
+    return IntentionDecoder(config.layers * config.hidden, len(possible_interactions(layout)), intentions)
 
 
 def banded_attention(q: Tensor, k: Tensor, v: Tensor, look_back: int) -> Tensor:
@@ -189,6 +210,7 @@ def save_predictor(folder: Path, network: PredictorNetwork, layout: Layout, agen
         "planes": PLANES,
         "agent": agent,
         "network": asdict(network.config),
+        **({} if network.intentions is None else {"intentions": asdict(network.intentions.config)}),
         **facts,
     }
     return save_checkpoint(folder, settings, dict(network.state_dict()), card, half=True)
@@ -199,7 +221,7 @@ def predictor_network(checkpoint: Checkpoint) -> tuple[PredictorNetwork, Layout]
     config = checkpoint.config
     try:
         layout = parse_layout(config["grid"], config["layout"])
-        network = PredictorNetwork(layout, PredictorConfig(**config["network"]))
+        network = PredictorNetwork(layout, PredictorConfig(**config["network"]), intention_config(config))
         network.load_state_dict({name: torch.from_numpy(array) for name, array in checkpoint.tensors.items()})
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise CheckpointError(f"{checkpoint.folder}: not a readable predictor ({error}). Fetch it again.") from error

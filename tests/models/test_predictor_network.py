@@ -7,18 +7,20 @@ import torch
 from models.inference.predictor_numpy import at_work as at_work_of
 from models.inference.predictor_numpy import load_trained_predictor
 from models.networks.checkpoint import CheckpointError
-from models.networks.config import PredictorConfig
+from models.networks.config import IntentionConfig, PredictorConfig
 from models.networks.predictor import PredictorNetwork, one_hot, predictor_network, save_predictor
 from models.protocols import HISTORY
+from overcooked.interactions import possible_interactions
 from overcooked.layout import load_layout
 from overcooked.state import Kitchens
 
 RING = load_layout("coordination_ring")
+POSSIBLE = possible_interactions(RING)
 
 
-def network(form, eyes="columns", seed=0):
+def network(form, eyes="columns", seed=0, intentions=None):
     torch.manual_seed(seed)
-    made = PredictorNetwork(RING, PredictorConfig(form=form, eyes=eyes, look_back=6))
+    made = PredictorNetwork(RING, PredictorConfig(form=form, eyes=eyes, look_back=6), intentions)
     with torch.no_grad():
         for parameter in made.parameters():
             parameter += 0.05 * torch.randn_like(parameter)
@@ -27,7 +29,7 @@ def network(form, eyes="columns", seed=0):
 
 def at_work(made):
     tensors = {name: tensor.numpy() for name, tensor in made.state_dict().items()}
-    return at_work_of(made.config, tensors, RING)
+    return at_work_of(made.config, tensors, RING, made.intentions.config if made.intentions else None)
 
 
 def played(games, timesteps, seed=0):
@@ -124,6 +126,49 @@ def test_saved_predictor_answers_as_before_and_knows_its_accuracy(tmp_path):
     assert accuracy == 0.81
     expected = step_by_step(at_work(made), observations, actions)
     assert np.abs(step_by_step(loaded, observations, actions) - expected).max() < 0.02
+
+
+@torch.inference_mode()
+def said_in_one_piece(made, observations, actions):
+    """The two likeliest classes, their probabilities and median timesteps of the last state: (games, 2, 3)."""
+    games, timesteps = observations.shape[:2]
+    features = made.eyes(torch.from_numpy(observations.reshape(-1, *observations.shape[2:]))).view(games, timesteps, -1)
+    if made.config.form == "stream":
+        tokens = made.tokens_of_all_layers(features, torch.from_numpy(one_hot(actions)))[:, -1]
+    else:
+        none = np.full((games, 1, 2), -1, np.int8)
+        joint = np.concatenate([actions[:, -HISTORY + 1 :], none], 1)
+        present = torch.ones(games, HISTORY, dtype=torch.bool)
+        tokens = made.tokens_of_all_layers(features[:, -HISTORY:], torch.from_numpy(one_hot(joint)), present)
+    inside = made.intentions.inside(tokens)
+    top = made.intentions.class_logits(inside).softmax(-1).topk(2, -1)
+    when = made.intentions.when_logits(inside[:, None].expand(-1, 2, -1), top.indices).softmax(-1)
+    steps = torch.where(top.indices > 0, 1 + (when.cumsum(-1) < 0.5).sum(-1), 0)
+    return torch.stack([top.indices, steps, top.values], -1).numpy()
+
+
+@pytest.mark.parametrize("form", ["stream", "window"])
+def test_intentions_at_work_equal_those_of_the_network_that_was_trained(form):
+    observations, actions = played(9, 14)
+    made = network(form, intentions=IntentionConfig(hidden=48, when_hidden=16))
+    with torch.no_grad():
+        made.intentions.temperature[:] = torch.tensor([0.7, 1.6])
+    expected = said_in_one_piece(made, observations, actions)
+    predictor = at_work(made)
+    step_by_step(predictor, observations, actions)
+    said = predictor.intentions(np.arange(9), observations[:, -1], actions[:, -1])
+    found = [[POSSIBLE.index(tuple(each)) for each in game] for game in said[["kind", "x", "y"]].tolist()]
+    assert found == expected[..., 0].astype(int).tolist()
+    assert said["steps"].tolist() == expected[..., 1].astype(int).tolist()
+    assert np.abs(said["probability"] - expected[..., 2]).max() < 1e-4
+    assert len(np.unique(said["steps"])) > 1
+
+
+def test_a_predictor_without_a_decoder_says_no_intentions():
+    observations, actions = played(3, 2)
+    predictor = at_work(network("stream"))
+    step_by_step(predictor, observations, actions)
+    assert not predictor.intentions(np.arange(3), observations[:, -1], actions[:, -1])["probability"].any()
 
 
 def test_a_predictor_of_another_kitchen_is_refused(tmp_path):

@@ -77,6 +77,25 @@ def test_a_partner_that_cannot_be_met_is_refused(capsys, words, said):
     assert said in capsys.readouterr().err
 
 
+BEFORE = {
+    "states": int, "kind": float, "kind_and_station": float, "first_two": float, "nearest_sensible": float,
+    "frequent": float, "when_error": float,
+}  # fmt: skip
+
+
+def test_intentions_are_measured_beside_two_baselines(capsys):
+    words = ["predictor", "--layout", LAYOUT, "--agent", "sp", "--trajectories", "1", "--timesteps", "100"]
+    (entry,) = printed(capsys, *words, "--intentions")
+    assert kinds({key: value for key, value in entry.items() if key != "intentions"}) == PREDICTOR
+    measured = entry["intentions"]
+    assert set(measured["before"]) == {"5", "10", "20"}
+    assert kinds(measured["before"]["5"]) == BEFORE
+    assert measured["before"]["5"]["kind_and_station"] > 80
+    assert measured["all_states"] > measured["frequent"]
+    assert kitchenmind.main(["evaluate", *words, "--intentions"]) == 0
+    assert "1 s before:" in capsys.readouterr().out
+
+
 def test_predictors_are_a_list_of_accuracies_beside_ceiling_and_baselines(capsys):
     entries = printed(capsys, "predictor", "--layout", LAYOUT, "--trajectories", "1", "--timesteps", "40")
     assert [kinds(entry) for entry in entries] == [PREDICTOR] * len(entries)

@@ -21,7 +21,8 @@ SMALL = {"updates": 20, "warm_up": 5, "check_every": 10, "hidden": 32, "heads": 
 SHORTER = {  # added to a command that begins so
     "python docs/examples/own_agent.py": "--timesteps 2000 --epochs 2",
     "kitchenmind collect": "--trajectories 1 --timesteps 60 --no-extras",
-    "kitchenmind train predictor": " ".join(f"--set {key}={value}" for key, value in SMALL.items()),
+    "kitchenmind train predictor": " ".join(f"--set {key}={value}" for key, value in SMALL.items())
+    + " --no-intentions",
     "kitchenmind evaluate predictor": "--trajectories 1",
     "kitchenmind serve": "--port 0",
 }

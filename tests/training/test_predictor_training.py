@@ -205,8 +205,10 @@ def test_collecting_training_and_predicting_by_the_command_line(tmp_path, capsys
     small = [
         word for key, value in {**TINY, "updates": 4, "check_every": 2}.items() for word in ("--set", f"{key}={value}")
     ]
-    assert kitchenmind.main(["train", "predictor", *common, *small, "--out", "made"]) == 0
-    assert "on partners never seen" in capsys.readouterr().out
+    assert kitchenmind.main(["train", "predictor", *common, "--preset", "tiny", *small, "--out", "made"]) == 0
+    told = capsys.readouterr().out
+    assert "on partners never seen" in told
+    assert "next interaction and station right in" in told
     assert load_checkpoint(tmp_path / "made").config["agent"] == "planner"
     assert kitchenmind.main(["collect", *common, "--population", "nowhere"]) == 2
     assert "no population is there" in capsys.readouterr().err

@@ -30,6 +30,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     predictor = kinds.add_parser(
         "predictor", help="measure accuracy with unseen partners, next to ceiling and baselines"
     )
+    _add_predictor_arguments(predictor)
+    for kind in (agents, predictor):
+        kind.add_argument("--json", action="store_true", help="print the figures as JSON")
+
+
+def _add_predictor_arguments(predictor: argparse.ArgumentParser) -> None:
     predictor.add_argument("--all", action="store_true", help="every bundled predictor")
     predictor.add_argument("--layout", help="a bundled layout")
     predictor.add_argument("--agent", help="the predicted agent, such as sp or mine.onnx (default: all of the layout)")
@@ -48,8 +54,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--trajectories", type=int, default=5, help="number of trajectories for each partner and setting (default: 5)"
     )
     predictor.add_argument("--timesteps", type=int, default=800, help="length of a trajectory (default: 800)")
-    for kind in (agents, predictor):
-        kind.add_argument("--json", action="store_true", help="print the figures as JSON")
+    predictor.add_argument(
+        "--intentions", action="store_true", help="also measure what it says the agent does next at a station"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -113,10 +120,11 @@ def _of_layout(layout: "Layout", arguments: argparse.Namespace) -> list[dict[str
     from models.agents.catalogue import agent_names
     from models.networks.checkpoint import load_checkpoint
     from models.networks.predictor import predictor_network
-    from training.collect import CollectionPlan
+    from training.collect import TRAIN, CollectionPlan
     from training.evaluate_predictor import evaluate
     from training.population import load_target, partners_of
-    from training.publish_predictor import population_folder, unseen_games
+    from training.publish_intentions import measured_intentions
+    from training.publish_predictor import partners_in, population_folder, unseen_games, unseen_partners
 
     plan = CollectionPlan(arguments.trajectories, arguments.timesteps)
     folder = arguments.population or population_folder(layout)
@@ -134,7 +142,12 @@ def _of_layout(layout: "Layout", arguments: argparse.Namespace) -> list[dict[str
             raise ValueError(f"{folder}: is for {trained_on.name}, not {layout.name}. Give its own --layout.")
         target = asked or load_target(agent, layout)
         games = unseen_games(layout, target, network, population, plan, arguments.partner)
-        entries.append(evaluate(network, games).entry(layout.name, agent, form))
+        entry = evaluate(network, games).entry(layout.name, agent, form)
+        if arguments.intentions:
+            others = unseen_partners(layout, population, arguments.partner)
+            known = partners_in(TRAIN, layout, population)
+            entry["intentions"] = measured_intentions(network, layout, target, others, known, plan)
+        entries.append(entry)
     return entries
 
 
@@ -160,6 +173,20 @@ def _predictor_table(entries: list[dict[str, Any]]) -> None:
             f"{entry['layout']:18} {entry['agent']:8} {entry['form']:7}  {accuracy}  {entry['ceiling_step1']:8.1f}  "
             f"{base['repeat']:6.1f}  {base['frequent']:8.1f} {entry['not_stuck']['mean']:5.1f}  {entry['ece']:.3f}"
         )
+    if "intentions" in entries[0]:
+        _intention_table(entries)
+
+
+def _intention_table(entries: list[dict[str, Any]]) -> None:
+    print("\nnext interaction, right in % (kind / kind and station / nearest that makes sense / most frequent):")
+    for entry in entries:
+        before = [
+            f"{int(timesteps) / 5:g} s before: "
+            + " / ".join(str(values[key]) for key in ("kind", "kind_and_station", "nearest_sensible", "frequent"))
+            for timesteps, values in entry["intentions"]["before"].items()
+        ]
+        name = f"{entry['layout']:18} {entry['agent']:8} {entry['form']:7}"
+        print(f"{name}  {'; '.join(before)}; ece {entry['intentions']['ece']:.3f}")
 
 
 def _agent_table(entries: list[dict[str, Any]]) -> None:

@@ -50,6 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--set", action="extend", nargs="+", default=[], metavar="KEY=VALUE", help="change one or more settings"
     )
+    parser.add_argument(
+        "--no-intentions", action="store_true", help="do not also learn what the agent does next at a station"
+    )
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder for runs (default: runs)")
     parser.add_argument("--out", type=Path, help="write the predictor here (default: in the run's folder)")
     parser.add_argument(
@@ -68,9 +71,10 @@ def run(arguments: argparse.Namespace) -> int:
     from models.networks.config import PredictorConfig
     from overcooked.layout import load_layout
     from training.collect import TEST, read_manifest
+    from training.commands.intentions import add_with_progress
     from training.dataset import load_episodes
     from training.population import load_target
-    from training.predictor_config import PRESETS, TrainingConfig, changed
+    from training.predictor_config import PRESETS, TrainingConfig, changed, intention_settings
     from training.publish_predictor import partners_met, predictor_folder, write_predictor
     from training.runlog import RunFolder
     from training.settings import parsed_changes
@@ -114,11 +118,15 @@ def run(arguments: argparse.Namespace) -> int:
     }
     result = write_predictor(out, trained, layout, target, load_episodes(games, TEST, layout, trained.eyes), how)
     print(f"{out}: {result.accuracy.mean:.1%} on partners never seen (ceiling of step 1: {result.ceiling:.1%})")
+    if not arguments.no_intentions and not stopped:
+        add_with_progress(out, games, intention_settings(arguments.preset), out)
     print(f"Use it in a study: `predictor: {out if arguments.publish is False else out.name}`.")
     if stopped:
         print(
             f"Training was {stopped} after {trainer.update} of {training.updates} updates; the same command continues."
         )
+        if not arguments.no_intentions:
+            print("The predictor says no intentions until training is finished.")
     return 1 if stopped == INTERRUPTED else 0
 
 

@@ -1,4 +1,5 @@
-"""`kitchenmind train agent | predictor | study`: parses, shows progress, reports. It must not train anything itself."""
+"""`kitchenmind train agent | predictor | intentions | study`: parses, shows progress, reports. It must not train
+anything itself."""
 
 import argparse
 import importlib
@@ -13,11 +14,12 @@ from training.config import AgentConfig, agent_config
 from training.settings import ConfigError
 
 _PREDICTOR = "training.commands.predictor"
+_INTENTIONS = "training.commands.intentions"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The three things that can be trained."""
-    kinds = parser.add_subparsers(dest="what", metavar="agent|predictor|study", required=True)
+    """The things that can be trained."""
+    kinds = parser.add_subparsers(dest="what", metavar="agent|predictor|intentions|study", required=True)
     agent = kinds.add_parser("agent", help="train one agent by self-play or with partners (FCP)")
     agent.add_argument("--layout", required=True, help="a bundled layout or a .layout file")
     agent.add_argument("--seed", type=int, default=1, help="random seed (default: 1)")
@@ -52,6 +54,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_compute(predictor)
     if importlib.util.find_spec(_PREDICTOR):
         importlib.import_module(_PREDICTOR).add_arguments(predictor)
+    intentions = kinds.add_parser("intentions", help="teach a trained predictor to say what the agent does next")
+    intentions.set_defaults(device="cpu", precision="float32")  # too small for anything else to be quicker
+    importlib.import_module(_INTENTIONS).add_arguments(intentions)
 
 
 def add_compute(parser: argparse.ArgumentParser) -> None:
@@ -69,6 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     verbs: dict[str, Callable[[argparse.Namespace], int]] = {
         "agent": _train_agent,
+        "intentions": lambda given: int(importlib.import_module(_INTENTIONS).run(given)),
         "study": _train_study,
         "predictor": lambda given: int(importlib.import_module(_PREDICTOR).run(given)),
     }

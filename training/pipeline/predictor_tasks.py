@@ -3,6 +3,7 @@
 In the kitchens of which people's games are recorded, predictors also train with behaviour-cloned (BC) humans.
 """
 
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
@@ -17,7 +18,8 @@ from training.collect import TEST, CollectionPlan, Target, collect, read_manifes
 from training.dataset import load_episodes
 from training.pipeline.study_tasks import Task, Work
 from training.population import load_extras, load_population, load_target, with_itself_and_extras
-from training.predictor_config import Configs, TrainingConfig, changed
+from training.predictor_config import Configs, IntentionSettings, TrainingConfig, changed
+from training.publish_intentions import add_intentions
 from training.publish_predictor import partners_met, predictor_folder, write_predictor
 from training.runlog import RunFolder
 from training.train_predictor import prepared, train_predictor
@@ -55,6 +57,10 @@ def predictor_tasks(
             inputs = (games, chosen, encoder) if configs[0].eyes == "cnn" else (games, chosen)
             action = partial(_train, layout, agent, configs, publish)
             tasks.append(Task(layout.name, f"predictor_{agent}_{form}", action, facts, inputs, 10.0))
+            say = partial(_add_intentions, layout, agent, form, publish)
+            settings_of_intentions = IntentionSettings().stored()
+            trained = (games, f"predictor_{agent}_{form}")
+            tasks.append(Task(layout.name, f"intentions_{agent}_{form}", say, settings_of_intentions, trained, 3.0))
     return tasks
 
 
@@ -101,3 +107,14 @@ def _train(layout: Layout, agent: str, configs: Configs, publish: bool, work: Wo
     published = [predictor_folder(layout, agent, network.form)] if publish else []
     for folder in (work.folder / "predictor", *published):
         write_predictor(folder, trained, layout, _target(work, layout, agent), test, how)
+
+
+def _add_intentions(layout: Layout, agent: str, form: str, publish: bool, work: Work) -> None:
+    """Leave the predictor with a decoder of intentions in <folder>/predictor and, if wanted, among the bundled
+    weights."""
+    trained = work.inputs[f"predictor_{agent}_{form}"] / "predictor"
+    settings = IntentionSettings.checked(work.task.settings, work.task.label)
+    out = work.folder / "predictor"
+    add_intentions(trained, work.inputs[f"games_{agent}"] / "games", settings, out, work.report)
+    if publish:
+        shutil.copytree(out, predictor_folder(layout, agent, form), dirs_exist_ok=True)

@@ -1,0 +1,64 @@
+"""`kitchenmind train intentions`: adds a decoder of intentions to a trained predictor."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+if TYPE_CHECKING:
+    from training.predictor_config import IntentionSettings
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Which predictor, from which games."""
+    parser.add_argument("--layout", required=True, help="a bundled layout or a .layout file")
+    parser.add_argument("--agent", required=True, help="the predicted agent, as it was given to `kitchenmind collect`")
+    parser.add_argument(
+        "--form", choices=("stream", "window"), default="stream", help="form of the bundled predictor (default: stream)"
+    )
+    parser.add_argument(
+        "--predictor", type=Path, metavar="FOLDER", help="a predictor's folder (default: the bundled predictor)"
+    )
+    parser.add_argument(
+        "--games", type=Path, help="folder that `kitchenmind collect` wrote (default: runs/games/LAYOUT_AGENT)"
+    )
+    parser.add_argument(
+        "--set", action="extend", nargs="+", default=[], metavar="KEY=VALUE", help="change one or more settings"
+    )
+    parser.add_argument("--runs", type=Path, default=Path("runs"), help=argparse.SUPPRESS)
+    parser.add_argument("--out", type=Path, help="write the predictor here (default: in its own folder)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """0 done. Raises ValueError or OSError for wrong input."""
+    import torch
+
+    from overcooked.layout import load_layout
+    from training.population import load_target
+    from training.predictor_config import IntentionSettings
+    from training.publish_predictor import predictor_folder
+    from training.settings import parsed_changes
+
+    torch.set_num_threads(1)
+    settings = IntentionSettings().changed(parsed_changes(arguments.set), "--set")
+    layout = load_layout(arguments.layout)
+    agent = load_target(arguments.agent, layout).name
+    predictor = arguments.predictor or predictor_folder(layout, agent, arguments.form)
+    games = arguments.games or arguments.runs / "games" / f"{layout.name}_{agent}"
+    add_with_progress(predictor, games, settings, arguments.out or predictor)
+    return 0
+
+
+def add_with_progress(predictor: Path, games: Path, settings: "IntentionSettings", out: Path) -> None:
+    """Add the decoder, show progress, and print what it reaches."""
+    from training.publish_intentions import add_intentions
+
+    with Progress(TextColumn(f"intentions of {predictor.name}"), BarColumn(), TimeElapsedColumn()) as bar:
+        task = bar.add_task("intentions", total=1.0)
+        measured = add_intentions(predictor, games, settings, out, lambda share: bar.update(task, completed=share))
+    before = ", ".join(
+        f"{values['kind_and_station']} % {int(timesteps) / 5:g} s before"
+        for timesteps, values in measured["before"].items()
+    )
+    print(f"{out}: next interaction and station right in {before} (unseen partners)")
