@@ -124,7 +124,7 @@ def _intention_problems(study: Study, layouts: dict[str, Layout], required: Requ
             if not has_intentions(required.paths.located(name), layouts[kitchen.name]):
                 told.add((kitchen.name, name))
                 reason = f"`display: {study.drawn(arm)}` needs a predictor with intentions; on {kitchen.name}, {name!r}"
-                remedy = "Use `display: actions`, or train it with intentions: docs/guides/intentions.md."
+                remedy = "Use `display: actions`, or train it: `kitchenmind train intentions --help`."
                 yield Problem(place, f"{reason} has none", remedy)
 
 
