@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from analysis.factorial import SECTION
 from analysis.factorial_text import factorial_sentences
-from analysis.factorial_within import within_of
+from analysis.factorial_within import WITHIN
 from analysis.formatting import listed, number, p_equals, word
 from analysis.phrases import (
     ALPHA,
@@ -34,14 +34,12 @@ from analysis.study import Analysis
 
 def findings(analysis: Analysis) -> list[str]:
     """The two or three lines at the top of the report."""
-    reward = _within_finding(analysis) if within_of(analysis.export) else _reward_finding(analysis)
+    effects = select(analysis.rows, section=SECTION, question="")
+    has_blocks = any(row.note.startswith(WITHIN) for row in select(effects, test="anova"))
+    # With blocks, conditions are orders of blocks, whose comparison nobody asks for first.
+    reward = next(iter(factorial_sentences(effects)), "") if has_blocks else _reward_finding(analysis)
     found = [reward, _layouts_finding(analysis), _accuracy_finding(analysis)]
     return [line for line in found if line] or ["There is too little data for a comparison yet."]
-
-
-def _within_finding(analysis: Analysis) -> str:
-    """What was found of the factors: conditions are orders of blocks, whose comparison nobody asks for first."""
-    return next(iter(factorial_sentences(select(analysis.rows, section=SECTION, question=""))), "")
 
 
 def _reward_finding(analysis: Analysis) -> str:

@@ -48,6 +48,7 @@ from server.study_check import missing_problems
 from server.version import code_version
 from server.web import health, protocol_document
 from server.web.admin import routes as researcher_routes
+from server.web.admin.preview_games import PreviewGames
 from server.web.auth import CsrfProtection, token_of
 from server.web.dependencies import Web, games_first, templates
 from server.web.error_pages import install_error_pages
@@ -148,7 +149,9 @@ async def _services(
     versions = StudyVersions(settings, files, models, web.studies, None if peers is None else peers.processes)
     await versions.begin(web.database, joins)
     sockets = _sockets(web, games, versions)
-    demonstrations = _demonstrations(web, games, models, stack)
+    demonstrations, previews = _unstored(web, games)
+    for unstored in (demonstrations, previews):
+        stack.push_async_callback(unstored.games.stop)
     live = LiveGames(web, games, sockets, peers)
     dashboard = Dashboard(live, _database_file(settings))
     control = await _control(web, games, versions, stack, shared=node is not None)
@@ -164,6 +167,7 @@ async def _services(
         versions=versions,
         sockets=sockets,
         demonstrations=demonstrations,
+        previews=previews,
         live=live,
         dashboard=dashboard,
         control=ClusterControl(control, peers),
@@ -184,12 +188,10 @@ def _state(live: LiveGames, models: ModelServer, alerts: Alerts, versions: Study
     return Process(name, metrics_of(live, models), alerts.shared(), versions.served())
 
 
-def _demonstrations(web: Web, games: Games, models: ModelServer, stack: AsyncExitStack) -> Demonstrations:
-    demonstrations = Demonstrations(
-        lambda recorder, load: Games(games.clock, models, recorder, load), web.studies, web.csrf.is_own_origin
-    )
-    stack.push_async_callback(demonstrations.games.stop)
-    return demonstrations
+def _unstored(web: Web, games: Games) -> tuple[Demonstrations, PreviewGames]:
+    """What plays games that nobody stores."""
+    demonstrations = Demonstrations(games.with_recorder, web.studies, web.csrf.is_own_origin)
+    return demonstrations, PreviewGames(games.with_recorder, web.csrf.is_own_origin)
 
 
 def _database_file(settings: Settings) -> Path | None:

@@ -66,6 +66,10 @@ class Games:
     def __iter__(self) -> Iterator[Game]:
         return iter(list(self._games.values()))
 
+    def with_recorder(self, recorder: Recorder, load: Load) -> "Games":
+        """Return other games with the same clock and models."""
+        return Games(self.clock, self._models, recorder, load)
+
     def get(self, episode: str) -> Game | None:
         """The game if it is live here."""
         return self._games.get(episode)

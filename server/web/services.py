@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # their modules have routes, which need this one
     from server.participation.study_changes import Versions
     from server.play.games import Games
     from server.settings import Settings
+    from server.web.admin.preview_games import PreviewGames
     from server.web.dependencies import Web
     from server.web.guess_limits import Hashing
     from server.web.health import Commits
@@ -36,6 +37,7 @@ class Services:
     versions: "Versions"
     sockets: "Sockets"
     demonstrations: "Demonstrations"
+    previews: "PreviewGames"
     live: "LiveGames"
     dashboard: "Dashboard"
     control: "ClusterControl"

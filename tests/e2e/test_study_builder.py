@@ -391,3 +391,32 @@ def test_languages_stand_side_by_side_and_missing_texts_are_found(new_page: NewP
     is_accessible(page)
     if os.environ.get("KITCHENMIND_PICTURES"):
         page.screenshot(path=os.environ["KITCHENMIND_PICTURES"])
+
+
+STORED = """select (select count(*) from participants) || ' ' || (select count(*) from episodes) || ' ' ||
+    (select count(*) from ticks) || ' ' || (select count(*) from studies) where ? > 0"""
+
+
+def test_a_round_of_a_preview_is_played_and_nothing_of_it_is_stored(new_page: NewPage, server: RealServer) -> None:
+    page = new_page()
+    draft = begin(page, "tried")
+    before = rows(server, STORED, draft)
+    text = stored(server, draft)
+    yaml_of(page).fill(text.replace("- {name: sp}", "- {name: planner, predictor: random}") + "\ngame: {horizon: 15}\n")
+    expect(page.locator("#problems")).to_contain_text("The study is sound")
+    expect(page.locator("#save-state")).to_have_text("Saved")
+    page.goto(f"{server.url}/admin/drafts/{draft}/preview")
+    page.locator("li", has_text="episode: coordination_ring").first.get_by_role("link", name="en").click()
+    is_accessible(page)
+    if os.environ.get("KITCHENMIND_PICTURES"):
+        page.screenshot(path=os.environ["KITCHENMIND_PICTURES"])
+    page.get_by_role("link", name="Play").click()
+    page.locator("#start-button").or_(page.locator("#count")).or_(page.locator("#over")).first.wait_for()
+    expect(page.locator("#over")).to_be_visible()
+    page.click("#over-next")
+    expect(page.locator(".preview")).to_contain_text("page ")
+    assert rows(server, STORED, draft) == before
+    stranger = page.context.browser.new_context().new_page()  # type: ignore[union-attr]
+    refused = stranger.request.get(f"{server.url}/admin/drafts/{draft}/preview/none/en/3/play", max_redirects=0)
+    assert refused.status in (303, 401, 403)
+    stranger.context.close()

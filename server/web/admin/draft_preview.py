@@ -1,4 +1,4 @@
-"""Routes that show a draft as its participants see it, page by page. Nothing is stored, and no game runs."""
+"""Routes that show a draft as its participants see it, page by page. Nothing is stored; preview_play.py has games."""
 
 import asyncio
 from dataclasses import dataclass, field, replace
@@ -62,6 +62,14 @@ class PreviewPlace:
         words = ("preview", 0, 1, self.condition, _SEED, position, "active", self.language, True, now, now, None, None)
         return Participant(*words)
 
+    def playable(self, step: StudyStep) -> bool:
+        """Whether a round can be played in a preview: in a bundled kitchen. Models know a kitchen by its name, and one
+        that is still being drawn must not stay with them."""
+        if not step.is_game:
+            return False
+        kitchen = self.study.tutorial.layout if step.kind == "tutorial" else self.study.layout(step.layout)
+        return kitchen.grid is None
+
 
 def _studied(draft: StudyDraft) -> Study:
     view = drafting.view(draft.source)
@@ -70,7 +78,7 @@ def _studied(draft: StudyDraft) -> Study:
     return view.file.study.model_copy(update={"entry": _ANY_DEVICE})
 
 
-def _place(study: Study, condition: str, language: str) -> PreviewPlace:
+def place_of(study: Study, condition: str, language: str) -> PreviewPlace:
     if condition not in {one.name for one in study.conditions} or language not in study.languages:
         raise HTTPException(404, "the draft has no such condition or language any more")
     participant = PreviewPlace(study, condition, language, ()).participant(0)
@@ -81,7 +89,7 @@ def _place(study: Study, condition: str, language: str) -> PreviewPlace:
 async def overview(request: Request, admin: OwnDep, draft: WholeDraftDep) -> Response:
     """The steps of each condition, each with a link to its page."""
     study = await asyncio.to_thread(_studied, draft)
-    ways = {one.name: _place(study, one.name, study.languages[0]).way for one in study.conditions}
+    ways = {one.name: place_of(study, one.name, study.languages[0]).way for one in study.conditions}
     page = AdminPage(request, admin)
     return page.render("draft_preview.html", tab="drafts", draft=draft, previewed=study, ways=ways)
 
@@ -96,11 +104,11 @@ async def step(
     draft: WholeDraftDep,
 ) -> Response:
     """One page as a participant in the condition sees it."""
-    place = _place(await asyncio.to_thread(_studied, draft), condition, language)
-    number = _number(position)
+    place = place_of(await asyncio.to_thread(_studied, draft), condition, language)
+    number = number_of(position)
     if number >= len(place.way):
         raise HTTPException(404, "the draft has no such step any more")
-    made = _page(request, draft, place, number)
+    made = preview_page(request, draft, place, number)
     if number < 0:
         context = consent_context(place.study, language, None, {}, "preview-" * 3)
         return made.render("participant/consent.html", **context)
@@ -116,10 +124,11 @@ async def step(
         kitchen=kitchen,
         agent=agent,
         rows=layout_of(kitchen).text.splitlines(),
+        play=place.playable(here),
     )
 
 
-def _number(position: str) -> int:
+def number_of(position: str) -> int:
     """The index of a step; -1 for the consent page. Answers 404 for anything else."""
     if position == CONSENT:
         return -1
@@ -128,7 +137,7 @@ def _number(position: str) -> int:
     return int(position)
 
 
-def _page(request: Request, draft: StudyDraft, place: PreviewPlace, number: int) -> PreviewPage:
+def preview_page(request: Request, draft: StudyDraft, place: PreviewPlace, number: int) -> PreviewPage:
     web: Web = AdminPage(request).web
     here = f"{web.csrf.root}/admin/drafts/{draft.id}/preview/{place.condition}/{place.language}"
     names = [CONSENT, *(str(index) for index in range(len(place.way)))]
@@ -158,7 +167,7 @@ async def next_page(
 ) -> Response:
     """What a page of the preview sends leads to the next page; nothing of it is read."""
     here = f"/admin/drafts/{draft.id}/preview/{condition}/{language}"
-    way = _place(await asyncio.to_thread(_studied, draft), condition, language).way
-    number = _number(position)
+    way = place_of(await asyncio.to_thread(_studied, draft), condition, language).way
+    number = number_of(position)
     follows = number + 1 if what in ("now", "consent") else number
     return back_to(f"{here}/{min(follows, len(way) - 1) if follows >= 0 else CONSENT}")

@@ -42,6 +42,8 @@ SAID = {
     "draft_name_taken": "The study is not opened: another draft with this name is open.",
     "draft_refused": "The study could not be opened: the server's log says why.",
     "draft_opened": "The study is open: participants are let in.",
+    "preview_players": "No action taken: participants are playing, and this would take the time of their games.",
+    "preview_models": "An agent or predictor of this round could not be loaded. The server's log says why.",
     "bots_players": "No action taken: participants are playing, and bots would take the time of their games.",
     "bots_busy": "No action taken: another rehearsal is running. Try again when it is over.",
     "draft_closed": "The study is closed: nobody new is let in. Participants who are in it can finish.",

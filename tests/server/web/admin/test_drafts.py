@@ -12,6 +12,8 @@ from urllib.parse import urlencode
 import httpx
 import pytest
 from fastapi.routing import APIRoute
+from websockets import InvalidStatus, Origin
+from websockets.sync.client import connect
 
 from server.monitoring import rehearsals
 from server.monitoring.rehearsals import Rehearsals
@@ -94,8 +96,16 @@ def test_drafts_are_for_owners_only(site: Site) -> None:
     draft = begun(site, signed_in(site, "own"))
     for role in ("watch", "act", None):
         visitor = signed_in(site, role) if role else Visitor(site)
+        cookies = "; ".join(f"{name}={value}" for name, value in visitor.client.cookies.items())
+        game = f"ws{site.url.removeprefix('http')}/admin/drafts/{draft}/preview/with/en/9/socket"
+        with (
+            pytest.raises(InvalidStatus),
+            connect(game, origin=Origin(site.url), additional_headers={"Cookie": cookies}),
+        ):
+            pass
         for route in (route for part in draft_routes.PARTS for route in part.router.routes):
-            assert isinstance(route, APIRoute)
+            if not isinstance(route, APIRoute):
+                continue  # the game of a preview
             for method in route.methods:
                 path = route.path.format(draft=draft, number=1, condition="x", language="en", position=0, what="now")
                 answer = visitor.client.request(method, path, headers={"accept": "application/json"})
