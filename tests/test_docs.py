@@ -76,8 +76,7 @@ def test_tests_that_documents_name_exist() -> None:
 def test_every_check_of_the_screens_names_a_test() -> None:
     rows = re.findall(r"^\| (\d+) \|.*$", documents()["docs/explanation/ux_checks.md"], re.MULTILINE)
     held = re.findall(r"^\| (\d+) \|.*::test_.*$", documents()["docs/explanation/ux_checks.md"], re.MULTILINE)
-    assert rows == held == [str(number) for number in range(1, len(rows) + 1)]
-    assert len(rows) >= 30
+    assert rows == held == [str(number) for number in range(1, 32)]
 
 
 def test_decisions_have_numbers_of_their_own_and_say_what_was_decided() -> None:

@@ -14,6 +14,7 @@ from server.participation.episode_specs import episode_spec
 from server.store import admins, episodes
 from server.store.participants import get
 from server.store.tables import participants
+from server.web.admin.opened_games_page import TOKEN_HEADER
 from server.web.auth import COOKIE as PARTICIPANT_COOKIE
 from server.web.auth import FORM_FIELD
 from tests.support.faults.crowd import SHORT_GAMES
@@ -95,7 +96,10 @@ class PopulatedServer:
                 return client.get(path)
             token = self.form_token(role, path.startswith("/admin"))
             fields = {FORM_FIELD: token, "text": "hello", "minutes": "1", "language": "en", "blind": "on", "step": "x"}
-            kind = {"content-type": "application/x-www-form-urlencoded"}
+            kind = {
+                "content-type": "application/x-www-form-urlencoded",
+                TOKEN_HEADER: token,
+            }  # where the body is a file
             return client.post(path, content=urlencode(fields), headers=kind)
 
 

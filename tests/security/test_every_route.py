@@ -54,6 +54,8 @@ ROUTES = {
     "GET /admin/kitchens": "own",
     "GET /admin/kitchens/new": "own",
     "GET /admin/kitchen/{kitchen}": "own",
+    "GET /admin/recordings": "watch",
+    "POST /admin/recordings/records.json": "watch",
     "POST /admin/kitchens/check": "own",
     "POST /admin/kitchens/trial": "own",
     "POST /admin/kitchens/save": "own",

@@ -9,7 +9,7 @@ const FLIGHT_MS = 900;
 const MARGIN = 16; // half the height of the points
 
 /**
- * Return the corners of the flight: out of the board at the hatch's nearest edge, up along its side, to the score.
+ * Return the corners of the flight: out of the board at the hatch's nearest edge, up along it, to the score.
  * @param {{ x: number, y: number }} hatch a cell
  * @param {Grid} grid
  * @param {Box} board
@@ -21,14 +21,14 @@ export function flight({ x, y }, grid, board, score) {
   const cell = (board.right - board.left) / columns;
   const [middleX, middleY] = [board.left + (x + 0.5) * cell, board.top + (y + 0.5) * cell];
   const isRight = x >= columns / 2;
-  const outside = isRight ? board.right + MARGIN : board.left - MARGIN;
+  const outer = isRight ? board.right + MARGIN : board.left - MARGIN;
   const above = board.top - MARGIN;
   const down = grid.length - 1 - y;
   const across = isRight ? columns - 1 - x : x;
   if (y <= Math.min(across, down)) return [[middleX, above], score];
   /** @type {Point[]} */
-  const way = [[outside, middleY], [outside, above], score];
-  return down < across ? [[middleX, board.bottom + MARGIN], [outside, board.bottom + MARGIN], ...way.slice(1)] : way;
+  const way = [[outer, middleY], [outer, above], score];
+  return down < across ? [[middleX, board.bottom + MARGIN], [outer, board.bottom + MARGIN], ...way.slice(1)] : way;
 }
 
 /**

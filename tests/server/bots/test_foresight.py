@@ -24,7 +24,7 @@ from overcooked.constants import (
 )
 from overcooked.layout import Layout, layout_names, load_layout
 from overcooked.state import Kitchens
-from server.bots.cook import COOKS, Cook, Traits
+from server.bots.cook import COOKS, Cook, Traits, layouts_without_clone
 from server.bots.foresight import mind as mind_module
 from server.bots.foresight.beliefs import FRAMES
 from server.bots.foresight.cook import ForesightCook, cook
@@ -32,7 +32,9 @@ from server.bots.foresight.kitchen_map import FAR, kitchen_map
 from server.bots.foresight.mind import chance
 from server.bots.foresight.participants import NO_ARROW, SimulatedParticipants
 from server.bots.foresight.people import ARROWS, FITTED, MIND, Variant, person
+from server.bots.game_client import BotGame, Journal
 from server.play.randomness import uniform
+from tests.support.browser.fake_game_server import welcome
 
 STUDY = Path(__file__).parents[3] / "studies" / "external_predictor.yaml"
 RING = load_layout("coordination_ring")
@@ -259,6 +261,30 @@ def test_the_mind_is_given_no_condition() -> None:
         "kitchen", "mind", "memory", "players", "contents", "now", "actions", "arrows", "out",
     ]  # fmt: skip
     assert not {"condition", "agent"} & set(MIND.names or ())
+
+
+CLASSIC = ("cramped_room", "asymmetric_advantages", "coordination_ring", "forced_coordination", "counter_circuit")
+
+
+@pytest.mark.parametrize("layout", CLASSIC)
+def test_a_clone_plays_like_recorded_people_in_each_classic_kitchen(layout: str) -> None:
+    kitchen = load_layout(layout)
+    assert not layouts_without_clone([layout])
+    acts = {name: played(kitchen, Traits.drawn(4, name), 40, ()) for name in ("clone", "planner")}
+    assert acts["clone"] != acts["planner"]
+
+
+def test_a_clone_that_meets_a_kitchen_without_one_says_so() -> None:
+    """On a server whose study file is not here, nobody can check that before."""
+    journal = Journal()
+    game = BotGame("ws://nowhere/s/x/socket", "", journal, Traits.drawn(1, "clone"))
+    for layout in ("coordination_ring", "double_rings"):
+        message = welcome(layout=layout, grid=load_layout(layout).grid, episode=layout)
+        game._take_in(message)
+        game._begin(message)
+    assert journal.violations == [
+        "--cook clone: there is no behaviour-cloned human for double_rings. Use --cook foresight."
+    ]
 
 
 def test_a_clone_where_there_is_none_is_refused_with_the_remedy(capsys: pytest.CaptureFixture[str]) -> None:
