@@ -1,5 +1,5 @@
 """Simulated participants in trouble: the server is killed under them, lines are lost, tabs doubled. Then every
-guarantee is looked at by itself. Knows the crowd and its own server; the proof of single faults is in the tests.
+guarantee is looked at by itself. Knows the group and its own server; the proof of single faults is in the tests.
 """
 
 import asyncio
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from server.bots.crowd import Crowd, CrowdOutcome, judge, simulate
+from server.bots.group import BotGroup, GroupOutcome, judge, simulate
 from server.bots.local_server import OwnServer
 from server.bots.participant import Bot
 from server.store.database import Database
@@ -34,7 +34,7 @@ GUARANTEES: Final = {
 class Trial:
     """What was done to the server and to the participants, and what came of it."""
 
-    outcome: CrowdOutcome
+    outcome: GroupOutcome
     faults: dict[str, int]
     away_s: float  # from the kill until pages could be opened again
 
@@ -58,10 +58,10 @@ class Trial:
 FAULTS: Final = {"server_kill", *BROWSER_FAULTS}
 
 
-async def try_out(crowd: Crowd, server: OwnServer, database: Database) -> Trial:
+async def try_out(group: BotGroup, server: OwnServer, database: Database) -> Trial:
     """Everybody walks the study while things go wrong; the server is killed once, in the middle of the games."""
     everyone: list[Bot] = []
-    walking = asyncio.create_task(simulate(crowd, server.url, database, meet=everyone.extend))
+    walking = asyncio.create_task(simulate(group, server.url, database, meet=everyone.extend))
     away_s = await _kill_once(everyone, server, walking)
     bots = await walking
     faults = Counter({"server_kill": 1} if away_s else {})

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 if TYPE_CHECKING:
-    from server.bots.crowd import Crowd, CrowdOutcome
+    from server.bots.group import BotGroup, GroupOutcome
     from server.bots.participant import Bot
 
 MOST = 2000
@@ -98,23 +98,23 @@ def _secret() -> str:
     return os.environ.get("KITCHENMIND_SECRET", "")
 
 
-def _simulate(arguments: argparse.Namespace) -> "CrowdOutcome":
+def _simulate(arguments: argparse.Namespace) -> "GroupOutcome":
     from server.bots.local_server import QUICK, OwnServer
     from server.settings import ROOT
 
     study = arguments.study or ROOT / "studies" / "quick_look.yaml"
-    crowd = _crowd(arguments, study)
+    group = _group(arguments, study)
     if arguments.url:
         if arguments.fast:
             _say(arguments, "the server that runs there keeps its own clock: --fast is for a server of one's own")
-        return _walk(arguments, crowd, arguments.url, arguments.database)
+        return _walk(arguments, group, arguments.url, arguments.database)
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="kitchenmind-bots-"))
         database = arguments.database or f"sqlite:///{Path(folder) / 'bots.sqlite3'}"
         _say(arguments, "starting a server ...")
         study, environment = _with_kitchens(study, Path(folder))
         server = stack.enter_context(OwnServer(database, study, environment | (QUICK if arguments.fast else {})))
-        return _walk(arguments, crowd, server.url, database)
+        return _walk(arguments, group, server.url, database)
 
 
 def _try_out(arguments: argparse.Namespace) -> int:
@@ -130,7 +130,7 @@ def _try_out(arguments: argparse.Namespace) -> int:
     from server.settings import ROOT
 
     study = arguments.study or ROOT / "studies" / "quick_look.yaml"
-    crowd = replace(_crowd(arguments, study), browser_faults=BROWSER_FAULTS)
+    group = replace(_group(arguments, study), browser_faults=BROWSER_FAULTS)
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="kitchenmind-bots-"))
         url = arguments.database or f"sqlite:///{Path(folder) / 'bots.sqlite3'}"
@@ -139,7 +139,7 @@ def _try_out(arguments: argparse.Namespace) -> int:
         server = stack.enter_context(OwnServer(url, study, environment | QUICK))
         database = stack.enter_context(open_stored(url))
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-            trial = runner.run(try_out(crowd, server, database))
+            trial = runner.run(try_out(group, server, database))
     rows = trial.rows()
     if arguments.json:
         kept = {guarantee: is_kept for guarantee, is_kept, _ in rows}
@@ -149,10 +149,10 @@ def _try_out(arguments: argparse.Namespace) -> int:
     return 0 if all(is_kept for _, is_kept, _ in rows) else 1
 
 
-def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
+def _group(arguments: argparse.Namespace, study_file: Path) -> "BotGroup":
     """Return the simulated participants. Raises StudyError, FileNotFoundError; ValueError if a server has no study."""
     from server.bots.cook import layouts_without_clone
-    from server.bots.crowd import Crowd
+    from server.bots.group import BotGroup
     from server.commands.databases import stored_kitchens
     from server.participation.own_kitchens import load_with_kitchens
     from server.required_models import required_models
@@ -161,7 +161,7 @@ def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
 
     if arguments.url and not arguments.study:
         offered = offered_study(arguments.url)
-        return Crowd(
+        return BotGroup(
             arguments.number, offered, None, arguments.dropout, arguments.seed, secret=_secret(), cook=arguments.cook
         )
     file = load_with_kitchens(study_file, stored_kitchens)
@@ -176,7 +176,7 @@ def _crowd(arguments: argparse.Namespace, study_file: Path) -> "Crowd":
             "train one with recorded games of people: python -m training.behaviour_cloning --layout NAME."
         )
     secret = _secret() if arguments.url else ""
-    return Crowd(
+    return BotGroup(
         arguments.number, study.name, study, arguments.dropout, arguments.seed, secret=secret, cook=arguments.cook
     )
 
@@ -211,22 +211,22 @@ def offered_study(url: str) -> str:
     return found.group(1)
 
 
-def _walk(arguments: argparse.Namespace, crowd: "Crowd", url: str, database_url: str | None) -> "CrowdOutcome":
+def _walk(arguments: argparse.Namespace, group: "BotGroup", url: str, database_url: str | None) -> "GroupOutcome":
     """Everybody through the study, then the judgement."""
     import asyncio
 
     import uvloop
 
-    from server.bots.crowd import judge, simulate
+    from server.bots.group import judge, simulate
     from server.commands.databases import open_stored
 
     with ExitStack() as stack:
         database = stack.enter_context(open_stored(database_url)) if database_url else None
         began = time.monotonic()
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-            bots: list[Bot] = runner.run(simulate(crowd, url, database, lambda *done: _progress(arguments, *done)))
+            bots: list[Bot] = runner.run(simulate(group, url, database, lambda *done: _progress(arguments, *done)))
         _say(arguments, f"\n{len(bots)} participants in {time.monotonic() - began:.0f} s; checking what they leave ...")
-        return judge(bots, database, crowd.study)
+        return judge(bots, database, group.study)
 
 
 def _progress(arguments: argparse.Namespace, done: int, number: int) -> None:
@@ -239,7 +239,7 @@ def _say(arguments: argparse.Namespace, words: str) -> None:
         print(words, file=sys.stderr, flush=True)
 
 
-def _table(outcome: "CrowdOutcome") -> str:
+def _table(outcome: "GroupOutcome") -> str:
     lines = [
         f"{'started':<12}{outcome.started:>6}",
         f"{'completed':<12}{outcome.completed:>6}",

@@ -140,8 +140,8 @@ class Alerts:
                         path = f"/admin/s/{name}/game/{card.played.id}"
                         found.append(Alert(f"game {card.played.id}", text, path, name))
                 found += await self._client_errors(name, versions) if leads else []
-                crowd = await invented_participants.signs(self._live.web, name, versions, leads)
-                found += [Alert(key, text, f"/admin/s/{name}", name) for key, text in crowd.items()]
+                found_signs = await invented_participants.signs(self._live.web, name, versions, leads)
+                found += [Alert(key, text, f"/admin/s/{name}", name) for key, text in found_signs.items()]
         except DatabaseDown:
             found.append(Alert("unreadable", "The database cannot be reached."))
         return found

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from pydantic import BaseModel
 
@@ -23,6 +23,8 @@ from server.study.questionnaire import (
 )
 from server.study.steps import episodes_of, episodes_of_a_block
 from server.study.text import Text
+
+EVERY_CONDITION: Final = "all"
 
 Path = tuple[str | int, ...]
 
@@ -135,6 +137,9 @@ def _flow(study: Study) -> Iterator[Problem]:
 
 def _conditions(study: Study) -> Iterator[Problem]:
     for index, condition in enumerate(study.displays):
+        if condition.name == EVERY_CONDITION:
+            reason = f"reports call all conditions together {EVERY_CONDITION!r}"
+            yield Problem(("conditions", index, "name"), reason, "Choose another name.")
         if (condition.predictor == "degraded") != (condition.accuracy is not None):
             reason = "`accuracy` and `predictor: degraded` belong together"
             yield Problem(

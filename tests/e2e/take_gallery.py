@@ -26,7 +26,7 @@ from sqlalchemy import select  # noqa: E402
 
 from analysis import apa_text  # noqa: E402
 from analysis.report import Report, write_report  # noqa: E402
-from server.bots.crowd import Crowd, CrowdOutcome, judge, simulate  # noqa: E402
+from server.bots.group import BotGroup, GroupOutcome, judge, simulate  # noqa: E402
 from server.bots.local_server import QUICK, OwnServer, kitchenmind  # noqa: E402
 from server.store.database import Database  # noqa: E402
 from server.store.tables import episodes  # noqa: E402
@@ -47,7 +47,7 @@ evidence about people. The page shows what the tools produce, from the running d
 class Made:
     """What the pictures and the page are made from."""
 
-    outcome: CrowdOutcome
+    outcome: GroupOutcome
     minutes: float
     report: Report
 
@@ -74,30 +74,30 @@ def signed_in(chromium: Browser, server: OwnServer, study: str) -> Page:
     return page
 
 
-def walk(crowd: Crowd, server: OwnServer, page: Page, out: Path) -> CrowdOutcome:
+def walk(group: BotGroup, server: OwnServer, page: Page, out: Path) -> GroupOutcome:
     """Everybody through the study, in a process of its own; a picture of the dashboard while they are at it."""
     words = [
         sys.executable,
         __file__,
         "--walk",
-        json.dumps([crowd.number, server.url, server.database, str(crowd.study_name)]),
+        json.dumps([group.number, server.url, server.database, str(group.study_name)]),
     ]
     with tempfile.TemporaryFile("w+") as said:
         walking = subprocess.Popen(words, stdout=said)
-        time.sleep(max(20.0, crowd.number / 2))
+        time.sleep(max(20.0, group.number / 2))
         page.reload()
         page.wait_for_timeout(6_000)
         take(page, out / "dashboard.webp")
         assert walking.wait() == 0
         said.seek(0)
-        return CrowdOutcome(**json.load(said))
+        return GroupOutcome(**json.load(said))
 
 
 def walk_here(number: int, url: str, database: str, study_file: str) -> None:
     """The part that `walk` starts."""
-    crowd = Crowd(number, load_study(study_file).study.name, load_study(study_file).study, DROPOUT, SEED)
+    group = BotGroup(number, load_study(study_file).study.name, load_study(study_file).study, DROPOUT, SEED)
     with Database(database, read_only=True) as kept:
-        bots = asyncio.run(simulate(crowd, url, kept))
+        bots = asyncio.run(simulate(group, url, kept))
         print(json.dumps(judge(bots, kept).__dict__))
 
 
@@ -129,7 +129,7 @@ def replay(page: Page, server: OwnServer, study: str, out: Path) -> None:
 
 def make(number: int, study_file: Path, out: Path) -> None:
     study = load_study(study_file).study
-    crowd = Crowd(number, str(study_file), study, DROPOUT, SEED)
+    group = BotGroup(number, str(study_file), study, DROPOUT, SEED)
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         database = f"sqlite:///{Path(folder) / 'gallery.sqlite3'}"
@@ -137,7 +137,7 @@ def make(number: int, study_file: Path, out: Path) -> None:
         with OwnServer(database, study_file, QUICK) as server:
             page = signed_in(chromium, server, study.name)
             began = time.monotonic()
-            outcome = walk(crowd, server, page, out)
+            outcome = walk(group, server, page, out)
             minutes = (time.monotonic() - began) / 60
             page.goto(f"{server.url}/admin/s/{study.name}")
             page.wait_for_timeout(8_000)

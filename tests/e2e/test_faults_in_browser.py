@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page
 
 from tests.support.browser.game_page import DESKTOP, draw_less_often, screenshot
-from tests.support.faults.crowd import LONG_STUDY
+from tests.support.faults.group import LONG_STUDY
 from tests.support.live_server import LiveServer
 from tests.support.real_server import RealServer
 

@@ -24,8 +24,8 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from tests.support.faults.crowd import LONG_STUDY, Crowd
 from tests.support.faults.fault_proxy import FaultProxy, Weather
+from tests.support.faults.group import LONG_STUDY, ClientGroup
 from tests.support.faults.invariants import held_against
 from tests.support.live_server import LiveServer
 
@@ -50,8 +50,8 @@ class FaultMachine(RuleBasedStateMachine):
     async def _open(self, number: int) -> None:
         self.proxy = FaultProxy(self.live.port, number)
         await self.proxy.__aenter__()
-        self.crowd = Crowd(self.proxy.url, 2, number)
-        await self.crowd.__aenter__()
+        self.group = ClientGroup(self.proxy.url, 2, number)
+        await self.group.__aenter__()
 
     @rule(seconds=st.sampled_from([0.02, 0.1, 0.4]))
     def time_passes(self, seconds: float) -> None:
@@ -79,14 +79,14 @@ class FaultMachine(RuleBasedStateMachine):
         """A reload, or another tab while the first is still open."""
 
         async def again() -> None:
-            old, client = self.crowd._games[person], self.crowd.clients[person]
+            old, client = self.group._games[person], self.group.clients[person]
             new = client.game()
             if same_tab:
-                self.crowd._playing[person].cancel()
+                self.group._playing[person].cancel()
                 new.tab = old.tab
-            self.crowd._games[person] = new
-            self.crowd._playing.append(self.crowd._playing[person])
-            self.crowd._playing[person] = asyncio.create_task(new.play())
+            self.group._games[person] = new
+            self.group._playing.append(self.group._playing[person])
+            self.group._playing[person] = asyncio.create_task(new.play())
             await asyncio.sleep(0.05)
 
         self.runner.run(again())
@@ -121,7 +121,7 @@ class FaultMachine(RuleBasedStateMachine):
 
     @invariant()
     def nobody_was_told_two_things(self) -> None:
-        assert not [one for client in self.crowd.clients for one in client.log.violations]
+        assert not [one for client in self.group.clients for one in client.log.violations]
 
     @invariant()
     def one_seat_is_taken_once(self) -> None:
@@ -136,7 +136,7 @@ class FaultMachine(RuleBasedStateMachine):
             self.intruder = None
 
     def teardown(self) -> None:
-        if not hasattr(self, "crowd"):
+        if not hasattr(self, "group"):
             return
         try:
             self._unlock()
@@ -148,16 +148,16 @@ class FaultMachine(RuleBasedStateMachine):
         finally:
             self.runner.close()
             self.live.stop()
-        found = held_against(self.live.database, self.crowd.clients, silence_s=60)
+        found = held_against(self.live.database, self.group.clients, silence_s=60)
         self.folder.cleanup()
         assert found.ok, found
         self.compared.append(found.compared)
 
     async def _end(self) -> None:
         try:
-            await self.crowd.moving(time.monotonic(), within_s=40)
+            await self.group.moving(time.monotonic(), within_s=40)
         finally:
-            await self.crowd.__aexit__()
+            await self.group.__aexit__()
             await self.proxy.__aexit__()
 
 

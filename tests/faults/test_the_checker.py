@@ -9,7 +9,7 @@ from sqlalchemy import delete, insert, select, text, update
 
 from server.store.database import Database
 from server.store.tables import participants, ticks
-from tests.support.faults.crowd import LONG_STUDY, Crowd
+from tests.support.faults.group import LONG_STUDY, ClientGroup
 from tests.support.faults.invariants import Findings, held_against, lateness_ms, untrue
 from tests.support.faults.recording_client import ClientLog, LogEntry, RecordingClient
 from tests.support.live_server import LiveServer
@@ -22,9 +22,9 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Recordi
 
     async def play() -> list[RecordingClient]:
         with LiveServer(folder, study=LONG_STUDY, speed=10.0) as live:
-            async with Crowd(live.url, 1, idle=0.2) as crowd:
+            async with ClientGroup(live.url, 1, idle=0.2) as group:
                 await asyncio.sleep(1.0)
-        return crowd.clients
+        return group.clients
 
     return folder / "study.sqlite3", asyncio.run(play())
 

@@ -12,7 +12,7 @@ from websockets.protocol import State
 
 from server.web import forms, rate_limits
 from server.web.participant.game_socket import MOST_OF_ONE
-from tests.support.faults.crowd import SHORT_GAMES
+from tests.support.faults.group import SHORT_GAMES
 from tests.support.faults.recording_client import RecordingClient
 from tests.support.live_server import LiveServer
 

@@ -22,7 +22,7 @@ from server.store.participants import new_token
 from server.store.tables import admin_sessions, participants
 from server.web.auth import CsrfProtection
 from server.web.passwords import hashed, weakness
-from tests.support.faults.crowd import SHORT_GAMES
+from tests.support.faults.group import SHORT_GAMES
 from tests.support.faults.recording_client import RecordingClient
 from tests.support.live_server import SECRET, LiveServer
 from tests.support.real_server import RealServer

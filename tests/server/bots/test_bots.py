@@ -14,8 +14,8 @@ import pytest
 from sqlalchemy import Connection, delete, select, update
 
 import kitchenmind
-from server.bots.crowd import Crowd, CrowdOutcome, _arrival, judge, simulate
 from server.bots.faults import GUARANTEES, Trial, table
+from server.bots.group import BotGroup, GroupOutcome, _arrival, judge, simulate
 from server.bots.invariants import Claim, broken_at_code
 from server.bots.local_server import QUICK, OwnServer
 from server.bots.participant import Bot
@@ -68,7 +68,7 @@ def test_every_bundled_study_is_walked_to_its_end(study: Path, all_bundled: OwnS
     # Two of a condition, where they play with each other.
     number = 2 * len(plan.conditions) if any(agent.human for agent in plan.agents) else 2
     with Database(all_bundled.database, read_only=True) as kept:
-        bots = asyncio.run(simulate(Crowd(number, plan.name, plan), all_bundled.url, kept))
+        bots = asyncio.run(simulate(BotGroup(number, plan.name, plan), all_bundled.url, kept))
         outcome = judge(bots, kept)
     assert outcome.violations == []
     assert (outcome.started, outcome.completed, outcome.dropped) == (number, number, 0)
@@ -107,8 +107,8 @@ def walk(folder: Path, seed: int = 3, dropout: float = 0.0) -> Walked:
         OwnServer(f"sqlite:///{path}", SCRIPTED, QUICK) as server,
         Database(f"sqlite:///{path}", read_only=True) as kept,
     ):
-        crowd = Crowd(4, "small", load_study(SCRIPTED).study, dropout, seed)
-        bots = asyncio.run(simulate(crowd, server.url, kept))
+        group = BotGroup(4, "small", load_study(SCRIPTED).study, dropout, seed)
+        bots = asyncio.run(simulate(group, server.url, kept))
     return Walked(bots, path)
 
 
@@ -255,7 +255,7 @@ def test_bots_refuse_a_public_server_that_would_take_them_for_people(
 )
 def test_bots_come_with_ids_that_look_like_the_recruiter_s(recruitment: dict[str, str]) -> None:
     study = load_study(SCRIPTED).study.model_copy(update={"recruitment": Recruitment(**recruitment)})  # type: ignore[arg-type]
-    links = [_arrival(Crowd(2, "small", study), number) for number in range(2)]
+    links = [_arrival(BotGroup(2, "small", study), number) for number in range(2)]
     people = [recruitment_of(study.recruitment, dict(parse_qsl(link.removeprefix("?"))))[0] for link in links]
     assert None not in people
     assert len(set(people)) == 2
@@ -283,12 +283,12 @@ def test_participants_of_whom_some_give_up_violate_nothing(
 
 def test_a_broken_guarantee_fails_in_the_table_and_the_others_pass() -> None:
     faults = {"server_kill": 1, "reload": 2, "second_tab": 2, "half_open": 2}
-    kept = Trial(CrowdOutcome(started=2, completed=2), faults, 1.0)
+    kept = Trial(GroupOutcome(started=2, completed=2), faults, 1.0)
     assert [is_kept for _, is_kept, _ in kept.rows()] == [True] * (len(GUARANTEES) + 1)
-    lost = Trial(CrowdOutcome(2, 2, violations=["episode 1 lost timesteps [7]", "something else"]), faults, 1.0)
+    lost = Trial(GroupOutcome(2, 2, violations=["episode 1 lost timesteps [7]", "something else"]), faults, 1.0)
     assert table(lost, 5).count("FAIL") == 2
     assert "FAIL  nothing that was shown is lost" in table(lost, 5)
-    untried = Trial(CrowdOutcome(started=2, completed=2), {"reload": 1}, 0.0)
+    untried = Trial(GroupOutcome(started=2, completed=2), {"reload": 1}, 0.0)
     assert table(untried, 5).count("FAIL") == 1
     assert "no server kill happened" in table(untried, 5)
 
@@ -306,7 +306,7 @@ def test_guarantees_hold_while_the_server_is_killed_and_lines_are_lost() -> None
 def test_a_violation_is_told_and_makes_the_exit_code_1(
     form: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    broken = CrowdOutcome(3, 2, 1, {"tom": 2}, 20, ["episode 1 lost timesteps [7]"])
+    broken = GroupOutcome(3, 2, 1, {"tom": 2}, 20, ["episode 1 lost timesteps [7]"])
     monkeypatch.setattr(bots_command, "_simulate", lambda _: broken)
     assert kitchenmind.main(["bots", "3", *form]) == 1
     told = capsys.readouterr().out
@@ -316,13 +316,13 @@ def test_a_violation_is_told_and_makes_the_exit_code_1(
 
 
 def test_a_server_that_lets_nobody_in_is_a_violation_not_a_success() -> None:
-    crowd = Crowd(1, "no_such_study")
+    group = BotGroup(1, "no_such_study")
 
     async def nobody_answers() -> list[Bot]:
         server = await asyncio.start_server(_refuse, "127.0.0.1", 0)
         async with server:
             port = server.sockets[0].getsockname()[1]
-            return await simulate(crowd, f"http://127.0.0.1:{port}", None)
+            return await simulate(group, f"http://127.0.0.1:{port}", None)
 
     outcome = judge(asyncio.run(nobody_answers()), None)
     assert (outcome.started, outcome.completed) == (0, 0)

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from server.play import messages
-from tests.support.faults.crowd import LONG_STUDY, Crowd
 from tests.support.faults.fault_scenario import FaultResult, rounded
+from tests.support.faults.group import LONG_STUDY, ClientGroup
 from tests.support.faults.invariants import Holdings, held_against, lateness_ms, p99
 from tests.support.faults.recording_client import RecordingClient
 from tests.support.live_server import LiveServer
@@ -104,7 +104,7 @@ async def frames(folder: Path, tries: int, seed: int = 0) -> FaultResult:
     chance = random.Random(seed)
     sent = 0
     with LiveServer(folder, study=LONG_STUDY, speed=4.0) as live:
-        async with Crowd(live.url, 2) as others:
+        async with ClientGroup(live.url, 2) as others:
             bad = RecordingClient(live.url, "short", 77)
             await bad.to_the_game()
             before = Holdings.of(os.getpid())
@@ -162,7 +162,7 @@ async def flood(folder: Path, seconds: float, goal_ms: float | None = None) -> F
     is closed; it is soon told so, and its neighbours lose nothing and (`goal_ms`) are on time."""
     told: list[float] = []
     with RealServer(folder, speed=1.0, study=LONG_STUDY) as server:
-        async with Crowd(server.url, 3, idle=0.8) as others:
+        async with ClientGroup(server.url, 3, idle=0.8) as others:
             bad = RecordingClient(server.url, "short", 78)
             await bad.to_the_game()
             await asyncio.sleep(seconds)
@@ -226,8 +226,8 @@ async def idle_connections(folder: Path, connections: int, words: bytes) -> Faul
     """Row 20: many connections that say nothing, or half a request; games are safe and a new page still opens."""
     held: list[socket.socket] = []
     with LiveServer(folder, study=LONG_STUDY, speed=1.0) as live:
-        async with Crowd(live.url, 2, idle=0.9) as crowd:
-            before = crowd.since("closed", 0.0)
+        async with ClientGroup(live.url, 2, idle=0.9) as group:
+            before = group.since("closed", 0.0)
             for _ in range(connections):
                 one = socket.create_connection(("127.0.0.1", live.port))
                 one.sendall(words)
@@ -239,9 +239,9 @@ async def idle_connections(folder: Path, connections: int, words: bytes) -> Faul
             await newcomer.to_the_game()
             opened = time.monotonic() - began
             await newcomer.close()
-            await crowd.moving(began)
+            await group.moving(began)
             left = await _left(live, 2 + 2)
-            lost = len(crowd.since("closed", 0.0)) - len(before)
+            lost = len(group.since("closed", 0.0)) - len(before)
     for one in held:
         one.close()
     figure = {"games_lost": lost, "page_opened_s": rounded(opened), "connections_left": left}
@@ -263,7 +263,7 @@ async def neighbours(folder: Path, seconds: float, games: int, goal_ms: float | 
     with RealServer(folder, speed=1.0, study=LONG_STUDY) as server:
         bad = RecordingClient(server.url, "short", 80)
         await bad.to_the_game()
-        async with Crowd(server.url, games, idle=0.9) as crowd:
+        async with ClientGroup(server.url, games, idle=0.9) as group:
             await asyncio.sleep(seconds)
             calm, since_ms = lateness_ms(server.database), time.time() * 1000
             ends, chance = time.monotonic() + seconds, random.Random(19)
@@ -273,7 +273,7 @@ async def neighbours(folder: Path, seconds: float, games: int, goal_ms: float | 
                 await asyncio.sleep(0.5)
             loud = lateness_ms(server.database, since_ms=since_ms)
         await bad.close()
-        found = held_against(server.database, crowd.clients)
+        found = held_against(server.database, group.clients)
         found.people.clear()  # the one who does harm is one more
     shift = p99(loud) - p99(calm)
     figure = found.figures() | {"shift_p99_ms": rounded(shift), "p99_ms_before": rounded(p99(calm))}

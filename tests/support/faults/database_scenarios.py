@@ -18,8 +18,8 @@ from server.store import studies
 from server.store.database import Database
 from server.store.engines import SERVER_LOCK_TIMEOUT_S
 from server.store.migrate import migrate
-from tests.support.faults.crowd import LONG_STUDY, Crowd
 from tests.support.faults.fault_scenario import FaultResult, rounded
+from tests.support.faults.group import LONG_STUDY, ClientGroup
 from tests.support.faults.invariants import held_against
 from tests.support.faults.recording_client import RecordingClient
 from tests.support.live_server import LiveServer
@@ -30,17 +30,17 @@ TOLD_WITHIN_S = 2.0  # a commit that takes a second counts as none
 Fault = Callable[[], Awaitable[None]]
 
 
-async def away(crowd: Crowd, begin: Fault, end: Fault, seconds: float) -> tuple[bool, dict[str, float]]:
+async def away(group: ClientGroup, begin: Fault, end: Fault, seconds: float) -> tuple[bool, dict[str, float]]:
     """Take the database away for a while: everybody is told, nothing moves, and all games continue by themselves."""
     began = time.monotonic()
     await begin()
     stopped = time.monotonic()
-    told = await crowd.told("paused", began, "database")
+    told = await group.told("paused", began, "database")
     await asyncio.sleep(max(0.0, seconds - (time.monotonic() - stopped)))
-    fresh = crowd.since("tick", stopped + TOLD_WITHIN_S)
+    fresh = group.since("tick", stopped + TOLD_WITHIN_S)
     healed = time.monotonic()
     await end()
-    back = await crowd.moving(healed, within_s=90)
+    back = await group.moving(healed, within_s=90)
     figure = {"told_most_s": rounded(max(told)), "moving_again_most_s": rounded(max(back))}
     return max(told) <= TOLD_WITHIN_S and not fresh, figure | {"ticks_meanwhile": len(fresh)}
 
@@ -48,7 +48,7 @@ async def away(crowd: Crowd, begin: Fault, end: Fault, seconds: float) -> tuple[
 async def locked(folder: Path, seconds: float) -> FaultResult:
     """Row 8: another program holds the write lock of SQLite."""
     with LiveServer(folder, study=LONG_STUDY, speed=2.0) as live:
-        async with Crowd(live.url, 3) as crowd:
+        async with ClientGroup(live.url, 3) as group:
             intruder = sqlite3.connect(live.database.removeprefix("sqlite:///"), isolation_level=None, timeout=10)
 
             async def begin() -> None:
@@ -64,11 +64,11 @@ async def locked(folder: Path, seconds: float) -> FaultResult:
                 await begin()
                 arriving.append(asyncio.create_task(newcomer.to_the_game()))
 
-            passed, figure = await away(crowd, begin_with_newcomer, end, seconds)
+            passed, figure = await away(group, begin_with_newcomer, end, seconds)
             await arriving[0]
             await newcomer.close()
             intruder.close()
-        people = [*crowd.clients, newcomer]
+        people = [*group.clients, newcomer]
         found = held_against(live.database, people, silence_s=seconds + 10)
     errors = [error for one in people for error in one.log.errors]
     # A page that has waited long enough says "please try again", and the newcomer does.
@@ -91,7 +91,7 @@ async def _postgres(folder: Path, how: str, seconds: float) -> FaultResult:
     postgres = PostgresServer(durable=True)
     try:
         with LiveServer(folder, study=LONG_STUDY, speed=2.0, database=postgres.url()) as live:
-            async with Crowd(live.url, 5, idle=0.8) as crowd:
+            async with ClientGroup(live.url, 5, idle=0.8) as group:
                 other = {"freeze": "thaw", "stop": "start"}[how]
 
                 async def begin() -> None:
@@ -100,8 +100,8 @@ async def _postgres(folder: Path, how: str, seconds: float) -> FaultResult:
                 async def end() -> None:
                     await asyncio.to_thread(getattr(postgres, other))
 
-                passed, figure = await away(crowd, begin, end, seconds)
-            found = held_against(live.database, crowd.clients, silence_s=seconds + 10)
+                passed, figure = await away(group, begin, end, seconds)
+            found = held_against(live.database, group.clients, silence_s=seconds + 10)
     finally:
         postgres.remove()
     fault = f"PostgreSQL {'stands still' if how == 'freeze' else 'killed'} for {seconds:g} s"
@@ -143,11 +143,11 @@ async def disk_full(folder: Path, seconds: float) -> FaultResult:
     disk = SmallDisk(folder)
     try:
         with LiveServer(folder, study=LONG_STUDY, speed=2.0, database=f"sqlite:///{disk.folder}/study.sqlite3") as live:
-            async with Crowd(live.url, 3) as crowd:
+            async with ClientGroup(live.url, 3) as group:
                 passed, figure = await away(
-                    crowd, lambda: asyncio.to_thread(disk.fill), lambda: asyncio.to_thread(disk.free), seconds
+                    group, lambda: asyncio.to_thread(disk.fill), lambda: asyncio.to_thread(disk.free), seconds
                 )
-            found = held_against(live.database, crowd.clients, silence_s=seconds + 10)
+            found = held_against(live.database, group.clients, silence_s=seconds + 10)
     finally:
         disk.remove()
     return FaultResult(7, f"disk full for {seconds:g} s", 1, passed and found.ok, found.figures() | figure)
@@ -156,7 +156,7 @@ async def disk_full(folder: Path, seconds: float) -> FaultResult:
 async def sync_fails(folder: Path, seconds: float) -> FaultResult:
     """Row 6: the disk refuses to sync (EIO) for a while: nothing is acknowledged that was not synced."""
     with RealServer(folder, speed=2.0, study=LONG_STUDY) as server:
-        async with Crowd(server.url, 3) as crowd:
+        async with ClientGroup(server.url, 3) as group:
             strace: list[subprocess.Popen[bytes]] = []
 
             async def begin() -> None:
@@ -168,9 +168,9 @@ async def sync_fails(folder: Path, seconds: float) -> FaultResult:
                 strace[0].send_signal(signal.SIGINT)
                 await asyncio.to_thread(strace[0].wait)
 
-            passed, figure = await away(crowd, begin, end, seconds)
+            passed, figure = await away(group, begin, end, seconds)
         await asyncio.to_thread(server.end, signal.SIGKILL)
-        found = held_against(server.database, crowd.clients, silence_s=seconds + 10)
+        found = held_against(server.database, group.clients, silence_s=seconds + 10)
     return FaultResult(6, f"fsync fails for {seconds:g} s", 1, passed and found.ok, found.figures() | figure)
 
 

@@ -11,9 +11,9 @@ from typing import Any
 from websockets.asyncio.client import ClientConnection
 
 from server.play import messages, send_queue
-from tests.support.faults.crowd import LONG_STUDY, Crowd
 from tests.support.faults.fault_proxy import FaultProxy, Weather
 from tests.support.faults.fault_scenario import FaultResult, rounded
+from tests.support.faults.group import LONG_STUDY, ClientGroup
 from tests.support.faults.invariants import Holdings, held_against, lateness_ms, longest, p99
 from tests.support.faults.recording_client import Game, RecordingClient
 from tests.support.live_server import LiveServer
@@ -26,14 +26,14 @@ SLOW_CLIENT_KIB = 256
 async def hard_resets(folder: Path, tries: int, games: int = 3, seed: int = 0) -> FaultResult:
     """Row 11: every connection is reset again and again; games come back at their timestep without a reload."""
     with LiveServer(folder, study=LONG_STUDY) as live:
-        async with FaultProxy(live.port, seed) as proxy, Crowd(proxy.url, games, seed) as crowd:
+        async with FaultProxy(live.port, seed) as proxy, ClientGroup(proxy.url, games, seed) as group:
             took = []
             for _ in range(tries):
                 await asyncio.sleep(random.Random(seed).uniform(0.1, 0.4))
                 broken = time.monotonic()
                 proxy.reset()
-                took += await crowd.moving(broken)
-        found = held_against(live.database, crowd.clients)
+                took += await group.moving(broken)
+        found = held_against(live.database, group.clients)
     figure = found.figures() | {"back_p99_s": rounded(p99(took)), "back_most_s": rounded(max(took))}
     return FaultResult(11, "hard reset", tries * games, found.ok and found.compared > 0, figure)
 
@@ -45,8 +45,8 @@ async def half_open(folder: Path, tries: int, seed: int = 0) -> FaultResult:
     with LiveServer(folder, study=LONG_STUDY) as live:
         for number in range(tries):
             async with FaultProxy(live.port, seed + number) as proxy:
-                crowd = Crowd(proxy.url, 1, seed + number)
-                async with crowd:
+                group = ClientGroup(proxy.url, 1, seed + number)
+                async with group:
                     silent = time.monotonic()
                     proxy.deaf = True
                     while len(live.app.state.services.sockets) and time.monotonic() - silent < 10:
@@ -82,13 +82,13 @@ async def reconnects(folder: Path, tries: int) -> FaultResult:
 async def herd(folder: Path, people: int) -> FaultResult:
     """Row 12: all connections break at one instant and all come back at once."""
     with LiveServer(folder, study=LONG_STUDY, speed=1.0) as live:
-        async with FaultProxy(live.port) as proxy, Crowd(proxy.url, people, idle=0.95) as crowd:
+        async with FaultProxy(live.port) as proxy, ClientGroup(proxy.url, people, idle=0.95) as group:
             for _ in range(2):
                 broken = time.monotonic()
                 proxy.reset()
-                took = await crowd.told("welcome", broken, within_s=60)
-            await crowd.moving(time.monotonic())
-        found = held_against(live.database, crowd.clients, silence_s=10)
+                took = await group.told("welcome", broken, within_s=60)
+            await group.moving(time.monotonic())
+        found = held_against(live.database, group.clients, silence_s=10)
         ghosts = await _ghosts(live)
     figure = found.figures() | {"back_p99_s": rounded(p99(took)), "ghosts": ghosts}
     return FaultResult(12, "everybody reconnects at once", people, found.ok and not ghosts, figure)
@@ -120,7 +120,11 @@ async def _settled(live: LiveServer) -> Holdings:
 async def slow_reader(folder: Path, seconds: float) -> FaultResult:
     """Row 9: one browser reads 1 kB a second, another nothing; queues stay short and the other games are on time."""
     with LiveServer(folder, study=LONG_STUDY, speed=1.0) as live:
-        async with FaultProxy(live.port) as proxy, Crowd(live.url, 3) as others, Crowd(proxy.url, 1, 50) as slow:
+        async with (
+            FaultProxy(live.port) as proxy,
+            ClientGroup(live.url, 3) as others,
+            ClientGroup(proxy.url, 1, 50) as slow,
+        ):
             before = await _settled_now()
             proxy.weather = Weather(bytes_per_s=1000)
             waiting, ends = 0, time.monotonic() + seconds
@@ -148,12 +152,12 @@ async def _settled_now() -> Holdings:
 async def rough_weather(folder: Path, seconds: float, games: int = 3, seed: int = 0) -> FaultResult:
     """Row 16: 200 ms +- 100 and 2 % loss; the server's clock does not notice, and frames come in order."""
     with LiveServer(folder, study=LONG_STUDY, speed=1.0) as live:
-        async with FaultProxy(live.port, seed, ROUGH) as proxy, Crowd(proxy.url, games, seed) as crowd:
+        async with FaultProxy(live.port, seed, ROUGH) as proxy, ClientGroup(proxy.url, games, seed) as group:
             await asyncio.sleep(seconds)
-            await crowd.moving(time.monotonic())
-        found = held_against(live.database, crowd.clients, silence_s=10)
+            await group.moving(time.monotonic())
+        found = held_against(live.database, group.clients, silence_s=10)
         late = lateness_ms(live.database)
-    back = [one for client in crowd.clients for one in _backwards(client)]
+    back = [one for client in group.clients for one in _backwards(client)]
     figure = found.figures() | {"late_p99_ms": rounded(p99(late)), "frames_back_in_time": len(back)}
     return FaultResult(16, "latency, jitter and loss", games, found.ok and not back, figure)
 
@@ -178,10 +182,10 @@ class Stutterer(Game):
 async def stutter(folder: Path, seconds: float, games: int = 2) -> FaultResult:
     """Row 17: inputs come twice, in the wrong order and again later; each moves once."""
     with LiveServer(folder, study=LONG_STUDY, speed=2.0) as live:
-        async with Crowd(live.url, games, game_type=Stutterer, idle=0.7) as crowd:
+        async with ClientGroup(live.url, games, game_type=Stutterer, idle=0.7) as group:
             await asyncio.sleep(seconds)
-        found = held_against(live.database, crowd.clients)
-    sent = sum(len(one.log.inputs) for one in crowd.clients)
+        found = held_against(live.database, group.clients)
+    sent = sum(len(one.log.inputs) for one in group.clients)
     figure = found.figures() | {"inputs": sent}
     return FaultResult(17, "duplicated, reordered and replayed inputs", sent, found.ok and sent > 0, figure)
 
@@ -189,12 +193,12 @@ async def stutter(folder: Path, seconds: float, games: int = 2) -> FaultResult:
 async def frozen_ways(folder: Path, up: bool, down: bool, seconds: float) -> FaultResult:
     """Row 10: one direction stands still for a while, the other continues."""
     with LiveServer(folder, study=LONG_STUDY) as live:
-        async with FaultProxy(live.port) as proxy, Crowd(proxy.url, 2) as crowd:
+        async with FaultProxy(live.port) as proxy, ClientGroup(proxy.url, 2) as group:
             proxy.freeze(up, down)
             await asyncio.sleep(seconds)
             proxy.thaw()
-            took = await crowd.moving(time.monotonic())
-        found = held_against(live.database, crowd.clients, silence_s=seconds + 5)
+            took = await group.moving(time.monotonic())
+        found = held_against(live.database, group.clients, silence_s=seconds + 5)
     names: dict[tuple[bool, bool], str] = {(True, False): "up", (False, True): "down", (True, True): "both ways"}
     figure: dict[str, Any] = found.figures() | {"back_most_s": rounded(longest(took))}
     return FaultResult(10, f"line frozen {names[up, down]} for {seconds:g} s", 2, found.ok, figure)

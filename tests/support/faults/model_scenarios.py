@@ -11,8 +11,8 @@ from sqlalchemy import select
 from overcooked.constants import STAY
 from server.store.database import Database
 from server.store.tables import ticks
-from tests.support.faults.crowd import LONG_STUDY, Crowd
 from tests.support.faults.fault_scenario import FaultResult, rounded
+from tests.support.faults.group import LONG_STUDY, ClientGroup
 from tests.support.faults.invariants import held_against, lateness_ms, p99
 from tests.support.live_server import LiveServer
 
@@ -30,10 +30,10 @@ async def troubled(folder: Path, model: str, seconds: float, games: int = 3) -> 
         patch.dict(os.environ, PYTHONPATH=path),
         LiveServer(folder, study=study, speed=1.0, real_models=True) as live,
     ):
-        async with Crowd(live.url, games, idle=0.8) as crowd:
+        async with ClientGroup(live.url, games, idle=0.8) as group:
             await asyncio.sleep(seconds)
-        found = held_against(live.database, crowd.clients)
-        ended = sum(len(one.log.ended) for one in crowd.clients)
+        found = held_against(live.database, group.clients)
+        ended = sum(len(one.log.ended) for one in group.clients)
         counts = await asyncio.to_thread(_partners, live.database)
         late_p99 = p99(lateness_ms(live.database))
     figure = found.figures() | counts | {"games_ended": ended, "late_p99_ms": rounded(late_p99)}

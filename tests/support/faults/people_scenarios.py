@@ -15,8 +15,8 @@ from sqlalchemy import func, select
 from server.play.clock import Clock
 from server.store.database import Database
 from server.store.tables import episodes, participants, pauses, ticks, withdrawals
-from tests.support.faults.crowd import LONG_STUDY, Crowd
 from tests.support.faults.fault_scenario import FaultResult, rounded
+from tests.support.faults.group import LONG_STUDY, ClientGroup
 from tests.support.faults.invariants import held_against, lateness_ms, p99
 from tests.support.faults.recording_client import RecordingClient
 from tests.support.faults.researcher import Researcher, account_for
@@ -35,7 +35,7 @@ async def clock_jumps(folder: Path, seconds: float) -> FaultResult:
     """Row 25: the machine's clock jumps an hour ahead and back while games run and pages are filled in."""
     real, wall = time.time, Clock.wall
     with LiveServer(folder, study=LONG_STUDY, speed=5.0) as live:
-        async with Crowd(live.url, 2) as crowd:
+        async with ClientGroup(live.url, 2) as group:
             for hours in (1, -1, 0):
                 newcomer = RecordingClient(live.url, "short", 100 + hours)
                 page = await newcomer.ask("GET", "/s/short")
@@ -53,9 +53,9 @@ async def clock_jumps(folder: Path, seconds: float) -> FaultResult:
                     began = time.monotonic()
                     next(iter(live.app.state.services.games)).pause(0, "blur")
                     await asyncio.sleep(seconds)
-                    await crowd.moving(began)
+                    await group.moving(began)
                 await newcomer.close()
-        found = held_against(live.database, crowd.clients)
+        found = held_against(live.database, group.clients)
         found.people.clear()  # three more consented
         negative = select(func.count()).where(pauses.c.duration_ms < 0)
         with Database(live.database, read_only=True) as database:
@@ -153,7 +153,7 @@ async def busy_dashboard(folder: Path, seconds: float, games: int, goal_ms: floa
     """Row 27: twenty dashboards are open and an export is made while people play."""
     with RealServer(folder, speed=1.0, study=LONG_STUDY) as server:
         account_for(server)
-        async with Crowd(server.url, games, idle=0.9) as crowd:
+        async with ClientGroup(server.url, games, idle=0.9) as group:
             await asyncio.sleep(seconds)
             calm, since_ms = lateness_ms(server.database), time.time() * 1000
             async with Researcher(server.url) as researcher:
@@ -161,7 +161,7 @@ async def busy_dashboard(folder: Path, seconds: float, games: int, goal_ms: floa
                 size = await researcher.export("short")
                 await asyncio.sleep(seconds)
             busy = lateness_ms(server.database, since_ms=since_ms)
-        found = held_against(server.database, crowd.clients)
+        found = held_against(server.database, group.clients)
     shift = p99(busy) - p99(calm)
     figure = found.figures() | {"shift_p99_ms": rounded(shift), "p99_ms_before": rounded(p99(calm)), "zip_bytes": size}
     passed = found.ok and size > 1000 and (goal_ms is None or shift < goal_ms)

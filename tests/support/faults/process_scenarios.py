@@ -17,8 +17,8 @@ from sqlalchemy import func, select
 from models.inference.supervised_worker import SPARE_AFTER_S
 from server.store.database import Database
 from server.store.tables import episodes, pauses, ticks
-from tests.support.faults.crowd import LONG_STUDY, Crowd
 from tests.support.faults.fault_scenario import FaultResult, rounded
+from tests.support.faults.group import LONG_STUDY, ClientGroup
 from tests.support.faults.invariants import Holdings, held_against, p99
 from tests.support.faults.recording_client import RecordingClient
 from tests.support.real_server import RealServer
@@ -40,10 +40,10 @@ def last_timesteps(url: str) -> dict[str, int]:
         return {row[0]: row[1] for row in database.read_now(lambda connection: connection.execute(query).all())}
 
 
-def peers(crowd: Crowd, stood: dict[str, int], after: float) -> list[str]:
+def peers(group: ClientGroup, stood: dict[str, int], after: float) -> list[str]:
     """Games that did not go on at the timestep where they are stored."""
     found = []
-    for one in crowd.clients:
+    for one in group.clients:
         welcome = one.log.first("welcome", after)
         episode = max(one.log.states, key=lambda place: place[1])[0]
         if welcome is not None and stood.get(episode, 0) != welcome.detail:
@@ -87,7 +87,7 @@ async def kills(folder: Path, tries: int, games: int, seed: int = 0, budget_s: f
     done, had = 0, set[int]()
     # At the speed of the wall clock: the ends of pauses are compared with it when a game is taken up.
     with RealServer(folder, speed=1.0, study=LONG_STUDY) as server:
-        async with Crowd(server.url, games, seed, idle=0.9) as crowd:
+        async with ClientGroup(server.url, games, seed, idle=0.9) as group:
             while done < tries and time.monotonic() < ends:
                 await asyncio.sleep(chance.uniform(0.0, 2.0))
                 had.update(children(server.pid))
@@ -100,15 +100,15 @@ async def kills(folder: Path, tries: int, games: int, seed: int = 0, budget_s: f
                 if chance.random() < 0.3 and done < tries:
                     continue  # the next kill comes while games are being taken up
                 try:
-                    back = await crowd.told("welcome", began)
+                    back = await group.told("welcome", began)
                 except TimeoutError as late:
                     raise TimeoutError(f"{late}\nkill {done}, the server says: {server.log.read_text()}") from None
                 welcomed += back
                 slowest.append(max(back))
-                moving += await crowd.moving(began)
-                wrong += peers(crowd, stood, began)
+                moving += await group.moving(began)
+                wrong += peers(group, stood, began)
         await asyncio.to_thread(server.end, signal.SIGTERM)
-        found = held_against(server.database, crowd.clients, silence_s=10)
+        found = held_against(server.database, group.clients, silence_s=10)
         gaps = untold(server.database, downtimes)
     orphans = sum(map(_is_model_worker, had))
     figure = found.figures() | {"games": games, "elsewhere": len(wrong), "orphans": orphans, "seed": seed}
@@ -131,19 +131,19 @@ async def stops(folder: Path, tries: int, games: int) -> FaultResult:
     """Row 2: SIGTERM under games: everybody is told, sockets close with 1012, games continue in the next process."""
     took, codes = [], []
     with RealServer(folder, speed=2.0, study=LONG_STUDY) as server:
-        async with Crowd(server.url, games, idle=0.9) as crowd:
+        async with ClientGroup(server.url, games, idle=0.9) as group:
             for _ in range(tries):
                 began = time.monotonic()
                 status = await asyncio.to_thread(server.end, signal.SIGTERM)
                 took.append(time.monotonic() - began)
                 assert status == 0, status
-                await crowd.told("closed", began)
-                codes += [told.detail for told in crowd.since("closed", began) if told.detail]
+                await group.told("closed", began)
+                codes += [told.detail for told in group.since("closed", began) if told.detail]
                 back = time.monotonic()
                 await asyncio.to_thread(server.start)
-                await crowd.moving(back)
+                await group.moving(back)
         await asyncio.to_thread(server.end, signal.SIGTERM)
-        found = held_against(server.database, crowd.clients, silence_s=10)
+        found = held_against(server.database, group.clients, silence_s=10)
         query = select(func.count()).where(pauses.c.duration_ms.is_(None), pauses.c.reason != "server")
         with Database(server.database, read_only=True) as database:
             open_pauses = database.read_now(lambda connection: connection.execute(query).scalar_one())
@@ -156,7 +156,7 @@ async def kills_while_starting(folder: Path, tries: int, seed: int = 0) -> Fault
     """Row 3: the server is killed again and again while it comes up, then left alone."""
     chance = random.Random(seed)
     with RealServer(folder, speed=4.0, study=LONG_STUDY) as server:
-        async with Crowd(server.url, 3, seed) as crowd:
+        async with ClientGroup(server.url, 3, seed) as group:
             await asyncio.to_thread(server.end, signal.SIGKILL)
             stood = last_timesteps(server.database)
             for _ in range(tries):
@@ -166,9 +166,9 @@ async def kills_while_starting(folder: Path, tries: int, seed: int = 0) -> Fault
                 await starting
             began = time.monotonic()
             await asyncio.to_thread(server.start)
-            await crowd.moving(began)
+            await group.moving(began)
         await asyncio.to_thread(server.end, signal.SIGTERM)
-        found = held_against(server.database, crowd.clients, silence_s=10)
+        found = held_against(server.database, group.clients, silence_s=10)
     went_back = [episode for episode, last in stood.items() if last_timesteps(server.database)[episode] < last]
     figure = found.figures() | {"went_back": len(went_back), "seed": seed}
     return FaultResult(3, "kill -9 while starting", tries, found.ok and not went_back, figure)
@@ -183,18 +183,18 @@ async def worker_kills(folder: Path, tries: int, games: int) -> FaultResult:
     """Row 24: the process that runs the models is killed under the games; none ends."""
     gone: list[float] = []
     with RealServer(folder, speed=1.0, study=LONG_STUDY) as server:
-        async with Crowd(server.url, games, idle=0.9) as crowd:
+        async with ClientGroup(server.url, games, idle=0.9) as group:
             for _ in range(tries):
                 before = set(children(server.pid))
                 await asyncio.sleep(4.0)  # a spare is there
                 killed = time.monotonic()
                 _kill_a_model_worker(server.pid)
                 await asyncio.sleep(2.0)
-                await crowd.moving(time.monotonic())
+                await group.moving(time.monotonic())
                 gone.append(await _late_until(server.database, killed))
                 assert before
-        found = held_against(server.database, crowd.clients)
-        aborted = [one for client in crowd.clients for one in client.log.ended]
+        found = held_against(server.database, group.clients)
+        aborted = [one for client in group.clients for one in client.log.ended]
     figure = found.figures() | {"games_ended": len(aborted), "without_models_most_s": rounded(max(gone))}
     passed = found.ok and not aborted and max(gone) <= 1.0
     return FaultResult(24, "model worker killed", tries, passed, figure)

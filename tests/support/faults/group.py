@@ -31,8 +31,8 @@ def moved(client: RecordingClient, after: float) -> LogEntry | None:
     return next((told for told in ticks if told.detail > start), None)
 
 
-class Crowd:
-    """`async with Crowd(url, 5) as crowd:` all of them are in a game that moves; the games end with the block."""
+class ClientGroup:
+    """`async with ClientGroup(url, 5) as group:` all of them are in a game that moves; the games end with the block."""
 
     def __init__(self, url: str, count: int, seed: int = 0, study: str = "short", **client: Any) -> None:
         self.clients = [RecordingClient(url, study, seed + number) for number in range(count)]
@@ -42,7 +42,7 @@ class Crowd:
         self._playing: list[asyncio.Task[Any]] = []
         self._games: list[Game] = []
 
-    async def __aenter__(self) -> "Crowd":
+    async def __aenter__(self) -> "ClientGroup":
         await asyncio.gather(*(one.to_the_game() for one in self.clients))
         began = time.monotonic()
         self._games = [one.game() for one in self.clients]

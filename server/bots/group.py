@@ -30,7 +30,7 @@ _FULL: Final = "answered 409"  # the study is full: a participant who arrives no
 
 
 @dataclass(frozen=True)
-class Crowd:
+class BotGroup:
     """Who comes to which study."""
 
     number: int
@@ -44,7 +44,7 @@ class Crowd:
 
 
 @dataclass
-class CrowdOutcome:
+class GroupOutcome:
     """What came of it, as `kitchenmind bots --json` says it."""
 
     started: int = 0
@@ -64,7 +64,7 @@ class _One:
 
 
 async def simulate(
-    crowd: Crowd,
+    group: BotGroup,
     url: str,
     database: Database | None,
     told: Callable[[int, int], None] | None = None,
@@ -74,14 +74,14 @@ async def simulate(
     the screen. `told(done, number)` hears of everyone who is through, `meet` gets to know them before they come.
     Trouble is in `journal.violations`."""
     everyone = [
-        _One(Bot(url, crowd.study_name, derived_seed(crowd.seed, "bot", k), _habits(crowd, k)))
-        for k in range(crowd.number)
+        _One(Bot(url, group.study_name, derived_seed(group.seed, "bot", k), _habits(group, k)))
+        for k in range(group.number)
     ]
-    if crowd.cook in ("foresight", "credulous"):
+    if group.cook in ("foresight", "credulous"):
         prepare()
     if meet is not None:
         meet([one.bot for one in everyone])
-    turns = [asyncio.Event() for _ in range(crowd.number + 1)]
+    turns = [asyncio.Event() for _ in range(group.number + 1)]
     turns[0].set()
     places = asyncio.Semaphore(AT_ONCE)
     done = 0
@@ -92,9 +92,9 @@ async def simulate(
             await _walk(everyone[number], turns[number], turns[number + 1], database)
         done += 1
         if told is not None:
-            told(done, crowd.number)
+            told(done, group.number)
 
-    await asyncio.gather(*(one(number) for number in range(crowd.number)))
+    await asyncio.gather(*(one(number) for number in range(group.number)))
     return [one.bot for one in everyone if one.came or one.bot.journal.violations]
 
 
@@ -119,10 +119,10 @@ async def _walk(one: _One, turn: asyncio.Event, following: asyncio.Event, databa
         await one.bot.close()
 
 
-def judge(bots: Sequence[Bot], database: Database | None, study: Study | None = None) -> CrowdOutcome:
+def judge(bots: Sequence[Bot], database: Database | None, study: Study | None = None) -> GroupOutcome:
     """Count them, and check every guarantee against what they saw and, where there is a database, what is stored.
     `study`: what they took part in, if it is known."""
-    outcome = CrowdOutcome()
+    outcome = GroupOutcome()
     journals = [bot.journal for bot in bots]
     for bot in bots:
         outcome.started += bool(bot.token)
@@ -149,21 +149,21 @@ def _by_condition(connection: Connection, tokens: Sequence[str]) -> dict[str, in
     return {condition: completed[condition] for condition in sorted({one.condition for one in everyone})}
 
 
-def _habits(crowd: Crowd, number: int) -> Habits:
-    chance = Random(f"crowd {crowd.seed} {number}")  # noqa: S311 - a seed makes a run repeatable
+def _habits(group: BotGroup, number: int) -> Habits:
+    chance = Random(f"crowd {group.seed} {number}")  # noqa: S311 - a seed makes a run repeatable, across versions too
     pages = _PAGES_UNKNOWN
-    if crowd.study is not None:
-        pages = len(steps(crowd.study, crowd.study.conditions[0].name, 0)) - 1
-    drop_after = chance.randrange(pages) if chance.random() < crowd.dropout else None
-    known = dict(_right_answers(crowd.study)) if crowd.study is not None else {}
+    if group.study is not None:
+        pages = len(steps(group.study, group.study.conditions[0].name, 0)) - 1
+    drop_after = chance.randrange(pages) if chance.random() < group.dropout else None
+    known = dict(_right_answers(group.study)) if group.study is not None else {}
     return Habits(
         known,
         drop_after,
-        arrival=_arrival(crowd, number),
-        browser_faults=crowd.browser_faults,
-        secret=crowd.secret,
-        cook=crowd.cook,
-        tick_ms=200.0 if crowd.study is None else crowd.study.game.tick_ms,
+        arrival=_arrival(group, number),
+        browser_faults=group.browser_faults,
+        secret=group.secret,
+        cook=group.cook,
+        tick_ms=200.0 if group.study is None else group.study.game.tick_ms,
     )
 
 
@@ -176,13 +176,13 @@ def _right_answers(study: Study) -> Iterator[tuple[str, str]]:
             yield question.key, str(right)
 
 
-def _arrival(crowd: Crowd, number: int) -> str:
+def _arrival(group: BotGroup, number: int) -> str:
     """The link as a recruiter would send it, where the study asks for one."""
-    parameter = crowd.study.recruitment.person_parameter if crowd.study is not None else None
-    if crowd.study is None or parameter is None:
+    parameter = group.study.recruitment.person_parameter if group.study is not None else None
+    if group.study is None or parameter is None:
         return ""
-    values: Mapping[str, Any] = {parameter: _person(crowd.study, f"bot-{crowd.seed}-{number}", number)}
-    return "?" + urlencode(dict(values) | dict.fromkeys(crowd.study.recruitment.extra_parameters, "simulated"))
+    values: Mapping[str, Any] = {parameter: _person(group.study, f"bot-{group.seed}-{number}", number)}
+    return "?" + urlencode(dict(values) | dict.fromkeys(group.study.recruitment.extra_parameters, "simulated"))
 
 
 def _person(study: Study, name: str, number: int) -> str:
