@@ -125,7 +125,7 @@ class Visitor:
         """The hidden fields of the form on the page (the one whose action ends so)."""
         forms = re.findall(r'<form[^>]*action="([^"]*)"[^>]*>(.*?)</form>', self.page.text, re.S)
         (inside,) = [inside for target, inside in forms if target.endswith(action or "/now")]
-        pairs = re.findall(r'<input type="hidden" name="([^"]*)" value="([^"]*)"', inside)
+        pairs = re.findall(r'<input\s+type="hidden"\s+name="([^"]*)"\s+value="([^"]*)"', inside)
         return {unescape(name): unescape(value) for name, value in pairs}
 
     def send(self, path: str, fields: dict[str, str] | list[tuple[str, str]]) -> httpx.Response:
