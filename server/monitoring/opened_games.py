@@ -88,13 +88,14 @@ def _record(episode: RecordedEpisode, number: int) -> dict[str, Any]:
     game = {"episode": str(number), "kind": "episode", "grid": episode.layout.grid, "title": episode.layout.name}
     shown = {"seat": -1, "watched_seat": 1, "horizon": length, "tick_ms": TICK_MS, "deadline_ms": 0}
     return {
-        "game": game | shown | {"show": "always", "view_radius": 0},
+        "game": game | shown | {"show": "always", "display": "none", "view_radius": 0},
         "status": "done",
         "rows": rows,
         "pauses": [],
         "inputs": [],
         "checked": {"states": len(rows), "equal": True, "difference": None},
         "accuracy": [],
+        "intention_accuracy": None,
     }
 
 
@@ -107,6 +108,8 @@ def _row(simulation: Simulation, step: SimulatedStep | None) -> dict[str, Any]:
         "rewards": step.rewards if step else (0, 0),
         "prediction": [],
         "displayed": [],
+        "intentions": [],
+        "displayed_intention": None,
         "asked": None,
         "misleading": None,
         "keys": [],

@@ -67,7 +67,7 @@ def test_agents_with_one_partner_are_a_list_of_points_in_both_seats(capsys):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--partner", "human_cb"], "no layout has an agent 'human_cb'. Known: fcp,"),
+        (["--partner", "human_cb"], "no layout has an agent 'human_cb'. Known: carrier, fcp,"),
         (["--partner", "./mine.onnx"], "./mine.onnx: say for which layouts: --layouts NAME."),
         (["--partner", "human_bc", "--layouts", "matrix"], "no agent 'human_bc' for matrix. Known: planner,"),
     ],

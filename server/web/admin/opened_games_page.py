@@ -6,6 +6,7 @@ from typing import Final
 from fastapi import APIRouter, HTTPException, Request, Response
 
 from server.monitoring.opened_games import LARGEST_BYTES, UnreadableGamesError, opened
+from server.study.locale import locale
 from server.web.admin.rendering import AdminPage
 from server.web.admin.researcher_auth import WatchDep, form_session
 from server.web.dependencies import WebDep
@@ -20,7 +21,8 @@ _open: set[str] = set()  # whose file is being read
 @router.get("")
 async def page(request: Request, admin: WatchDep) -> Response:
     """Choose or drop a file."""
-    return AdminPage(request, admin).render("recordings.html", tab="recordings", largest=LARGEST_BYTES)
+    texts = locale("en").section("game")
+    return AdminPage(request, admin).render("recordings.html", tab="recordings", largest=LARGEST_BYTES, texts=texts)
 
 
 @router.post("/records.json")

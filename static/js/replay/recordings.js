@@ -24,16 +24,27 @@ function say(words, isProblem = false) {
 /** @param {File} file */
 async function read(file) {
   say(`Reading ${file.name} …`);
+  const found = await recordsOf(file);
+  if (found) offer(found, file.name);
+}
+
+/**
+ * Return the games of a file as the server simulated them; null, with the reason on the page, if it did not.
+ * @param {File} file
+ * @returns {Promise<Researcher.EpisodeRecord[] | null>}
+ */
+async function recordsOf(file) {
   const address = `${root}/admin/recordings/records.json?name=${encodeURIComponent(file.name)}`;
   try {
     const headers = { Accept: 'application/json', 'X-Form-Token': token };
     const answer = await fetch(address, { method: 'POST', body: file, headers });
     const found = await answer.json();
-    if (answer.ok) offer(found, file.name);
-    else say(String(found.detail), true);
+    if (answer.ok) return found;
+    say(String(found.detail), true);
   } catch {
     say('The server cannot be reached, or stopped reading. Try again; large files can be split.', true);
   }
+  return null;
 }
 
 /**

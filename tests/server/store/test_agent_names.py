@@ -30,6 +30,6 @@ def test_an_agent_is_called_what_the_study_calls_it(database: Database, stored: 
     accuracy = RunningAccuracy()
     database.read_now(accuracy.count, (study,))
     assert {agent for agent, _ in accuracy.hits} == {shown}
-    (row,) = database.read_now(lambda connection: list(episode_rows(Selection(connection))))
+    (row,) = database.read_now(lambda connection: list(episode_rows(Selection(connection), ())))
     named = dict(zip([column.name for column in codebook.EPISODES.columns], row, strict=True))
     assert (named["agent_name"], named["agent_1"]) == (stored, "./agents/bc.onnx")

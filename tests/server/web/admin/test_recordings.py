@@ -10,9 +10,9 @@ from overcooked.layout import load_layout
 from overcooked.trajectory import write_trajectories
 from server.web.admin import opened_games_page
 from server.web.admin.opened_games_page import TOKEN_HEADER
-from tests.server.web.admin.test_admin import Researcher, signed_in
-from tests.server.web.admin.test_admin import site as admin_site
 from tests.support.page_site import Site
+from tests.support.researcher_site import Researcher, signed_in
+from tests.support.researcher_site import site as admin_site
 
 site = admin_site
 PEOPLE = Path(__file__).parents[3] / "data" / "forced_coordination_train.jsonl.gz"
