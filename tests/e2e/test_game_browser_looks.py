@@ -178,11 +178,11 @@ SIZES: dict[str, Any] = {}
 CLIPPED = "[...document.querySelectorAll('.side .panel')].filter(one => one.scrollHeight > one.clientHeight).length"
 
 
-@pytest.mark.parametrize("shows", [True, False])
+@pytest.mark.parametrize("display", ["actions", "both", "none"])
 def test_no_card_beside_the_kitchen_cuts_off_its_last_line(
-    chromium: Browser, server: FakeGameServer, shows: bool
+    chromium: Browser, server: FakeGameServer, display: str
 ) -> None:
-    server.welcome = rings(shows_predictions=shows)
+    server.welcome = rings(shows_predictions=display != "none", display=display)
     with opened(chromium, server) as page:
         page.wait_for_selector("[data-phase=ready]")
         for height in (640, 700, 721, 768, 800, 821, 900, 1080):

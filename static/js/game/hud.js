@@ -64,6 +64,7 @@ export class Hud {
     }
     this.#find('#ids').hidden = practice || game.seat < 0;
     this.#find('#legend').hidden = practice;
+    this.#find('#legend').classList.toggle('full', game.display === 'both');
     this.#find('#lessons').hidden = !practice;
     for (const controls of ['.panel.kb', '.touch']) this.#find(controls).hidden = game.seat < 0; // only watching
   }
