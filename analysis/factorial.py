@@ -190,6 +190,11 @@ def tested(base: Result, cells: FactorialCells, term: Sequence[str]) -> Result:
     found = weights @ means
     df = len(weights)
     f = float(found @ np.linalg.solve(spread, found)) / df / variance
+    return f_tested(base, f, df, rest)
+
+
+def f_tested(base: Result, f: float, df: float, rest: float) -> Result:
+    """Return the result of an F test, with partial eta squared."""
     eta = effects.eta_squared(f, df, rest)
     return replace(
         base,

@@ -15,9 +15,8 @@ from itertools import combinations, product
 
 import numpy as np
 import polars as pl
-from scipy import stats
 
-from analysis import compare, effects, factorial, mixed_model
+from analysis import compare, factorial, mixed_model
 from analysis.factorial import PREFIX, SIMPLE, Array, Factors, contrast_weights
 from analysis.groups import computed
 from analysis.results import Result
@@ -153,22 +152,9 @@ def tested(base: Result, cells: RepeatedCells, term: Sequence[str]) -> Result:
     f = explained / (len(outer) * count) / (np.trace(squares) / (rest * count))
     epsilon = float(np.trace(squares) ** 2 / (count * np.trace(squares @ squares)))
     df, df_rest = len(outer) * count * epsilon, rest * count * epsilon
-    eta = effects.eta_squared(f, df, df_rest)
     about = WITHIN if any(name in cells.within for name in term) else "between people"
-    return replace(
-        base,
-        statistic_name="F",
-        statistic=float(f),
-        df=df,
-        df_residual=df_rest,
-        p=float(stats.f.sf(f, df, df_rest)),
-        effect_name="partial eta squared",
-        effect=eta.value,
-        ci_low=eta.low,
-        ci_high=eta.high,
-        ci_level=eta.level,
-        note=f"{about}, Greenhouse-Geisser epsilon {epsilon:.3f}" if count > 1 else about,
-    )
+    note = f"{about}, Greenhouse-Geisser epsilon {epsilon:.3f}" if count > 1 else about
+    return factorial.f_tested(replace(base, note=note), float(f), df, df_rest)
 
 
 def estimated(base: Result, cells: RepeatedCells, inner: Array, outer: Array) -> Result:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import polars as pl
 
-from analysis.person_means import mean_over_people
+from analysis.person_means import means_by_condition
 from analysis.results import Result
 from analysis.table_files import INTENTIONS
 
@@ -37,13 +37,4 @@ def _is_right(name: str) -> pl.Expr:
 def rows(ticks: pl.DataFrame, episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result]:
     """The mean of each share over people, each with the mean of their episodes, by condition."""
     table = by_episode(ticks, episodes)
-    return [
-        mean_over_people(
-            table.filter(pl.col("condition") == condition),
-            measure,
-            Result("intentions", measure, condition=condition, note=meaning),
-        )
-        for condition in conditions
-        if condition in table["condition"]
-        for measure, meaning in MEASURES.items()
-    ]
+    return means_by_condition(table, "intentions", MEASURES, conditions)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import polars as pl
 
-from analysis.person_means import mean_over_people
+from analysis.person_means import means_by_condition
 from analysis.results import Result
 from analysis.table_files import ON_DEMAND
 
@@ -36,13 +36,4 @@ def by_episode(ticks: pl.DataFrame, episodes: pl.DataFrame) -> pl.DataFrame:
 def rows(ticks: pl.DataFrame, episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result]:
     """The mean of each measure over people, each with the mean of their episodes, by condition with marks on demand."""
     table = by_episode(ticks, episodes)
-    return [
-        mean_over_people(
-            table.filter(pl.col("condition") == condition),
-            measure,
-            Result("on demand", measure, condition=condition, note=meaning),
-        )
-        for condition in conditions
-        if condition in table["condition"]
-        for measure, meaning in MEASURES.items()
-    ]
+    return means_by_condition(table, "on demand", MEASURES, conditions)

@@ -1,5 +1,6 @@
 """The mean of a measure over people, each with the mean of their episodes."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import polars as pl
@@ -23,3 +24,19 @@ def mean_over_people(table: pl.DataFrame, measure: str, row: Result) -> Result:
         unit="people",
         ci_level=mean.level,
     )
+
+
+def means_by_condition(
+    table: pl.DataFrame, section: str, measures: Mapping[str, str], conditions: Sequence[str]
+) -> list[Result]:
+    """Return `mean_over_people` of each measure (name -> meaning) in each condition that the table has."""
+    return [
+        mean_over_people(
+            table.filter(pl.col("condition") == condition),
+            measure,
+            Result(section, measure, condition=condition, note=meaning),
+        )
+        for condition in conditions
+        if condition in table["condition"]
+        for measure, meaning in measures.items()
+    ]

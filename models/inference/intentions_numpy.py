@@ -1,4 +1,4 @@
-"""The decoder of intentions at work: the two likeliest interactions of each game, and when they are done."""
+"""The decoder of intentions in numpy: the two likeliest interactions of each game, and when they are done."""
 
 from typing import Final
 

@@ -11,8 +11,8 @@ Said = Mapping[str, Mapping[str, Any]]  # step key -> question key -> answer
 
 
 class When(StrictModel):
-    """Show it only after one of these answers on an earlier page. Nobody who was not asked, or gave no answer, gets
-    it."""
+    """Show it only after one of these answers on an earlier page. Participants who were not asked, or gave no answer,
+    do not get it."""
 
     question: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$", examples=["plays"])]
     """The key of a choice, multiple or scale question in a questionnaire that comes earlier in `flow`."""

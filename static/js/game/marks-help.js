@@ -85,7 +85,7 @@ export class MarksHelp {
     this.#step();
   }
 
-  /** Go on by one action of the chef; after the last one, start again. */
+  /** Show the next action of the chef; after the last one, start again. */
   #step() {
     const done = this.state?.current?.t ?? 0;
     this.sinceMs = performance.now();
