@@ -120,14 +120,17 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"{out}: {result.accuracy.mean:.1%} on partners never seen (ceiling of step 1: {result.ceiling:.1%})")
     if not arguments.no_intentions and not stopped:
         add_with_progress(out, games, intention_settings(arguments.preset), out)
+    _say_what_to_do(arguments, out, stopped, f"{trainer.update} of {training.updates} updates")
+    return 1 if stopped == INTERRUPTED else 0
+
+
+def _say_what_to_do(arguments: argparse.Namespace, out: Path, stopped: str, done: str) -> None:
+    """Tell how a study names the predictor, and how to continue where training was stopped."""
     print(f"Use it in a study: `predictor: {out if arguments.publish is False else out.name}`.")
     if stopped:
-        print(
-            f"Training was {stopped} after {trainer.update} of {training.updates} updates; the same command continues."
-        )
+        print(f"Training was {stopped} after {done}; the same command continues.")
         if not arguments.no_intentions:
             print("The predictor says no intentions until training is finished.")
-    return 1 if stopped == INTERRUPTED else 0
 
 
 def _trained(name: str, trainer: "PredictorTrainer", folder: "RunFolder") -> "tuple[PredictorNetwork, str]":
