@@ -164,6 +164,14 @@ def test_the_state_shown_during_the_countdown_does_not_start_the_game(blank: Pag
     assert states(blank, [*outgoing, tick(kitchen(t=1))], "return s.phase") == "playing"
 
 
+def test_a_timestep_that_was_being_made_when_the_game_paused_does_not_end_the_pause(blank: Page) -> None:
+    came_back: list[messages.Outgoing] = [welcome(resumed=True), messages.Paused("lost", 60.0), tick(kitchen(t=13))]
+    body = "return [s.phase, s.current.t, s.pause?.reason, s.pause?.fresh]"
+    assert states(blank, came_back, body) == ["paused", 13, "lost", True]
+    assert states(blank, [*came_back, messages.Paused("lost", 59.0)], body) == ["paused", 13, "lost", True]
+    assert states(blank, [*came_back, messages.Countdown(3), tick(kitchen(t=14))], "return s.phase") == "playing"
+
+
 def keys(page: Page, body: str) -> Any:
     return run(page, "game/input", "const k = new m.Keys(); " + body)
 

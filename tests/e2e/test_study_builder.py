@@ -2,7 +2,6 @@
 
 import os
 import re
-import shutil
 import signal
 import sqlite3
 import subprocess
@@ -16,7 +15,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
 
 from server.study.loader import parse_study
-from tests.support.browser.chromium import CHROMIUM_ARGUMENTS
+from tests.support.browser.chromium import CHROMIUM_ARGUMENTS, installed_chromium
 from tests.support.real_server import ROOT, RealServer
 
 PATIENCE_MS = 60_000
@@ -218,9 +217,8 @@ def test_what_was_typed_is_there_after_the_browser_was_killed(
     chromium: Browser, server: RealServer, password: str, tmp_path: Path
 ) -> None:
     kind, troubles = chromium.browser_type, []  # type: ignore[var-annotated]
-    executable = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))))
     profile = tmp_path / "profile"
-    context = kind.launch_persistent_context(profile, executable_path=executable, args=CHROMIUM_ARGUMENTS)
+    context = kind.launch_persistent_context(profile, executable_path=installed_chromium(), args=CHROMIUM_ARGUMENTS)
     page = signed_in(context, server, password, troubles)
     draft = begin(page, "killed")
     field = at(page, "title").locator("input").first

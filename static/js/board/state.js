@@ -200,7 +200,7 @@ function applyTick(state, message, now) {
   return {
     ...state,
     phase,
-    pause: null,
+    pause: phase === 'paused' ? state.pause : null,
     countdown: phase === 'countdown' ? state.countdown : null,
     previous: state.current,
     current: message.state,
@@ -222,13 +222,14 @@ function applyTick(state, message, now) {
 }
 
 /**
- * The state that is shown during the countdown comes as a tick too; it does not start the game.
+ * Only a countdown starts a game. The state that is shown during it comes as a tick too, and so does a timestep that
+ * was being made when the game was paused.
  * @param {StartedState} state
  * @param {Wire.Tick} message
  * @returns {Phase}
  */
 function phaseAfter(state, message) {
-  if (state.phase === 'ended') return 'ended';
+  if (state.phase === 'ended' || state.phase === 'paused') return state.phase;
   return state.phase === 'countdown' && message.state.t <= state.current.t ? 'countdown' : 'playing';
 }
 
