@@ -95,7 +95,7 @@ const coach = new TutorialCoach(
 const marksControl = new MarksControl(document.body, text, lessonKeyCaps);
 const marksHelp = new MarksHelp(
   find('#marks-help', HTMLDialogElement),
-  find('#marks-help-open', HTMLButtonElement, page),
+  findAll('.marks-help-open', HTMLButtonElement, page),
   renderer.sprites,
   text,
 );

@@ -18,13 +18,14 @@ const WORDS = ['walk', 'walk', 'walk', 'walk', 'wait', 'use'];
 export class MarksHelp {
   /**
    * @param {HTMLDialogElement} dialog
-   * @param {HTMLButtonElement} button opens it
+   * @param {HTMLButtonElement[]} buttons each opens it
    * @param {Sprites} sprites
    * @param {Catalogue} text
    */
-  constructor(dialog, button, sprites, text) {
+  constructor(dialog, buttons, sprites, text) {
     this.dialog = dialog;
-    this.button = button;
+    this.buttons = buttons;
+    this.offered = false;
     this.text = text;
     this.canvas = find('canvas', HTMLCanvasElement, dialog);
     this.said = find('#marks-help-said', HTMLElement, dialog);
@@ -38,7 +39,7 @@ export class MarksHelp {
     this.sinceMs = 0;
     /** @type {State | null} */
     this.state = null;
-    button.addEventListener('click', () => this.open());
+    for (const button of buttons) button.addEventListener('click', () => this.open());
     this.playButton.addEventListener('click', () => this.#play(!this.plays));
     find('#marks-help-step', HTMLElement, dialog).addEventListener('click', () => this.#stepByHand());
     document.addEventListener('keydown', (event) => this.#pressed(event));
@@ -50,12 +51,16 @@ export class MarksHelp {
    */
   offer({ game, phase }) {
     this.steps = game?.steps || 3;
-    this.button.hidden = !game?.shows_predictions;
-    this.button.disabled = game?.kind === 'episode' && ['playing', 'countdown'].includes(phase);
+    const busy = game?.kind === 'episode' && ['playing', 'countdown'].includes(phase);
+    this.offered = Boolean(game?.shows_predictions) && !busy;
+    for (const button of this.buttons) {
+      button.hidden = !game?.shows_predictions;
+      button.disabled = busy;
+    }
   }
 
   open() {
-    if (this.button.hidden || this.button.disabled || this.dialog.open) return;
+    if (!this.offered || this.dialog.open) return;
     this.dialog.showModal();
     this.state = null;
     this.playButton.hidden = this.still.matches;
