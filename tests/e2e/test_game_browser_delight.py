@@ -138,6 +138,23 @@ def test_with_reduced_motion_a_button_goes_through_the_example(chromium: Browser
         assert words[-1] == "The chef did all the steps that its marks showed."
 
 
+def test_where_intentions_are_shown_the_example_shows_one_and_says_it(
+    chromium: Browser, server: FakeGameServer
+) -> None:
+    server.welcome = rings(display="intention")
+    with opened(chromium, server, reduced_motion="reduce") as page:
+        page.wait_for_selector("[data-phase=ready]")
+        open_help(page)
+        assert page.inner_text("#marks-help-lead").startswith("The icon shows at which station")
+        words = [said(page)]
+        for _ in range(5):
+            page.keyboard.press("Enter")
+            words.append(said(page))
+        assert words[0] == "The prediction: onion to the pot."
+        assert words[1:5] == ["The chef is on its way. The prediction is still: onion to the pot."] * 4
+        assert words[5] == "The chef did what the icon showed."
+
+
 def test_without_marks_there_is_nothing_to_explain(chromium: Browser, server: FakeGameServer) -> None:
     server.welcome = rings(shows_predictions=False)
     with opened(chromium, server) as page:

@@ -103,6 +103,25 @@ def test_words_name_what_is_done_and_where(
     assert blank.evaluate(script, [list(DIVISION.grid), list(intention), texts]) == words
 
 
+def test_stations_that_words_name_by_a_number_bear_it_where_intentions_are_shown(blank: Page) -> None:
+    grid = ["XPXPXPX", "O  1 2D", "XXXXSXX"]
+    script = (
+        f"async (grid) => {{ {MODULES} return m.numberedStations(grid).map(({{x, y, number}}) => [x, y, number]); }}"
+    )
+    assert blank.evaluate(script, grid) == [[1, 0, 1], [3, 0, 2], [5, 0, 3]]
+    assert blank.evaluate(script, list(DIVISION.grid)) == [], "left and right tell two of a kind apart"
+    seen: list[Any] = []
+    for intention in (NOTHING, (0, -1, -1, 95)):
+        state = kitchen(t=1, players=((3, 1, 0, 0), (5, 1, 0, 0)), pots=())
+        told = welcome(grid=tuple(row.replace("1", " ").replace("2", " ") for row in grid), state=state)
+        frame = structs.replace(tick(state), intention=intention)
+        sent = [json.loads(messages.encode(told)), [json.loads(messages.encode(frame))], 150, True, ""]
+        seen.append(Picture(blank.evaluate(DRAW, sent)))
+    at = round(12 / 64 * CELL)
+    discs = [[sum(picture.image.getpixel((round(x * CELL) + at - 6, at))) for x in (1, 3, 5)] for picture in seen]
+    assert all(with_number > without + 60 for without, with_number in zip(*discs, strict=True)), discs
+
+
 def test_the_way_follows_the_drawn_steps_where_they_lead_to_the_station(blank: Page) -> None:
     grid = ["XXXXX", "X   P", "X   X", "XXXXX"]
     script = f"""async ([grid, ahead]) => {{ {MODULES}

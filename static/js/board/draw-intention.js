@@ -3,12 +3,12 @@
 
 /** @import { Context, Who } from './draw-marks.js' */
 /** @import { Intention } from './intention.js' */
-/** @import { Cell } from './kitchen.js' */
+/** @import { Cell, Grid } from './kitchen.js' */
 /** @import { Box } from './bubble-place.js' */
 /** @import { Sprites } from './sprites.js' */
 
 import { PAINT } from './draw-marks.js';
-import { badgePlace } from './intention.js';
+import { badgePlace, numberedStations } from './intention.js';
 import { STEP } from './kitchen.js';
 import { colour } from './sprites.js';
 
@@ -16,6 +16,7 @@ import { colour } from './sprites.js';
 const BADGE = { radius: 15, ring: 3, item: 21, arrow: 6 };
 const DOTS = { gap: 11, light: 9, dark: 7, paint: 4.4 };
 const BUBBLE = { padX: 8, padY: 5, corner: 8, border: 2.4, tail: 9 };
+const NUMBER = { x: 12, y: 12, radius: 9.5, letters: 13 };
 const BACKING = 0.92;
 
 /** @typedef {{ sprites: Sprites, who: Who, scale: number, chef: Cell, shown: number, size: number }} IntentionStyle
@@ -109,6 +110,28 @@ function arrow(context, x, side, paint) {
   context.stroke();
   context.fillStyle = paint;
   context.fill();
+}
+
+/**
+ * Draw the numbers by which the words name stations, on their upper left: a pot has its clock on the right.
+ * @param {Context} context
+ * @param {Grid} grid
+ * @param {number} size 1 or more on small boards
+ */
+export function drawStationNumbers(context, grid, size) {
+  for (const { x, y, number } of numberedStations(grid)) {
+    context.save();
+    context.translate(x * 64 + NUMBER.x * size, y * 64 + NUMBER.y * size);
+    context.scale(size, size);
+    disc(context, NUMBER.radius, colour('--card'));
+    ring(context, NUMBER.radius, 1.4, colour('--outline-dark'));
+    context.fillStyle = colour('--ink');
+    context.font = fontOf(NUMBER.letters);
+    context.textAlign = 'center';
+    context.textBaseline = 'middle';
+    context.fillText(String(number), 0, 0.5);
+    context.restore();
+  }
 }
 
 /** @param {number} size in 1/64 cell */

@@ -145,10 +145,7 @@ export function intentionWords({ kind, x, y, item }, grid, text) {
 export function placeName(grid, x, y, text) {
   const tile = grid[y][x];
   const name = STATIONS[tile] ?? 'counter';
-  const isUsable = (/** @type {Cell} */ cell) => STEP.some(([dx, dy]) => isFloor(grid, cell[0] + dx, cell[1] + dy));
-  const same = cellsOf(grid, tile)
-    .filter(isUsable)
-    .sort(([a, b], [c, d]) => a - c || b - d);
+  const same = usable(grid, tile);
   if (tile === 'X' || same.length < 2) return text(`intention.place.${name}.only`);
   const number = same.findIndex((cell) => cell[0] === x && cell[1] === y) + 1;
   if (same.length > 2) return text(`intention.place.${name}.number`, { number });
@@ -156,6 +153,28 @@ export function placeName(grid, x, y, text) {
   const isBeside = Math.abs(rightX - leftX) >= Math.abs(rightY - leftY);
   const word = isBeside ? ['left', 'right'][number - 1] : y === Math.min(leftY, rightY) ? 'upper' : 'lower';
   return text(`intention.place.${name}.${word}`);
+}
+
+/**
+ * Return the stations of a kind that a chef can use, from left to right.
+ * @param {Grid} grid
+ * @param {string} tile
+ */
+function usable(grid, tile) {
+  const isUsable = (/** @type {Cell} */ cell) => STEP.some(([dx, dy]) => isFloor(grid, cell[0] + dx, cell[1] + dy));
+  return cellsOf(grid, tile)
+    .filter(isUsable)
+    .sort(([a, b], [c, d]) => a - c || b - d);
+}
+
+/**
+ * Return the stations that the words tell apart by a number: those of which there are more than two.
+ * @param {Grid} grid
+ * @returns {{ x: number, y: number, number: number }[]}
+ */
+export function numberedStations(grid) {
+  const kinds = ['P', 'O', 'D', 'S'].map((tile) => usable(grid, tile)).filter((cells) => cells.length > 2);
+  return kinds.flatMap((cells) => cells.map(([x, y], index) => ({ x, y, number: index + 1 })));
 }
 
 /**

@@ -3,6 +3,7 @@
 /** @import { Player, Pot } from './kitchen.js' */
 /** @import { State } from './state.js' */
 
+import { NO_INTENTION } from './intention.js';
 import { EAST, INTERACT, NORTH, STAY, STEP, WEST } from './kitchen.js';
 import { apply, boardState, tickOf } from './state.js';
 
@@ -12,6 +13,10 @@ export const ACTIONS = [NORTH, WEST, WEST, NORTH, INTERACT, STAY];
 const OPACITIES = [95, 80, 60];
 const TICK_MS = 200;
 const ONION = 1;
+/** @type {Wire.Tick['intention']} it fills the pot */
+const FILLS_POT = [4, 2, 0, 95];
+/** @type {Wire.Tick['intention']} */
+const NOTHING = [NO_INTENTION, -1, -1, 95];
 /** @type {Player} */
 const OWN = [1, 3, EAST, 0];
 
@@ -38,16 +43,18 @@ function kitchenAfter(done) {
 /**
  * Return the example before the chef's first action, or the state in which it is after one more action than `before`.
  * @param {State | null} before
- * @param {number} steps how many next steps are shown
+ * @param {{ steps: number, display: Wire.Welcome['display'] }} shown how many next steps; what of them is shown
  * @param {number} now in ms
  * @returns {State}
  */
-export function nextMoment(before, steps, now) {
+export function nextMoment(before, { steps, display }, now) {
   const done = before?.current ? before.current.t + 1 : 0;
   const state = kitchenAfter(done);
   const still = { grid: GRID, seat: 0, watched_seat: 1, tick_ms: TICK_MS, horizon: 0 };
   const start = before?.current ? before : boardState(still, { ...state, t: -1 }, now);
+  const opacities = display === 'intention' ? [] : OPACITIES.slice(0, steps);
   /** @type {[number, number][]} */
-  const prediction = OPACITIES.slice(0, steps).map((opacity, k) => [ACTIONS[done + k] ?? STAY, opacity]);
-  return apply(start, tickOf({ state, prediction, actions: [STAY, ACTIONS[done - 1] ?? STAY] }), now);
+  const prediction = opacities.map((opacity, k) => [ACTIONS[done + k] ?? STAY, opacity]);
+  const intention = display !== 'actions' && done <= ACTIONS.indexOf(INTERACT) ? FILLS_POT : NOTHING;
+  return apply(start, tickOf({ state, prediction, intention, actions: [STAY, ACTIONS[done - 1] ?? STAY] }), now);
 }

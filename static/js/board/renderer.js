@@ -14,7 +14,7 @@ import { BubblePlacer } from './bubble-place.js';
 import { CELL, contactShadow, paintBackground } from './background.js';
 import { drawChef, drawTag } from './chef.js';
 import { drawArrow } from './draw-arrows.js';
-import { bubbleShapes, drawBadge, drawBubble, drawWay } from './draw-intention.js';
+import { bubbleShapes, drawBadge, drawBubble, drawStationNumbers, drawWay } from './draw-intention.js';
 import { drawIcon } from './draw-marks.js';
 import { Effects, drawPotEffects } from './effects.js';
 import { events, witnessed } from './events.js';
@@ -129,6 +129,7 @@ export class Renderer {
     context.setTransform(scale, 0, 0, scale, 0, 0);
     this.#drawPots(state, now, reduced);
     this.#drawItems(state, now, reduced);
+    if (state.saysIntention) drawStationNumbers(context, this.grid, this.tagScale);
     if (!this.outlinesView) drawVeil(context, state);
     const marks = this.#marks(state, now, reduced);
     const style = this.#markStyle(state, now, reduced);

@@ -3,6 +3,7 @@
 /** @import { State } from '../board/state.js' */
 /** @import { Catalogue } from '../browser/texts.js' */
 
+import { intentionWords } from '../board/intention.js';
 import { UNSHOWN } from '../board/kitchen.js';
 import { ACTIONS, GRID, nextMoment } from '../board/marks-example.js';
 import { Renderer } from '../board/renderer.js';
@@ -28,13 +29,15 @@ export class MarksHelp {
     this.offered = false;
     this.text = text;
     this.canvas = find('canvas', HTMLCanvasElement, dialog);
+    this.lead = find('#marks-help-lead', HTMLElement, dialog);
     this.said = find('#marks-help-said', HTMLElement, dialog);
     this.playButton = find('#marks-help-play', HTMLButtonElement, dialog);
     this.renderer = new Renderer(this.canvas, new Sprites(sprites.folder), text('you_tag'));
     this.renderer.sprites.images = sprites.images; // loaded once for both boards
     this.renderer.greysOldMarks = false;
     this.still = matchMedia('(prefers-reduced-motion: reduce)');
-    this.steps = 3;
+    /** @type {{ steps: number, display: Wire.Welcome['display'] }} */
+    this.shown = { steps: 3, display: 'actions' };
     this.plays = false;
     this.sinceMs = 0;
     /** @type {State | null} */
@@ -50,7 +53,7 @@ export class MarksHelp {
    * @param {State} state
    */
   offer({ game, phase }) {
-    this.steps = game?.steps || 3;
+    this.shown = { steps: game?.steps || 3, display: game?.display ?? 'actions' };
     const busy = game?.kind === 'episode' && ['playing', 'countdown'].includes(phase);
     this.offered = Boolean(game?.shows_predictions) && !busy;
     for (const button of this.buttons) {
@@ -62,6 +65,9 @@ export class MarksHelp {
   open() {
     if (!this.offered || this.dialog.open) return;
     this.dialog.showModal();
+    const { display } = this.shown;
+    this.lead.textContent = this.text(display === 'actions' ? 'help.lead' : `help.lead_${display}`);
+    this.renderer.text = display === 'actions' ? null : this.text;
     this.state = null;
     this.playButton.hidden = this.still.matches;
     this.#step();
@@ -94,7 +100,7 @@ export class MarksHelp {
   #step() {
     const done = this.state?.current?.t ?? 0;
     this.sinceMs = performance.now();
-    this.state = nextMoment(done >= LAST ? null : this.state, this.steps, 0);
+    this.state = nextMoment(done >= LAST ? null : this.state, this.shown, 0);
     this.said.textContent = this.#words(this.state.current?.t ?? 0);
     this.renderer.applyEvents(this.state, 0);
     this.#draw(this.sinceMs);
@@ -102,10 +108,20 @@ export class MarksHelp {
 
   /** @param {number} done */
   #words(done) {
+    if (this.shown.display === 'intention') return this.#intentionWords(done);
     const next = ACTIONS[done] ?? UNSHOWN;
     if (next === UNSHOWN) return this.text('help.again');
     const words = this.text(`legend.${done === 3 ? 'turn' : WORDS[next]}`);
     return this.text(done ? 'help.then' : 'help.first', { step: words });
+  }
+
+  /** @param {number} done */
+  #intentionWords(done) {
+    const intention = this.state?.intention;
+    if (!intention) return this.text('help.did');
+    return this.text(done ? 'help.intends_still' : 'help.intends', {
+      words: intentionWords(intention, GRID, this.text),
+    });
   }
 
   /** @param {number} now */
