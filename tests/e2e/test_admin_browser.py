@@ -173,6 +173,13 @@ def test_a_game_is_looked_at_again_and_taken_along(page: Page, server: LiveServe
     drawn = Image.open(picture.value.path()).convert("RGB")
     assert drawn.width >= 2 * page.evaluate("document.querySelector('#kitchen').clientWidth")
     assert Counter(zip(*[iter(drawn.tobytes())] * 3, strict=True))[MARK_GREEN] > 400, "the picture has the marks"
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.evaluate("location.hash = '#t=20'")
+    expect(page.locator("#at")).to_have_text("t 20")
+    frame, now = (page.locator(each).first.bounding_box() for each in ("#frame", "#frame td.now"))
+    assert frame is not None
+    assert now is not None
+    assert frame["x"] <= now["x"] <= frame["x"] + frame["width"] - now["width"], "on a phone it is scrolled to"
     page.evaluate("location.hash = `#t=${document.querySelector('#scrub').max - 14}`")
     with page.expect_download() as video:
         page.click("#video")

@@ -115,6 +115,16 @@ export class TimeLine {
       return make('tr', { className }, head, ...shown.map((at) => tableCell(cell(at), at, t)));
     });
     this.frame.replaceChildren(make('table', {}, make('tbody', {}, ...rows)));
+    this.#scrollToShown();
+  }
+
+  /** On narrow screens the frame scrolls: the timestep shown is in the middle of what the words leave free. */
+  #scrollToShown() {
+    const now = this.frame.querySelector('td.now');
+    const head = this.frame.querySelector('th');
+    if (!(now instanceof HTMLElement) || !(head instanceof HTMLElement)) return;
+    const free = this.frame.clientWidth - head.offsetWidth;
+    this.frame.scrollLeft = now.offsetLeft + now.offsetWidth / 2 - head.offsetWidth - free / 2;
   }
 }
 
