@@ -114,8 +114,8 @@ def _task(seen: ParsedObservation) -> _Task:
     station = _station(seen, _places(seen))
     if station is None:
         return _Task(STAY)
-    for blocked in (seen.other, None):  # None: as if the other would step aside
-        reached = distances(seen.floor, seen.me, blocked)
+    for blocked in ({seen.other, seen.other_ahead}, {seen.other}, set()):  # the last: as if the other would step aside
+        reached = distances(_without(seen.floor, blocked - {seen.me}), seen.me, None)
         ways = [
             (*reached[neighbour], direction)
             for direction in range(len(STEP_X))
@@ -130,6 +130,13 @@ def _task(seen: ParsedObservation) -> _Task:
             kind = InteractionKind.TAKE_ONION if seen.held == NOTHING else InteractionKind.PUT_DOWN
             return _Use(INTERACT, station, kind)
     return _Task(STAY)
+
+
+def _without(floor: NDArray[np.bool_], blocked: set[Cell]) -> NDArray[np.bool_]:
+    free = floor.copy()
+    for cell in blocked:
+        free[cell] = False
+    return free
 
 
 def _station(seen: ParsedObservation, places: Sequence[Cell]) -> Cell | None:

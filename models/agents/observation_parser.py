@@ -14,7 +14,7 @@ from overcooked.constants import ACTIONS, DISH, NOTHING, ONION, SOUP, STEP_X, ST
 Cell = tuple[int, int]
 
 # Places in the encoding, as the engine's `observe` writes them.
-_ME, _OTHER, _MY_FACING = 0, 1, 2
+_ME, _OTHER, _MY_FACING, _OTHER_FACING = 0, 1, 2, 6
 _POT, _COUNTER, _ONION_DISPENSER, _DISH_DISPENSER, _EXIT = 10, 11, 12, 14, 15
 _ONIONS_IN_POT, _ONIONS_IN_SOUP, _COOKING_LEFT, _READY, _DISH, _ONION = 16, 18, 20, 21, 22, 23
 
@@ -37,6 +37,7 @@ class ParsedObservation:
     held: int
     other: Cell
     other_held: int
+    other_ahead: Cell  # the cell that the other chef faces, and enters next if it walks on
     floor: NDArray[np.bool_]  # (width, height)
     pots: tuple[Pot, ...]
     items: dict[Cell, int]  # what lies on counters
@@ -49,6 +50,7 @@ class ParsedObservation:
 def parse_observation(planes: NDArray[np.int8]) -> ParsedObservation:
     """Read one observation (width, height, 26)."""
     me, other = _cells(planes[..., _ME])[0], _cells(planes[..., _OTHER])[0]
+    turned = int(planes[other][_OTHER_FACING : _OTHER_FACING + 4].argmax())
     counters = _cells(planes[..., _COUNTER])
     items = {cell: item for cell in counters if (item := _item(planes[cell])) != NOTHING}
     return ParsedObservation(
@@ -57,6 +59,7 @@ def parse_observation(planes: NDArray[np.int8]) -> ParsedObservation:
         held=_item(planes[me]),
         other=other,
         other_held=_item(planes[other]),
+        other_ahead=(other[0] + int(STEP_X[turned]), other[1] + int(STEP_Y[turned])),
         floor=np.asarray(~planes[..., _POT : _EXIT + 1].any(axis=-1)),
         pots=tuple(_pot(planes, cell) for cell in _cells(planes[..., _POT])),
         items=items,

@@ -31,7 +31,8 @@ class StayPolicy:
 class GuidePolicy:
     """Paces up and down its column: straight on while the way is free, else it turns round. Uses nothing.
 
-    It decides by what it sees in this timestep alone, so an observer can tell its next steps.
+    It decides by what it sees in this timestep alone, so an observer can tell its next steps. A cell that the other
+    chef faces is not free: two who walk into the same cell again and again would both stand still.
     """
 
     def probabilities(self, observations: Observations) -> Probabilities:
@@ -67,7 +68,7 @@ class GuidePredictor:
 
 
 def guide_ahead(observations: Observations) -> Predictions:
-    """The guide's next actions if the other chef stays where it is: (games, STEPS, 6), nearly certain."""
+    """The guide's next actions if the other chef stands still: (games, STEPS, 6), nearly certain."""
     action_distributions = np.full((len(observations), STEPS, ACTIONS), 0.01 / (ACTIONS - 1), np.float32)
     for game, planes in enumerate(observations):
         seen = parse_observation(planes)
@@ -83,7 +84,7 @@ def guide_ahead(observations: Observations) -> Predictions:
 
 def _where(seen: ParsedObservation) -> tuple[Cell, int, np.ndarray[tuple[int, int], np.dtype[np.bool_]]]:
     is_free = seen.floor.copy()
-    is_free[seen.other] = False
+    is_free[seen.other] = is_free[seen.other_ahead] = False
     return seen.me, seen.facing, is_free.reshape(is_free.shape[0], is_free.shape[1])
 
 

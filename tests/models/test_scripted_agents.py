@@ -8,7 +8,7 @@ from models.agents.observation_parser import parse_observation
 from models.agents.predictors import load_predictor
 from models.networks.checkpoint import CheckpointError
 from models.networks.columns import varying_columns
-from overcooked.constants import COOKING, FACING, HELD, ITEM_NAMES, NOTHING
+from overcooked.constants import COOKING, EAST, FACING, HELD, ITEM_NAMES, NOTHING, ONION, SOUTH, STEP_X, STEP_Y
 from overcooked.interactions import InteractionKind
 from overcooked.layout import layout_names, load_layout
 from overcooked.state import Kitchens
@@ -35,6 +35,8 @@ def test_sight_tells_what_the_state_holds(name: str) -> None:
                 x, y, _, item = record["p"][player]
                 assert (cell, ITEM_NAMES[held]) == ((x, y), item)
             assert what.facing == kitchens.players[game, me, FACING]
+            turned = kitchens.players[game, 1 - me, FACING]
+            assert what.other_ahead == (what.other[0] + STEP_X[turned], what.other[1] + STEP_Y[turned])
             assert {(*cell, ITEM_NAMES[item]) for cell, item in what.items.items()} == {tuple(c) for c in record["c"]}
             for pot in what.pots:
                 inside = int(kitchens.contents[game][pot.cell])
@@ -99,6 +101,18 @@ def test_the_guides_next_actions_come_as_predicted_while_nobody_crosses_its_way(
     assert len(set(taken)) > 1
     for t in range(37):
         assert predicted[t].tolist() == taken[t : t + 3]
+
+
+@pytest.mark.parametrize("name", ["guide", "carrier"])
+def test_an_agent_of_the_practice_gives_way_to_somebody_who_keeps_walking_into_the_same_cell(name: str) -> None:
+    layout = load_layout("practice")
+    policy, _ = load_agent(name, layout)
+    kitchens = Kitchens.start(layout, 1)
+    kitchens.players[0] = [(4, 3, EAST, NOTHING), (5, 2, SOUTH, ONION if name == "carrier" else NOTHING)]
+    for _ in range(4):  # the first time both want (5, 3), neither gets it
+        action = int(policy.probabilities(kitchens.encode()[:, 1].copy()).argmax())
+        kitchens.step(np.array([[EAST, action]]), np.zeros((1, 2), np.int32))
+    assert tuple(kitchens.players[0, 0, :2]) == (5, 3)
 
 
 def test_the_catalogue_loads_every_name_that_it_lists() -> None:
