@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Protocol, runtime_checkable
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 STEPS = 3  # l: how many of the agent's next actions are predicted
@@ -72,8 +73,7 @@ class Mode:
     stuck_mix: float = 0.5
 
 
-@dataclass(frozen=True)
-class Intention:
+class Intention(Struct, frozen=True):
     """What a predictor says the watched agent does next at a station: one of `possible_interactions(layout)`."""
 
     kind: int  # an `InteractionKind`; NONE: no interaction within INTENTION_HORIZON timesteps
@@ -83,8 +83,7 @@ class Intention:
     probability: float  # of this kind at this station
 
 
-@dataclass(frozen=True)
-class Decision:
+class Decision(Struct, frozen=True):
     """What the models said about one game in one timestep."""
 
     action: int  # the agent's action, 0-5
@@ -96,16 +95,14 @@ class Decision:
 Card = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class History:
+class History(Struct, frozen=True):
     """The last timesteps of one game as the watched chef saw them, oldest first, the current state last."""
 
     observations: Observations  # (k, width, height, 26)
     actions: NDArray[np.int8]  # (k, 2): what led to each state, own action first; (-1, -1) at the start
 
 
-@dataclass(frozen=True)
-class Question:
+class Question(Struct, frozen=True):
     """What the live game asks about one chef in one state: which action (where an agent holds the seat) and which next
     steps (where a predictor watches). `uniform` in [0, 1) draws the action, so a game can be replayed."""
 

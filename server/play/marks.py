@@ -26,7 +26,7 @@ def display(spec: EpisodeSpec, timestep: int, prediction: Sequence[Sequence[floa
     elif spec.shown == "random":
         actions = [int(uniform(spec.seed, timestep, MARKS + step) * ACTIONS) for step in range(spec.steps_shown)]
     elif prediction:
-        actions = [max(range(ACTIONS), key=row.__getitem__) for row in prediction[: spec.steps_shown]]
+        actions = [row.index(max(row)) for row in prediction[: spec.steps_shown]]
     else:
         actions = [NOTHING_SHOWN] * spec.steps_shown
     return tuple(zip(actions, opacities, strict=True))

@@ -1,7 +1,8 @@
 """What the models are asked about a state, and what their answers decide. Knows no clock; never runs a network."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from models.protocols import Decision, Intention, Question
 from overcooked.constants import ACTIONS
@@ -10,8 +11,7 @@ from server.play.randomness import PARTNER, uniform
 from server.play.simulation import Simulation
 
 
-@dataclass(frozen=True)
-class Answers:
+class Answers(Struct, frozen=True):
     """What the models said about one state."""
 
     next_actions: tuple[int | None, int | None]  # by seat; None: a human's seat, or no answer in time

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
-from itertools import chain
 from typing import Final, Literal, cast
 
 from models.protocols import Decision, Question
@@ -34,7 +33,7 @@ class Session:
     def __init__(self, record: EpisodeRecord, now: float) -> None:
         """Replay the record's episode so far. Raises ReplayMismatch, LayoutError."""
         spec = record.spec
-        self.episode, self.spec = record.episode, spec
+        self.episode, self.spec, self.tick_s = record.episode, spec, spec.tick_ms / 1000
         self.people: tuple[int, ...] = spec.human_seats or (VIEWER,)
         self.keys = {seat: Keys(record.inputs.get(seat), marks_key(record, seat)) for seat in spec.human_seats}
         self.simulation = Simulation(parse_layout(record.spec.grid, spec.layout), spec.horizon)
@@ -77,10 +76,6 @@ class Session:
         return all(keys.seq != self._applied[seat] for seat, keys in self.keys.items())
 
     @property
-    def tick_s(self) -> float:
-        return self.spec.tick_ms / 1000
-
-    @property
     def next_deadline(self) -> float:
         """When the next timestep is due; means something during countdown and running."""
         return self._zero + (self.simulation.timestep + 1) * self.tick_s
@@ -107,7 +102,10 @@ class Session:
 
     def settled_inputs(self) -> tuple[InputRecord, ...]:
         """The inputs whose outcome has become known since the last call, to be stored."""
-        return tuple(chain.from_iterable(keys.take_settled(self.episode, seat) for seat, keys in self.keys.items()))
+        settled: list[InputRecord] = []
+        for seat, keys in self.keys.items():
+            settled += keys.take_settled(self.episode, seat)
+        return tuple(settled)
 
     def pause(self, holder: Holder, reason: str, now: float, at: datetime) -> PauseRecord | None:
         """Stop the game at once; the PauseRecord to store if it was moving. Before the start nothing pauses."""
