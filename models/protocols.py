@@ -15,6 +15,7 @@ INTENTION_HORIZON = 20  # timesteps: an interaction that is farther ahead counts
 Observations = NDArray[np.int8]  # (games, width, height, 26): the lossless encoding as the agent sees it
 Probabilities = NDArray[np.float32]  # (games, 6)
 Predictions = NDArray[np.float32]  # (games, STEPS, 6)
+ENDLESS: Final = 1 << 30  # timesteps that are left in an episode without a horizon
 INTENTIONS: Final = 2  # how many a predictor says: the likeliest, then the runner-up
 INTENTION: Final = np.dtype(
     [("kind", np.int8), ("x", np.int8), ("y", np.int8), ("steps", np.int8), ("probability", np.float32)]
@@ -96,10 +97,12 @@ Card = dict[str, Any]
 
 
 class History(Struct, frozen=True):
-    """The last timesteps of one game as the watched chef saw them, oldest first, the current state last."""
+    """The last k timesteps of one game, oldest first, the current state last: int8 arrays as bytes, see `Kitchens`. A
+    worker makes observations of them, for all games in one call."""
 
-    observations: Observations  # (k, width, height, 26)
-    actions: NDArray[np.int8]  # (k, 2): what led to each state, own action first; (-1, -1) at the start
+    players: bytes  # (k, 2, 4), as `Kitchens.players`
+    contents: bytes  # (k, width, height)
+    actions: bytes  # (k, 2): what led to each state, own action first; (-1, -1) at the start
 
 
 class Question(Struct, frozen=True):
@@ -115,6 +118,7 @@ class Question(Struct, frozen=True):
     uniform: float
     stuck: int  # timesteps since the chef's own cell, facing or hand last changed
     history: Callable[[int], History]  # history(k): at most the last k states
+    left: int = ENDLESS  # timesteps until the episode is over
 
 
 class Models(Protocol):

@@ -20,7 +20,7 @@ from models.inference.launch import Launched
 from models.inference.supervised_worker import ModelsDown, SupervisedWorker
 from models.inference.wire import Answer, Load, Name, Row
 from models.protocols import Decision, Intention, Question
-from overcooked.constants import STAY
+from overcooked.constants import PLAYERS, STAY
 
 __all__ = ["ModelServer", "ModelStatistics", "ModelsDown"]
 
@@ -203,7 +203,7 @@ class ModelServer:
         questions: Sequence[Question],
         parts: list[tuple[int, str | None, str | None]],
     ) -> "asyncio.Future[Answer]":
-        rows, states, actions = [], [], []
+        rows, histories = [], []
         for k, agent, predictor in parts:
             question = questions[k]
             key = _key(question.game, question.seat)
@@ -216,25 +216,18 @@ class ModelServer:
                     agent=agent,
                     predictor=predictor,
                     timestep=question.timestep,
-                    states=len(history.observations),
+                    states=len(history.actions) // PLAYERS,
                     fresh=not missing,
                     stuck=question.stuck,
                     uniform=question.uniform,
+                    seat=question.seat,
+                    left=question.left,
                 )
             )
-            states.append(history.observations)
-            actions.append(history.actions)
+            histories.append(history)
             if predictor is not None:
                 worker.saw(key, question.timestep)
-        joined = np.concatenate(states, dtype=np.int8, casting="unsafe")
-        width, height, planes = joined.shape[1:]
-        return worker.ask(
-            layout,
-            (width, height, planes),
-            rows,
-            joined.tobytes(),
-            np.concatenate(actions, dtype=np.int8, casting="unsafe").tobytes(),
-        )
+        return worker.ask(layout, rows, histories)
 
     def _read(self, found: "list[_Found]", answer: Answer) -> None:
         self._times.append(answer.model_ms)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from msgspec import Struct
 
-from models.protocols import Decision, Intention, Question
+from models.protocols import ENDLESS, Decision, Intention, Question
 from overcooked.constants import ACTIONS
 from server.play.episode_spec import EpisodeSpec
 from server.play.randomness import PARTNER, uniform
@@ -38,6 +38,7 @@ def questions(episode: str, spec: EpisodeSpec, simulation: Simulation) -> list[Q
                 uniform=uniform(spec.seed, simulation.timestep, PARTNER + seat),
                 stuck=simulation.stuck[seat],
                 history=simulation.history(seat),
+                left=simulation.horizon - simulation.timestep if simulation.horizon else ENDLESS,
             )
         )
     return asked

@@ -138,21 +138,17 @@ class Simulation:
         return self._chefs[row][:FACING] != self._chefs_before[row][:FACING]
 
     def history(self, seat: int) -> Callable[[int], History]:
-        """Look back from the current state as the chef in `seat` saw it; stays valid when the game continues."""
-        timestep = self.timestep
+        """Look back from the current state as the chef in `seat`; stays valid when the game continues."""
+        timestep, chefs, cells = self.timestep, self._chefs, self._cells
 
         def last(count: int) -> History:
-            count = min(count, timestep + 1)
-            rows = slice(timestep + 1 - count, timestep + 1)
-            observations = self._window(timestep, count).encode(horizon=self.horizon)[:, seat]
-            actions = self._actions[rows]
-            return History(observations, actions if seat == 0 else actions[:, ::-1])
+            rows = slice(max(0, timestep + 1 - count), timestep + 1)
+            actions = self._actions[rows] if seat == 0 else self._actions[rows, ::-1]
+            if count == 1:
+                return History(chefs, cells, actions.tobytes())
+            return History(self._players[rows].tobytes(), self._contents[rows].tobytes(), actions.tobytes())
 
         return last
-
-    def _window(self, timestep: int, count: int) -> Kitchens:
-        rows = slice(timestep + 1 - count, timestep + 1)
-        return Kitchens(self.layout, self._players[rows], self._contents[rows], self._timesteps[rows])
 
     def kitchen(self) -> KitchenState:
         """The current state as the browser draws it."""
