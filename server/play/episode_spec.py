@@ -53,5 +53,12 @@ class EpisodeSpec:
         return self.shown != "nothing" and self.display in ("intention", "both")
 
     @cached_property
+    def asked_models(self) -> tuple[tuple[int, str | None, str | None], ...]:
+        """The seats whose chef an agent plays or a predictor watches, with both."""
+        watching = [self.predictor if seat == self.watched_seat else None for seat in range(len(self.agents))]
+        seats = [(seat, agent, watching[seat]) for seat, agent in enumerate(self.agents)]
+        return tuple(one for one in seats if one[1:] != (None, None))
+
+    @cached_property
     def human_seats(self) -> tuple[int, ...]:
         return tuple(seat for seat, agent in enumerate(self.agents) if agent is None)

@@ -35,7 +35,10 @@ def display(spec: EpisodeSpec, timestep: int, prediction: Sequence[Sequence[floa
 def is_as_required(is_due: bool, displayed: Displayed) -> bool:
     """Return whether a frame carries marks where some are due, and none where they are not: the condition shows none,
     or the participant did not ask for them."""
-    return any(action != NOTHING_SHOWN for action, _ in displayed) == is_due
+    for action, _ in displayed:
+        if action != NOTHING_SHOWN:
+            return is_due
+    return not is_due
 
 
 def hidden(displayed: Displayed) -> Displayed:

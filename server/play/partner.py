@@ -23,10 +23,7 @@ class Answers(Struct, frozen=True):
 def questions(episode: str, spec: EpisodeSpec, simulation: Simulation) -> list[Question]:
     """One question for each chef whom an agent plays or a predictor watches."""
     asked = []
-    for seat, agent in enumerate(spec.agents):
-        predictor = spec.predictor if seat == spec.watched_seat else None
-        if agent is None and predictor is None:
-            continue
+    for seat, agent, predictor in spec.asked_models:
         asked.append(
             Question(
                 game=episode,

@@ -52,6 +52,7 @@ class Session:
         for person in self.people:
             self.pause_reasons.hold(person, "server" if self.resumed else NOT_STARTED, now)
         self._zero = 0.0  # when timestep 0 would have been, had there been no pause
+        self.next_deadline = 0.0  # when the next timestep is due; means something during countdown and running
         self._asked: list[Question] = []
         self._step = _STILL
         self._keys_used: tuple[KeyRecord, ...] = ()
@@ -74,11 +75,6 @@ class Session:
     def heard_from_all(self) -> bool:
         """Whether every person has sent keys since the timestep before."""
         return all(keys.seq != self._applied[seat] for seat, keys in self.keys.items())
-
-    @property
-    def next_deadline(self) -> float:
-        """When the next timestep is due; means something during countdown and running."""
-        return self._zero + (self.simulation.timestep + 1) * self.tick_s
 
     @property
     def moving(self) -> bool:
@@ -152,6 +148,7 @@ class Session:
     def start_at(self, go: float) -> None:
         """Move the deadlines: the current state stands until `go`, the next one comes a tick later."""
         self._zero = go - self.simulation.timestep * self.tick_s
+        self.next_deadline = go + self.tick_s
 
     # Ticks
 
@@ -169,6 +166,7 @@ class Session:
         self._late_ms = max(0.0, (now - self.next_deadline) * 1000)
         self.phase, self.stored = "running", False
         self._step = self.simulation.step(self._joint_action())
+        self.next_deadline = self._zero + (self.simulation.timestep + 1) * self.tick_s
         self.frames.watch()
         if self.tutor is not None:
             self.tutor.watch(self.simulation, self._step)
@@ -177,14 +175,13 @@ class Session:
 
     def _joint_action(self) -> tuple[int, int]:
         actions = [STAY if action is None else action for action in self.next_actions]
-        used = []
+        self._keys_used, coming = (), self.simulation.timestep + 1
         for seat, keys in self.keys.items():
             self._applied[seat] = keys.seq
-            actions[seat], press = keys.take(self.simulation.timestep + 1)
+            actions[seat], press = keys.take(coming)
             if press is not None:
                 received_ms = round((press.received - self._zero) * 1000, 3)
-                used.append(KeyRecord(seat, press.seq, press.client_ms, received_ms))
-        self._keys_used = tuple(used)
+                self._keys_used += (KeyRecord(seat, press.keys.seq, press.keys.client_ms, received_ms),)
         self.frames.ask(self.keys)
         return actions[0], actions[1]
 
