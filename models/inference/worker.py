@@ -162,8 +162,8 @@ class Worker:
         oldest = np.repeat(np.cumsum(counts) - counts, counts)
         every = np.arange(len(players))
         timesteps = (HORIZON - left + every - oldest).astype(np.int32)
-        kitchens = Kitchens(layout, players, contents, timesteps)
-        return kitchens.encode(horizon=HORIZON)[every, np.repeat([row.seat for row in ask.rows], counts)]
+        both: Observations = Kitchens(layout, players, contents, timesteps).encode(horizon=HORIZON)
+        return both[every, np.repeat([row.seat for row in ask.rows], counts)]
 
     def _follow(self, name: Name, rows: list[Row], chosen: NDArray[np.intp]) -> NDArray[np.intp]:
         """The rows whose states follow on what the predictor has seen of their game; the server repeats the others."""

@@ -135,7 +135,7 @@ class Simulation:
     def moved(self, seat: int) -> bool:
         """Whether the chef stands in another cell than a timestep ago."""
         row = _ROWS[seat]
-        return self._chefs[row][:FACING] != self._chefs_before[row][:FACING]
+        return bool(self._chefs[row][:FACING] != self._chefs_before[row][:FACING])
 
     def history(self, seat: int) -> Callable[[int], History]:
         """Look back from the current state as the chef in `seat`; stays valid when the game continues."""
@@ -163,4 +163,4 @@ class Simulation:
         counters = [(x, y, cells[place]) for x, y, place in self._counters if cells[place] != NOTHING]
         first, second = _ROWS
         players = (tuple(self._chefs[first]), tuple(self._chefs[second]))
-        return KitchenState(self.timestep, players, tuple(counters), tuple(pots), self.score, self.soups)  # type: ignore[arg-type]
+        return KitchenState(self.timestep, players, tuple(counters), tuple(pots), self.score, self.soups)
