@@ -74,7 +74,7 @@ class Mode:
     stuck_mix: float = 0.5
 
 
-class Intention(Struct, frozen=True):
+class Intention(Struct, frozen=True, gc=False):
     """What a predictor says the watched agent does next at a station: one of `possible_interactions(layout)`."""
 
     kind: int  # an `InteractionKind`; NONE: no interaction within INTENTION_HORIZON timesteps
@@ -84,7 +84,7 @@ class Intention(Struct, frozen=True):
     probability: float  # of this kind at this station
 
 
-class Decision(Struct, frozen=True):
+class Decision(Struct, frozen=True, gc=False):
     """What the models said about one game in one timestep."""
 
     action: int  # the agent's action, 0-5
@@ -96,7 +96,7 @@ class Decision(Struct, frozen=True):
 Card = dict[str, Any]
 
 
-class History(Struct, frozen=True):
+class History(Struct, frozen=True, gc=False):
     """The last k timesteps of one game, oldest first, the current state last: int8 arrays as bytes, see `Kitchens`. A
     worker makes observations of them, for all games in one call."""
 

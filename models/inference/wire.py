@@ -40,7 +40,7 @@ class Failed(Struct, tag=True, frozen=True):
     reason: str
 
 
-class Row(Struct, array_like=True, frozen=True):
+class Row(Struct, array_like=True, frozen=True, gc=False):
     """One chef of one game. `fresh`: forget what is known about it, its states are a whole history; otherwise they
     follow on those that were sent before."""
 

@@ -163,7 +163,7 @@ class Worker:
         every = np.arange(len(players))
         timesteps = (HORIZON - left + every - oldest).astype(np.int32)
         both: Observations = Kitchens(layout, players, contents, timesteps).encode(horizon=HORIZON)
-        return both[every, np.repeat([row.seat for row in ask.rows], counts)]
+        return np.asarray(both[every, np.repeat([row.seat for row in ask.rows], counts)], np.int8)
 
     def _follow(self, name: Name, rows: list[Row], chosen: NDArray[np.intp]) -> NDArray[np.intp]:
         """The rows whose states follow on what the predictor has seen of their game; the server repeats the others."""

@@ -27,7 +27,7 @@ _MAX_TABS: Final = 16  # of one person in one game whose last message is remembe
 MAX_SETTLED: Final = 1000  # inputs of one person that wait to be stored; a game that stands still stores none
 
 
-class InputArrival(Struct, frozen=True):
+class InputArrival(Struct, frozen=True, gc=False):
     """Where an Input came from and when, besides the time that the caller of `press` gives."""
 
     tab: str = ""

@@ -11,7 +11,7 @@ from server.play.randomness import PARTNER, uniform
 from server.play.simulation import Simulation
 
 
-class Answers(Struct, frozen=True):
+class Answers(Struct, frozen=True, gc=False):
     """What the models said about one state."""
 
     next_actions: tuple[int | None, int | None]  # by seat; None: a human's seat, or no answer in time

@@ -37,7 +37,11 @@ INPUT_OUTCOMES: Final[Mapping[InputOutcome, str]] = {
 }
 
 
-class KeyRecord(Struct, frozen=True):
+# Structs, as a frozen dataclass of so many fields takes six times as long to make, and many are made in every timestep.
+# `gc=False`: nothing in them can be part of a cycle, so the garbage collector need not look at them.
+
+
+class KeyRecord(Struct, frozen=True, gc=False):
     """The Input that decided a human's action in one tick."""
 
     seat: int
@@ -46,7 +50,7 @@ class KeyRecord(Struct, frozen=True):
     received_ms: float  # server monotonic, milliseconds since the episode's first tick deadline
 
 
-class InputRecord(Struct, frozen=True):
+class InputRecord(Struct, frozen=True, gc=False):
     """One Input that arrived in an episode, stored once its outcome is known."""
 
     episode: str
@@ -64,7 +68,7 @@ class InputRecord(Struct, frozen=True):
     marks: bool | None = None  # whether the marks key was down; None: the message said nothing about it
 
 
-class TickRecord(Struct, frozen=True):
+class TickRecord(Struct, frozen=True, gc=False):
     """Tick n of an episode: what made state n, and what the models said about state n."""
 
     episode: str

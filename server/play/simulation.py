@@ -20,7 +20,7 @@ _NOTHING = (0, 0)
 _ROWS = (slice(0, 4), slice(4, 8))  # of each chef in the bytes of both: x, y, facing, held
 
 
-class SimulatedStep(Struct, frozen=True):
+class SimulatedStep(Struct, frozen=True, gc=False):
     """What one timestep did, by player."""
 
     actions: tuple[int, int]
