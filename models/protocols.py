@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Protocol, runtime_checkable
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 STEPS = 3  # l: how many of the agent's next actions are predicted
@@ -14,6 +15,7 @@ INTENTION_HORIZON = 20  # timesteps: an interaction that is farther ahead counts
 Observations = NDArray[np.int8]  # (games, width, height, 26): the lossless encoding as the agent sees it
 Probabilities = NDArray[np.float32]  # (games, 6)
 Predictions = NDArray[np.float32]  # (games, STEPS, 6)
+ENDLESS: Final = 1 << 30  # timesteps that are left in an episode without a horizon
 INTENTIONS: Final = 2  # how many a predictor says: the likeliest, then the runner-up
 INTENTION: Final = np.dtype(
     [("kind", np.int8), ("x", np.int8), ("y", np.int8), ("steps", np.int8), ("probability", np.float32)]
@@ -72,8 +74,7 @@ class Mode:
     stuck_mix: float = 0.5
 
 
-@dataclass(frozen=True)
-class Intention:
+class Intention(Struct, frozen=True, gc=False):
     """What a predictor says the watched agent does next at a station: one of `possible_interactions(layout)`."""
 
     kind: int  # an `InteractionKind`; NONE: no interaction within INTENTION_HORIZON timesteps
@@ -83,8 +84,7 @@ class Intention:
     probability: float  # of this kind at this station
 
 
-@dataclass(frozen=True)
-class Decision:
+class Decision(Struct, frozen=True, gc=False):
     """What the models said about one game in one timestep."""
 
     action: int  # the agent's action, 0-5
@@ -96,16 +96,16 @@ class Decision:
 Card = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class History:
-    """The last timesteps of one game as the watched chef saw them, oldest first, the current state last."""
+class History(Struct, frozen=True, gc=False):
+    """The last k timesteps of one game, oldest first, the current state last: int8 arrays as bytes, see `Kitchens`. A
+    worker makes observations of them, for all games in one call."""
 
-    observations: Observations  # (k, width, height, 26)
-    actions: NDArray[np.int8]  # (k, 2): what led to each state, own action first; (-1, -1) at the start
+    players: bytes  # (k, 2, 4), as `Kitchens.players`
+    contents: bytes  # (k, width, height)
+    actions: bytes  # (k, 2): what led to each state, own action first; (-1, -1) at the start
 
 
-@dataclass(frozen=True)
-class Question:
+class Question(Struct, frozen=True):
     """What the live game asks about one chef in one state: which action (where an agent holds the seat) and which next
     steps (where a predictor watches). `uniform` in [0, 1) draws the action, so a game can be replayed."""
 
@@ -118,6 +118,7 @@ class Question:
     uniform: float
     stuck: int  # timesteps since the chef's own cell, facing or hand last changed
     history: Callable[[int], History]  # history(k): at most the last k states
+    left: int = ENDLESS  # timesteps until the episode is over
 
 
 class Models(Protocol):

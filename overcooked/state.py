@@ -2,6 +2,7 @@
 
 import hashlib
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -71,16 +72,9 @@ class Kitchens:
         return Kitchens(self.layout, self.players.copy(), self.contents.copy(), self.timestep.copy())
 
     def hash(self, game: int = 0) -> str:
-        """16 hexadecimal digits, the same on every machine.
-
-        BLAKE2b-64 of the layout's hash, the timestep (int32, little endian), the players' rows and the contents
-        [x][y] (int8).
-        """
-        digest = hashlib.blake2b(bytes.fromhex(self.layout.sha256), digest_size=8)
-        digest.update(int(self.timestep[game]).to_bytes(4, "little"))
-        digest.update(self.players[game].tobytes())
-        digest.update(self.contents[game].tobytes())
-        return digest.hexdigest()
+        """16 hexadecimal digits, the same on every machine, see `state_hash`."""
+        now = int(self.timestep[game])
+        return state_hash(self.layout, now, self.players[game].tobytes(), self.contents[game].tobytes())
 
     def record(self, game: int = 0) -> Record:
         """The state as plain data, cells in ascending order: the schema of the reference recordings.
@@ -126,6 +120,22 @@ class Kitchens:
         self.timestep[game] = record["t"]
         self.players[game] = players
         self.contents[game] = contents
+
+
+def state_hash(layout: Layout, timestep: int, players: bytes, contents: bytes) -> str:
+    """16 hexadecimal digits, the same on every machine.
+
+    BLAKE2b-64 of the layout's hash, the timestep (int32, little endian), the players' rows and the contents [x][y]
+    (int8).
+    """
+    digest = _begun_hash(layout.sha256).copy()
+    digest.update(timestep.to_bytes(4, "little") + players + contents)
+    return digest.hexdigest()
+
+
+@cache
+def _begun_hash(layout_sha256: str) -> "hashlib.blake2b":
+    return hashlib.blake2b(bytes.fromhex(layout_sha256), digest_size=8)
 
 
 def _check_cell(layout: Layout, x: int, y: int, tile: int, what: str) -> None:

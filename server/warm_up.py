@@ -19,7 +19,6 @@ def compile_all(files: Sequence[StudyFile], root: str = "") -> None:
         for file in files:
             simulation = Simulation(layout_of(file.study.layouts[0]), horizon=1)
             simulation.step((STAY, STAY))
-            simulation.history(0)(1)
 
 
 def prepare_routes(app: FastAPI) -> None:

@@ -18,9 +18,8 @@ def warm() -> None:
     ones = np.ones((1, 2), np.float32)
     norm(ones, ones[0], ones[0])
     token = np.zeros(1, np.int64)
-    look_back(
-        np.ones((1, 3, 1, 2), np.float32), np.ones((1, 1, 2, 1, 2), np.float32), token, token, ones[:, :1], ones[:, :1]
-    )
+    rings = np.ones((1, 1, 2, 1), np.float32), np.ones((1, 1, 1, 2), np.float32)
+    look_back(np.ones((1, 3, 1, 2), np.float32), *rings, token, token, ones[:, :1], ones[:, :1])
 
 
 @_kernel
@@ -44,14 +43,15 @@ def norm(x, weight, bias):
 
 
 @_kernel
-def look_back(qkv, ring, slots, timesteps, cosine, sine):
-    """One new token a game looks at itself and at what the ring keeps; its key and value join the ring.
+def look_back(qkv, keys, values, slots, timesteps, cosine, sine):
+    """One new token a game looks at itself and at what is kept; its key and value join them.
 
-    `qkv` (games, 3, heads, dim), `ring` (slots, look_back, 2, heads, dim), `cosine`, `sine` (games, dim / 2): the
-    rotation of each game's timestep. Gives (games, heads * dim).
+    `qkv` (games, 3, heads, dim), `keys` (slots, heads, dim, look_back), `values` (slots, heads, look_back, dim): rings
+    over the timesteps, each read from front to back, as most of them are no longer in the processor's caches. `cosine`,
+    `sine` (games, dim / 2): the rotation of each game's timestep. Gives (games, heads * dim).
     """
     games, _, heads, dim = qkv.shape
-    kept, half = ring.shape[1], dim // 2
+    kept, half = keys.shape[3], dim // 2
     seen = np.zeros((games, heads * dim), np.float32)
     query = np.empty(dim, np.float32)
     weights = np.empty(kept, np.float32)
@@ -65,18 +65,18 @@ def look_back(qkv, ring, slots, timesteps, cosine, sine):
                 first, second = qkv[game, 0, head, k], qkv[game, 0, head, k + half]
                 query[k], query[k + half] = (first * c - second * s) * scale, (first * s + second * c) * scale
                 first, second = qkv[game, 1, head, k], qkv[game, 1, head, k + half]
-                ring[slot, place, 0, head, k] = first * c - second * s
-                ring[slot, place, 0, head, k + half] = first * s + second * c
-            ring[slot, place, 1, head] = qkv[game, 2, head]
-            for past in range(count):
-                score = np.float32(0)
-                for k in range(dim):
-                    score += query[k] * ring[slot, past, 0, head, k]
-                weights[past] = score
+                keys[slot, head, k, place] = first * c - second * s
+                keys[slot, head, k + half, place] = first * s + second * c
+            for k in range(dim):
+                values[slot, head, place, k] = qkv[game, 2, head, k]
+            weights[:] = 0
+            for k in range(dim):
+                for past in range(kept):  # all places: those beyond `count` are not looked at below
+                    weights[past] += query[k] * keys[slot, head, k, past]
             _soften(weights, count)
             for past in range(count):
                 for k in range(dim):
-                    seen[game, head * dim + k] += weights[past] * ring[slot, past, 1, head, k]
+                    seen[game, head * dim + k] += weights[past] * values[slot, head, past, k]
     return seen
 
 

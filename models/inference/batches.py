@@ -27,9 +27,10 @@ def joined(group: Sequence[ModelRequest]) -> ModelRequest:
     if len(group) == 1:
         return group[0]
     rows = [row for ask in group for row in ask.rows]
-    observations = b"".join(ask.observations for ask in group)
-    actions = b"".join(ask.actions for ask in group)
-    return ModelRequest(group[0].id, group[0].layout, group[0].shape, rows, observations, actions)
+    players, contents, actions = (
+        b"".join([getattr(ask, name) for ask in group]) for name in ("players", "contents", "actions")
+    )
+    return ModelRequest(group[0].id, group[0].layout, rows, players, contents, actions)
 
 
 def parted(whole: Answer, group: Sequence[ModelRequest]) -> Iterator[Answer]:

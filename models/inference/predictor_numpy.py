@@ -125,8 +125,9 @@ class StreamPredictor(_Games):
         super().__init__(config, tensors, eyes)
         dim = config.hidden // config.heads
         self._speeds = np.exp(-np.log(ROTARY_BASE) * np.arange(dim // 2) / (dim // 2)).astype(np.float32)
-        ring = np.zeros((0, config.look_back, 2, config.heads, dim), np.float32)
-        self._kept = [np.zeros(0, np.int64), *(ring for _ in range(config.layers))]  # timesteps, then a ring a layer
+        keys = np.zeros((0, config.heads, dim, config.look_back), np.float32)
+        values = np.zeros((0, config.heads, config.look_back, dim), np.float32)
+        self._kept = [np.zeros(0, np.int64), *(keys, values) * config.layers]  # timesteps, then two rings a layer
 
     def predict(
         self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
@@ -138,9 +139,9 @@ class StreamPredictor(_Games):
         angles = now[:, None] * self._speeds
         cosine, sine = np.cos(angles, dtype=np.float32), np.sin(angles, dtype=np.float32)
         x = self._state_tokens(observations) + self._token_of_action[_joint_index(last_actions)]
-        for layer, ring in zip(self._layers, rings, strict=True):
+        for layer, keys, values in zip(self._layers, rings[::2], rings[1::2], strict=True):
             qkv = layer.qkv(x).reshape(len(x), 3, self._heads, -1)
-            x = layer.go_on(x, look_back(qkv, ring, slots, now, cosine, sine))
+            x = layer.go_on(x, look_back(qkv, keys, values, slots, now, cosine, sine))
             self._tokens.append(x)
         return self._probabilities(x)
 

@@ -10,7 +10,6 @@ import zlib
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import starmap
 
 import numpy as np
 
@@ -21,9 +20,11 @@ from models.inference.launch import Launched
 from models.inference.supervised_worker import ModelsDown, SupervisedWorker
 from models.inference.wire import Answer, Load, Name, Row
 from models.protocols import Decision, Intention, Question
-from overcooked.constants import STAY
+from overcooked.constants import PLAYERS, STAY
 
 __all__ = ["ModelServer", "ModelStatistics", "ModelsDown"]
+
+_Part = tuple[list[SupervisedWorker], str | None, str | None]  # any of these workers; its agent, its predictor
 
 HANG_S = 1.0
 _KEPT_TIMES = 2000
@@ -64,6 +65,7 @@ class ModelServer:
         self._pool_of: dict[Name, list[SupervisedWorker]] = {}  # any of them answers
         self._agents: frozenset[Name] = frozenset()
         self._predictors: frozenset[Name] = frozenset()
+        self._routes: dict[tuple[str, str | None, str | None], list[_Part]] = {}  # by layout, agent, predictor
         self._seats: dict[str, set[int]] = {}
         self._late = 0
         self._faults: Counter[str] = Counter()
@@ -110,6 +112,7 @@ class ModelServer:
         self._pool_of |= dict.fromkeys((*load.agents, *load.predictors), pool)
         self._agents |= set(load.agents)
         self._predictors |= set(load.predictors)
+        self._routes.clear()
 
     async def close(self) -> None:
         """End every worker."""
@@ -151,9 +154,10 @@ class ModelServer:
         """Of the workers that answer now (spares are not among them)."""
         return [worker.pid for worker in self._pool if worker.pid]
 
-    def _worker_for(self, game: str, name: Name) -> SupervisedWorker:
-        pool = self._pool_of[name]
-        return pool[zlib.crc32(game.encode()) % len(pool)]
+    @staticmethod
+    def _one_of(pool: list[SupervisedWorker], game: str) -> SupervisedWorker:
+        """Of several workers, always the same one for a game."""
+        return pool[0] if len(pool) == 1 else pool[zlib.crc32(game.encode()) % len(pool)]
 
     def _send(
         self, questions: Sequence[Question], patience_s: float
@@ -174,14 +178,23 @@ class ModelServer:
 
     def _parts(self, question: Question) -> list[tuple[SupervisedWorker, str | None, str | None]]:
         """Who answers: one worker for agent and predictor together, or two."""
-        layout = question.layout
-        agent = question.agent if (layout, question.agent) in self._agents else None
-        predictor = question.predictor if (layout, question.predictor) in self._predictors else None
-        pool: dict[SupervisedWorker, list[str | None]] = {}
-        for position, name in enumerate((agent, predictor)):
-            if name is not None:
-                pool.setdefault(self._worker_for(question.game, (layout, name)), [None, None])[position] = name
-        return [(worker, names[0], names[1]) for worker, names in pool.items()]
+        asked = (question.layout, question.agent, question.predictor)
+        route = self._routes.get(asked)
+        if route is None:
+            route = self._routes[asked] = self._route(*asked)
+        return [(self._one_of(pool, question.game), agent, predictor) for pool, agent, predictor in route]
+
+    def _route(self, layout: str, agent: str | None, predictor: str | None) -> "list[_Part]":
+        """The pool of each model that is asked; one part for both where they share a pool."""
+        pools: list[_Part] = []
+        if agent is not None and (layout, agent) in self._agents:
+            pools.append((self._pool_of[layout, agent], agent, None))
+        if predictor is not None and (layout, predictor) in self._predictors:
+            pool = self._pool_of[layout, predictor]
+            if pools and pools[0][0] is pool:
+                return [(pool, agent, predictor)]
+            pools.append((pool, None, predictor))
+        return pools
 
     def _send_group(
         self,
@@ -190,7 +203,7 @@ class ModelServer:
         questions: Sequence[Question],
         parts: list[tuple[int, str | None, str | None]],
     ) -> "asyncio.Future[Answer]":
-        rows, states, actions = [], [], []
+        rows, histories = [], []
         for k, agent, predictor in parts:
             question = questions[k]
             key = _key(question.game, question.seat)
@@ -203,25 +216,18 @@ class ModelServer:
                     agent=agent,
                     predictor=predictor,
                     timestep=question.timestep,
-                    states=len(history.observations),
+                    states=len(history.actions) // PLAYERS,
                     fresh=not missing,
                     stuck=question.stuck,
                     uniform=question.uniform,
+                    seat=question.seat,
+                    left=question.left,
                 )
             )
-            states.append(history.observations)
-            actions.append(history.actions)
+            histories.append(history)
             if predictor is not None:
                 worker.saw(key, question.timestep)
-        joined = np.concatenate(states, dtype=np.int8, casting="unsafe")
-        width, height, planes = joined.shape[1:]
-        return worker.ask(
-            layout,
-            (width, height, planes),
-            rows,
-            joined.tobytes(),
-            np.concatenate(actions, dtype=np.int8, casting="unsafe").tobytes(),
-        )
+        return worker.ask(layout, rows, histories)
 
     def _read(self, found: "list[_Found]", answer: Answer) -> None:
         self._times.append(answer.model_ms)
@@ -233,8 +239,8 @@ class ModelServer:
             if acted[k] >= 0:
                 part.action, part.probabilities = acted[k], tuple(action_distributions[k])
             if arrays.predicted[k]:
-                part.prediction = tuple(tuple(step) for step in predictions[k])
-                part.intentions = tuple(said for said in starmap(Intention, intentions[k]) if said.probability)
+                part.prediction = tuple(map(tuple, predictions[k]))
+                part.intentions = tuple([Intention(*said) for said in intentions[k] if said[-1]])
 
 
 @dataclass

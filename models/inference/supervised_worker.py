@@ -4,7 +4,7 @@ import asyncio
 import itertools
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from msgspec.structs import replace
@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from models.inference.circuit_breaker import Breaker
 from models.inference.launch import Launched, launch
 from models.inference.wire import LENGTH, Answer, Failed, Forget, Load, Loaded, ModelRequest, Row, frame, from_worker
+from models.protocols import History
 
 MOST_WAITING = 256  # frames a worker may owe before it is asked nothing more
 SPARE_AFTER_S = 2.0  # a server that has just started has better things to do
@@ -156,12 +157,13 @@ class SupervisedWorker:
         if gone and self._worker is not None:
             self._worker.send(Forget(gone))
 
-    def ask(
-        self, layout: str, shape: tuple[int, int, int], rows: list[Row], states: bytes, actions: bytes
-    ) -> "asyncio.Future[Answer]":
+    def ask(self, layout: str, rows: list[Row], histories: Sequence[History]) -> "asyncio.Future[Answer]":
         """The answer to come. It is cancelled when the worker dies."""
         assert self._worker is not None  # noqa: S101 the caller looked at ready()
-        question = ModelRequest(next(self._ids), layout, shape, rows, states, actions)
+        players = b"".join([history.players for history in histories])
+        contents = b"".join([history.contents for history in histories])
+        actions = b"".join([history.actions for history in histories])
+        question = ModelRequest(next(self._ids), layout, rows, players, contents, actions)
         answer: asyncio.Future[Answer] = asyncio.get_running_loop().create_future()
         self._waiting[question.id] = _Waiting(answer, time.monotonic(), rows)
         self._worker.send(question)

@@ -7,6 +7,8 @@ import struct
 import msgspec
 from msgspec import Struct
 
+from models.protocols import ENDLESS
+
 LENGTH = struct.Struct(">I")
 _AT_ONCE = 1 << 20  # bytes read at once
 
@@ -38,7 +40,7 @@ class Failed(Struct, tag=True, frozen=True):
     reason: str
 
 
-class Row(Struct, array_like=True, frozen=True):
+class Row(Struct, array_like=True, frozen=True, gc=False):
     """One chef of one game. `fresh`: forget what is known about it, its states are a whole history; otherwise they
     follow on those that were sent before."""
 
@@ -50,6 +52,8 @@ class Row(Struct, array_like=True, frozen=True):
     fresh: bool
     stuck: int
     uniform: float
+    seat: int = 0
+    left: int = ENDLESS  # timesteps until the episode is over
 
 
 class ModelRequest(Struct, tag=True, frozen=True):
@@ -57,10 +61,10 @@ class ModelRequest(Struct, tag=True, frozen=True):
 
     id: int
     layout: str
-    shape: tuple[int, int, int]  # width, height, planes
     rows: list[Row]
-    observations: bytes  # int8 (states, width, height, planes)
-    actions: bytes  # int8 (states, 2)
+    players: bytes  # int8 (states, 2, 4), as `Kitchens.players`
+    contents: bytes  # int8 (states, width, height)
+    actions: bytes  # int8 (states, 2), the row's own action first
 
 
 class Forget(Struct, tag=True, frozen=True):

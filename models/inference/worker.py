@@ -38,7 +38,7 @@ from models.inference.wire import (
     from_server,
 )
 from models.protocols import HISTORY, Intentions, Mode, Observations, Policy, Predictions, Predictor, Probabilities
-from overcooked.constants import HORIZON
+from overcooked.constants import HORIZON, PLAYERS
 from overcooked.layout import Layout, load_layout, parse_layout
 from overcooked.state import Kitchens
 
@@ -76,6 +76,7 @@ class Worker:
         """Load and try every model. Raises ModelRefused, saying which cannot be used and why."""
         self._agents: dict[Name, tuple[Policy, Mode]] = {}
         self._predictors: dict[Name, tuple[Predictor, Slots]] = {}
+        self._layouts: dict[str, Layout] = {}
         self._breakers: dict[Name, Breaker] = {}
         self._grids, self._files, self._wanted = load.grids, load.files, load.hashes
         self.hashes: dict[str, str] = {}
@@ -87,7 +88,10 @@ class Worker:
         self.memory = max((_memory(predictor) for predictor, _ in self._predictors.values()), default=1)
 
     def _layout(self, name: str) -> Layout:
-        return parse_layout(self._grids[name], name) if name in self._grids else load_layout(name)
+        if name not in self._layouts:
+            grid = self._grids.get(name)
+            self._layouts[name] = load_layout(name) if grid is None else parse_layout(grid, name)
+        return self._layouts[name]
 
     def _load_agent(self, name: Name) -> tuple[Policy, Mode]:
         layout, file = self._layout(name[0]), self._files.get(name[1], name[1])
@@ -128,7 +132,7 @@ class Worker:
         started = time.perf_counter()
         rows = ask.rows
         states = np.cumsum([row.states for row in rows]) - 1  # the index of each row's newest state
-        observations: Observations = np.frombuffer(ask.observations, np.int8).reshape(-1, *ask.shape)
+        observations = self._observations(ask)
         actions = np.frombuffer(ask.actions, np.int8).reshape(-1, 2)
         found = AnswerArrays.unanswered(len(rows))
         faults: list[ModelFault] = []
@@ -147,6 +151,19 @@ class Worker:
                     )
                     found.predicted[chosen] = 1
         return found.packed(ask.id, (time.perf_counter() - started) * 1000, faults)
+
+    def _observations(self, ask: ModelRequest) -> Observations:
+        """What the chef of each row sees in each of the row's states, one after the other."""
+        layout = self._layouts[ask.layout]
+        players = np.frombuffer(bytearray(ask.players), np.int8).reshape(-1, PLAYERS, 4)
+        contents = np.frombuffer(bytearray(ask.contents), np.int8).reshape(-1, layout.width, layout.height)
+        counts = [row.states for row in ask.rows]
+        left = np.repeat([row.left + row.states - 1 for row in ask.rows], counts)  # of each row's oldest state
+        oldest = np.repeat(np.cumsum(counts) - counts, counts)
+        every = np.arange(len(players))
+        timesteps = (HORIZON - left + every - oldest).astype(np.int32)
+        both: Observations = Kitchens(layout, players, contents, timesteps).encode(horizon=HORIZON)
+        return np.asarray(both[every, np.repeat([row.seat for row in ask.rows], counts)], np.int8)
 
     def _follow(self, name: Name, rows: list[Row], chosen: NDArray[np.intp]) -> NDArray[np.intp]:
         """The rows whose states follow on what the predictor has seen of their game; the server repeats the others."""

@@ -4,9 +4,9 @@ import json
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import asdict, replace
 from typing import Any, Final
 
+from msgspec import structs
 from sqlalchemy import Connection
 
 from overcooked.constants import EVENT_NAMES
@@ -86,7 +86,7 @@ def row_of(tick: TickRecord, simulation: Simulation, blind: bool) -> dict[str, A
         "events": [_names(bits) for bits in tick.events],
         "prediction": [] if blind else [[round(value, 4) for value in step] for step in tick.prediction],
         "displayed": [] if blind else tick.displayed,
-        "intentions": [] if blind else [asdict(one) for one in tick.intentions],
+        "intentions": [] if blind else [structs.asdict(one) for one in tick.intentions],
         "displayed_intention": None if blind else tick.displayed_intention,
         "asked": None if blind else tick.asked,
         "misleading": None if blind else tick.misleading,
@@ -102,7 +102,7 @@ def visible(arrived: Sequence[InputRecord], blind: bool) -> list[InputRecord]:
     """Return the inputs that the page may show: the marks key would tell a blind researcher the condition."""
     if not blind:
         return list(arrived)
-    return [replace(one, marks=None) for one in arrived if one.outcome != MARKS]
+    return [structs.replace(one, marks=None) for one in arrived if one.outcome != MARKS]
 
 
 def input_of(one: InputRecord, tick_ms: int, held: Sequence[PauseRecord] = ()) -> dict[str, Any]:

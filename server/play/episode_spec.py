@@ -1,6 +1,7 @@
 """What one episode is, fixed before it starts. server.study makes it, server.store keeps it, server.play plays it."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 from overcooked.constants import HORIZON
@@ -43,14 +44,21 @@ class EpisodeSpec:
     display: Literal["actions", "intention", "both", "none"] = "actions"  # what of a prediction is drawn, if anything
     lessons: tuple[str, ...] = ()  # tutorial: keys of what is taught, in order (server.play.tutorial.LESSONS)
 
-    @property
+    @cached_property
     def shows_actions(self) -> bool:
         return self.shown != "nothing" and self.display in ("actions", "both")
 
-    @property
+    @cached_property
     def shows_intention(self) -> bool:
         return self.shown != "nothing" and self.display in ("intention", "both")
 
-    @property
+    @cached_property
+    def asked_models(self) -> tuple[tuple[int, str | None, str | None], ...]:
+        """The seats whose chef an agent plays or a predictor watches, with both."""
+        watching = [self.predictor if seat == self.watched_seat else None for seat in range(len(self.agents))]
+        seats = [(seat, agent, watching[seat]) for seat, agent in enumerate(self.agents)]
+        return tuple(one for one in seats if one[1:] != (None, None))
+
+    @cached_property
     def human_seats(self) -> tuple[int, ...]:
         return tuple(seat for seat, agent in enumerate(self.agents) if agent is None)

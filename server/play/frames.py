@@ -19,6 +19,7 @@ class Frames:
 
     def __init__(self, record: EpisodeRecord, simulation: Simulation) -> None:
         self._spec, self._simulation = record.spec, simulation
+        self._viewer = viewer(record.spec)
         self.displayed = record.displayed or marks.display(record.spec, simulation.timestep, ())
         self.intention = record.displayed_intention or intentions.display(record.spec, simulation.layout, 0, ())
         self.asked = record.asked  # whether the participant asked for the marks on the current state; None: always
@@ -38,14 +39,14 @@ class Frames:
 
     def ask(self, keys: Mapping[int, Keys]) -> None:
         """Note whether the marks are asked for on the state that is made now."""
-        person = keys.get(viewer(self._spec))
+        person = keys.get(self._viewer)
         if person is not None and person.marks_key is not None:
             self.asked = person.marks_key.take()
 
     def decide(self, answers: Answers, over: bool) -> None:
         """Decide what the frame of the current state shows. Nothing is done any more when the episode is `over`."""
         self.misleading = None
-        sight = self._sights.get(viewer(self._spec))
+        sight = self._sights.get(self._viewer)
         self.in_sight = None if sight is None else sight.sees_partner(self._simulation.kitchen())
         if over:
             self._hide()

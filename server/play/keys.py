@@ -1,7 +1,10 @@
 """What a person's keys mean: which action they decide at the next tick. Knows neither clock nor socket."""
 
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Final
+
+from msgspec import Struct
 
 from overcooked.constants import INTERACT, STAY
 from server.play.marks_key import MarksKey
@@ -24,8 +27,7 @@ _MAX_TABS: Final = 16  # of one person in one game whose last message is remembe
 MAX_SETTLED: Final = 1000  # inputs of one person that wait to be stored; a game that stands still stores none
 
 
-@dataclass(frozen=True)
-class InputArrival:
+class InputArrival(Struct, frozen=True, gc=False):
     """Where an Input came from and when, besides the time that the caller of `press` gives."""
 
     tab: str = ""
@@ -148,8 +150,11 @@ class Keys:
 
     def take_settled(self, episode: str, seat: int) -> list[InputRecord]:
         """The Inputs whose outcome has become known since the last call, in the order of arrival."""
+        if not self._settled:
+            return []
         settled, self._settled = self._settled, []
-        return sorted((_record(episode, seat, press) for press in settled), key=lambda record: record.number)
+        settled.sort(key=attrgetter("number"))
+        return [_record(episode, seat, press) for press in settled]
 
     def _waits(self, press: Press) -> bool:
         return any(press is waiting for _, waiting in self._taps.values())

@@ -144,8 +144,9 @@ class Loop:
 
     async def _play(self, games: Sequence[Game], now: float) -> None:
         begun = []
+        moment = time.monotonic()
         for game in games:
-            self.lateness.add((now - game.session.next_deadline) * 1000)
+            self.lateness.add((now - game.session.next_deadline) * 1000, moment)
             try:
                 begun.append((game, game.session.begin_tick(now)))
             except Exception as error:  # noqa: BLE001 - a fault in one game must not reach the others

@@ -26,7 +26,7 @@ def display(spec: EpisodeSpec, timestep: int, prediction: Sequence[Sequence[floa
     elif spec.shown == "random":
         actions = [int(uniform(spec.seed, timestep, MARKS + step) * ACTIONS) for step in range(spec.steps_shown)]
     elif prediction:
-        actions = [max(range(ACTIONS), key=row.__getitem__) for row in prediction[: spec.steps_shown]]
+        actions = [row.index(max(row)) for row in prediction[: spec.steps_shown]]
     else:
         actions = [NOTHING_SHOWN] * spec.steps_shown
     return tuple(zip(actions, opacities, strict=True))
@@ -35,7 +35,10 @@ def display(spec: EpisodeSpec, timestep: int, prediction: Sequence[Sequence[floa
 def is_as_required(is_due: bool, displayed: Displayed) -> bool:
     """Return whether a frame carries marks where some are due, and none where they are not: the condition shows none,
     or the participant did not ask for them."""
-    return any(action != NOTHING_SHOWN for action, _ in displayed) == is_due
+    for action, _ in displayed:
+        if action != NOTHING_SHOWN:
+            return is_due
+    return not is_due
 
 
 def hidden(displayed: Displayed) -> Displayed:

@@ -84,11 +84,11 @@ class ClientError(FromBrowser, frozen=True, tag="trouble"):
 Incoming = Hello | Ready | Input | Away | Pong | ClientError
 
 
-class ToBrowser(Struct, tag_field="type", tag=str.lower, frozen=True, omit_defaults=False):
+class ToBrowser(Struct, tag_field="type", tag=str.lower, frozen=True, omit_defaults=False, gc=False):
     """Base of what the server sends."""
 
 
-class KitchenState(Struct, frozen=True):
+class KitchenState(Struct, frozen=True, gc=False):
     """One state to draw. Cells are [column, row] from the top left."""
 
     t: Count

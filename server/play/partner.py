@@ -1,17 +1,17 @@
 """What the models are asked about a state, and what their answers decide. Knows no clock; never runs a network."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-from models.protocols import Decision, Intention, Question
+from msgspec import Struct
+
+from models.protocols import ENDLESS, Decision, Intention, Question
 from overcooked.constants import ACTIONS
 from server.play.episode_spec import EpisodeSpec
 from server.play.randomness import PARTNER, uniform
 from server.play.simulation import Simulation
 
 
-@dataclass(frozen=True)
-class Answers:
+class Answers(Struct, frozen=True, gc=False):
     """What the models said about one state."""
 
     next_actions: tuple[int | None, int | None]  # by seat; None: a human's seat, or no answer in time
@@ -23,10 +23,7 @@ class Answers:
 def questions(episode: str, spec: EpisodeSpec, simulation: Simulation) -> list[Question]:
     """One question for each chef whom an agent plays or a predictor watches."""
     asked = []
-    for seat, agent in enumerate(spec.agents):
-        predictor = spec.predictor if seat == spec.watched_seat else None
-        if agent is None and predictor is None:
-            continue
+    for seat, agent, predictor in spec.asked_models:
         asked.append(
             Question(
                 game=episode,
@@ -38,6 +35,7 @@ def questions(episode: str, spec: EpisodeSpec, simulation: Simulation) -> list[Q
                 uniform=uniform(spec.seed, simulation.timestep, PARTNER + seat),
                 stuck=simulation.stuck[seat],
                 history=simulation.history(seat),
+                left=simulation.horizon - simulation.timestep if simulation.horizon else ENDLESS,
             )
         )
     return asked

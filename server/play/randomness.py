@@ -1,5 +1,6 @@
 """All chance in an episode: a number for (seed, timestep, purpose); a restarted game draws the same ones again."""
 
+from functools import lru_cache
 from typing import Final
 
 PARTNER: Final = 1  # + seat: draws the agent's action
@@ -21,5 +22,10 @@ def _splitmix64(state: int) -> int:
 
 def uniform(seed: int, timestep: int, purpose: int) -> float:
     """A number in [0, 1), independent for every (seed, timestep, purpose), the same on every machine."""
-    mixed = _splitmix64(_splitmix64(_splitmix64(seed & _MASK) ^ timestep) ^ purpose)
+    mixed = _splitmix64(_splitmix64(_of_seed(seed) ^ timestep) ^ purpose)
     return (mixed >> 11) * 2.0**-53
+
+
+@lru_cache(maxsize=4096)
+def _of_seed(seed: int) -> int:
+    return _splitmix64(seed & _MASK)

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -25,10 +26,13 @@ class Close:
 class SendQueue:
     """Takes messages without waiting; a writer task fetches them one by one.
 
-    At most one state waits: a newer one takes its place at the end of the line. Times are real seconds.
+    At most one state waits: a newer one takes its place at the end of the line. Times are real seconds. A message that
+    nothing is in front of does not wait for the task if `write_now` can send it; it returns whether it did.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, write_now: Callable[[bytes], bool] = lambda _: False) -> None:
+        self._write_now = write_now
+        self._idle = False  # the writer task has sent everything and waits
         self._line: deque[tuple[bool, bytes]] = deque()  # (is it a state?, frame)
         self._filled = asyncio.Event()
         self._end: Close | None = None
@@ -47,7 +51,9 @@ class SendQueue:
         """Queue a message; after `close` nothing is taken any more."""
         if self._end is not None:
             return
-        is_state = isinstance(message, Tick)
+        is_state, frame = isinstance(message, Tick), encode(message)
+        if self._idle and not self._line and not (is_state and self._slow) and self._write_now(frame):
+            return
         if is_state:
             waiting = len(self._line)
             self._line = deque(entry for entry in self._line if not entry[0])
@@ -55,7 +61,7 @@ class SendQueue:
         elif len(self._line) >= _MOST_WAITING:
             self.close(CloseCode.REFUSED, "too far behind")
             return
-        self._line.append((is_state, encode(message)))
+        self._line.append((is_state, frame))
         self._wake()
 
     def close(self, code: int, reason: str) -> None:
@@ -75,10 +81,12 @@ class SendQueue:
         """The next frame, as soon as there is one; Close when there is nothing more to come."""
         while True:
             if self._line and not (self._slow and self._line[0][0]):
+                self._idle = False
                 return self._line.popleft()[1]
             if not self._line and self._end is not None:
                 return self._end
             self._filled.clear()
+            self._idle = True
             await self._filled.wait()
 
     def beat(self, now: float) -> bool:

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
-from itertools import chain
 from typing import Final, Literal, cast
 
 from models.protocols import Decision, Question
@@ -34,7 +33,7 @@ class Session:
     def __init__(self, record: EpisodeRecord, now: float) -> None:
         """Replay the record's episode so far. Raises ReplayMismatch, LayoutError."""
         spec = record.spec
-        self.episode, self.spec = record.episode, spec
+        self.episode, self.spec, self.tick_s = record.episode, spec, spec.tick_ms / 1000
         self.people: tuple[int, ...] = spec.human_seats or (VIEWER,)
         self.keys = {seat: Keys(record.inputs.get(seat), marks_key(record, seat)) for seat in spec.human_seats}
         self.simulation = Simulation(parse_layout(record.spec.grid, spec.layout), spec.horizon)
@@ -53,6 +52,7 @@ class Session:
         for person in self.people:
             self.pause_reasons.hold(person, "server" if self.resumed else NOT_STARTED, now)
         self._zero = 0.0  # when timestep 0 would have been, had there been no pause
+        self.next_deadline = 0.0  # when the next timestep is due; means something during countdown and running
         self._asked: list[Question] = []
         self._step = _STILL
         self._keys_used: tuple[KeyRecord, ...] = ()
@@ -77,15 +77,6 @@ class Session:
         return all(keys.seq != self._applied[seat] for seat, keys in self.keys.items())
 
     @property
-    def tick_s(self) -> float:
-        return self.spec.tick_ms / 1000
-
-    @property
-    def next_deadline(self) -> float:
-        """When the next timestep is due; means something during countdown and running."""
-        return self._zero + (self.simulation.timestep + 1) * self.tick_s
-
-    @property
     def moving(self) -> bool:
         """The clock of the game runs, or is about to."""
         return self.phase in ("countdown", "running")
@@ -107,7 +98,10 @@ class Session:
 
     def settled_inputs(self) -> tuple[InputRecord, ...]:
         """The inputs whose outcome has become known since the last call, to be stored."""
-        return tuple(chain.from_iterable(keys.take_settled(self.episode, seat) for seat, keys in self.keys.items()))
+        settled: list[InputRecord] = []
+        for seat, keys in self.keys.items():
+            settled += keys.take_settled(self.episode, seat)
+        return tuple(settled)
 
     def pause(self, holder: Holder, reason: str, now: float, at: datetime) -> PauseRecord | None:
         """Stop the game at once; the PauseRecord to store if it was moving. Before the start nothing pauses."""
@@ -154,6 +148,7 @@ class Session:
     def start_at(self, go: float) -> None:
         """Move the deadlines: the current state stands until `go`, the next one comes a tick later."""
         self._zero = go - self.simulation.timestep * self.tick_s
+        self.next_deadline = go + self.tick_s
 
     # Ticks
 
@@ -171,6 +166,7 @@ class Session:
         self._late_ms = max(0.0, (now - self.next_deadline) * 1000)
         self.phase, self.stored = "running", False
         self._step = self.simulation.step(self._joint_action())
+        self.next_deadline = self._zero + (self.simulation.timestep + 1) * self.tick_s
         self.frames.watch()
         if self.tutor is not None:
             self.tutor.watch(self.simulation, self._step)
@@ -179,14 +175,13 @@ class Session:
 
     def _joint_action(self) -> tuple[int, int]:
         actions = [STAY if action is None else action for action in self.next_actions]
-        used = []
+        self._keys_used, coming = (), self.simulation.timestep + 1
         for seat, keys in self.keys.items():
             self._applied[seat] = keys.seq
-            actions[seat], press = keys.take(self.simulation.timestep + 1)
+            actions[seat], press = keys.take(coming)
             if press is not None:
                 received_ms = round((press.received - self._zero) * 1000, 3)
-                used.append(KeyRecord(seat, press.seq, press.client_ms, received_ms))
-        self._keys_used = tuple(used)
+                self._keys_used += (KeyRecord(seat, press.keys.seq, press.keys.client_ms, received_ms),)
         self.frames.ask(self.keys)
         return actions[0], actions[1]
 

@@ -4,21 +4,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from models.protocols import History
 from overcooked import rules
-from overcooked.constants import COOKING, FACING, HELD, NOTHING, ONIONS_PER_SOUP, PLAYERS, SOUP_DELIVERY, X, Y
+from overcooked.constants import COOKING, FACING, NOTHING, ONIONS_PER_SOUP, PLAYERS, SOUP_DELIVERY
 from overcooked.layout import Layout
 from overcooked.score import shaped_reward, sparse_reward
-from overcooked.state import Kitchens
+from overcooked.state import Kitchens, state_hash
 from server.play.messages import KitchenState
 
 _ENDLESS_CAPACITY = 512
+_NOTHING = (0, 0)
+_ROWS = (slice(0, 4), slice(4, 8))  # of each chef in the bytes of both: x, y, facing, held
 
 
-@dataclass(frozen=True)
-class SimulatedStep:
+class SimulatedStep(Struct, frozen=True, gc=False):
     """What one timestep did, by player."""
 
     actions: tuple[int, int]
@@ -60,33 +62,32 @@ class Simulation:
         self._actions = np.full((capacity, PLAYERS), -1, np.int8)  # that led to each state
         self._timesteps = np.zeros(capacity, np.int32)
         self._players[0] = start.players[0]
-        self._rows: list[list[int]] = self._players[0].tolist()  # of both chefs now
-        self._rows_before = self._rows
-        self._events = np.zeros((1, PLAYERS), np.int32)
-        self._pots: list[tuple[int, int]] = [(x, y) for x, y in layout.pots.tolist()]
-        self._counters: list[tuple[int, int]] = [(x, y) for x, y in layout.counters.tolist()]
+        self._chefs = self._chefs_before = self._players[0].tobytes()  # the rows of both chefs, now and a timestep ago
+        self._cells = self._contents[0].tobytes()  # [x][y]
+        self._last_actions: tuple[int, int] | None = None
+        self._events = np.zeros(PLAYERS, np.int32)
+        self._pots = [(x, y, x * layout.height + y) for x, y in layout.pots.tolist()]  # the last: its place in `_cells`
+        self._counters = [(x, y, x * layout.height + y) for x, y in layout.counters.tolist()]
 
     def step(self, actions: tuple[int, int]) -> SimulatedStep:
         """Play one timestep with both chefs' actions (0-5)."""
-        before, now = self.timestep, self.timestep + 1
+        now = self.timestep + 1
         if now == len(self._timesteps):
             self._grow()
-        self._players[now] = self._players[before]
-        self._contents[now] = self._contents[before]
-        self._timesteps[now] = before
-        self._actions[now] = actions
-        here = slice(now, now + 1)
         layout, events = self.layout, self._events
-        state = (self._players[here], self._contents[here], self._timesteps[here])
-        rules.step(layout.tiles, layout.pots, layout.counters, *state, self._actions[here], events)
+        states = (self._players, self._contents, self._timesteps, self._actions)
+        rules.advance(layout.tiles, layout.pots, layout.counters, *states, now, *actions, events)
         self.timestep = now
-        first, second = events[0].tolist()
+        self._chefs_before, self._chefs, self._last_actions = self._chefs, self._players[now].tobytes(), actions
+        self._cells = self._contents[now].tobytes()
+        for seat, row in enumerate(_ROWS):
+            self.stuck[seat] = self.stuck[seat] + 1 if self._chefs[row] == self._chefs_before[row] else 0
+        first, second = events.tolist()
+        if not (first or second):
+            return SimulatedStep(actions, _NOTHING, _NOTHING, _NOTHING)
         rewards = (sparse_reward(first), sparse_reward(second))
         self.score += sum(rewards)
         self.soups += bool(first & SOUP_DELIVERY) + bool(second & SOUP_DELIVERY)
-        self._rows_before, self._rows = self._rows, self._players[now].tolist()
-        for seat, (row, row_before) in enumerate(zip(self._rows, self._rows_before, strict=True)):
-            self.stuck[seat] = self.stuck[seat] + 1 if row == row_before else 0
         return SimulatedStep(actions, rewards, (shaped_reward(first), shaped_reward(second)), (first, second))
 
     def _grow(self) -> None:
@@ -106,20 +107,17 @@ class Simulation:
         after = Moment(moment.players.copy(), moment.contents.copy())
         layout, timestep, done = self.layout, self._timesteps[:1].copy(), np.array([actions], np.int8)
         state = (after.players, after.contents, timestep)
-        rules.step(layout.tiles, layout.pots, layout.counters, *state, done, np.zeros_like(self._events))
+        rules.step(layout.tiles, layout.pots, layout.counters, *state, done, self._events[None].copy())
         return after
 
     @property
     def last_actions(self) -> tuple[int, int] | None:
         """The joint action that led to the current state; None at the start."""
-        if self.timestep == 0:
-            return None
-        first, second = self._actions[self.timestep].tolist()
-        return first, second
+        return self._last_actions
 
     def hash(self) -> str:
         """16 hexadecimal digits of the current state, the same on every machine (overcooked.state)."""
-        return self._window(self.timestep, 1).hash()
+        return state_hash(self.layout, self.timestep, self._chefs, self._cells)
 
     def players(self) -> NDArray[np.int8]:
         """(2, 4): x, y, facing, held."""
@@ -132,40 +130,37 @@ class Simulation:
         return contents
 
     def pot_contents(self) -> list[int]:
-        inside = self.contents()
-        return [int(inside[pot]) for pot in self._pots]
+        return [self._cells[place] for _, _, place in self._pots]
 
     def moved(self, seat: int) -> bool:
         """Whether the chef stands in another cell than a timestep ago."""
-        return bool(self._rows[seat][:FACING] != self._rows_before[seat][:FACING])
+        row = _ROWS[seat]
+        return bool(self._chefs[row][:FACING] != self._chefs_before[row][:FACING])
 
     def history(self, seat: int) -> Callable[[int], History]:
-        """Look back from the current state as the chef in `seat` saw it; stays valid when the game continues."""
-        timestep = self.timestep
+        """Look back from the current state as the chef in `seat`; stays valid when the game continues."""
+        timestep, chefs, cells = self.timestep, self._chefs, self._cells
 
         def last(count: int) -> History:
-            count = min(count, timestep + 1)
-            rows = slice(timestep + 1 - count, timestep + 1)
-            observations = self._window(timestep, count).encode(horizon=self.horizon)[:, seat]
-            actions = self._actions[rows]
-            return History(observations, actions if seat == 0 else actions[:, ::-1])
+            rows = slice(max(0, timestep + 1 - count), timestep + 1)
+            actions = self._actions[rows] if seat == 0 else self._actions[rows, ::-1]
+            if count == 1:
+                return History(chefs, cells, actions.tobytes())
+            return History(self._players[rows].tobytes(), self._contents[rows].tobytes(), actions.tobytes())
 
         return last
 
-    def _window(self, timestep: int, count: int) -> Kitchens:
-        rows = slice(timestep + 1 - count, timestep + 1)
-        return Kitchens(self.layout, self._players[rows], self._contents[rows], self._timesteps[rows])
-
     def kitchen(self) -> KitchenState:
         """The current state as the browser draws it."""
-        contents = self.contents().tolist()
+        cells = self._cells
         pots = []
-        for x, y in self._pots:
-            inside = contents[x][y]
+        for x, y, place in self._pots:
+            inside = cells[place]
             if inside >= COOKING:
                 pots.append((x, y, ONIONS_PER_SOUP, inside - COOKING))
             elif inside:
                 pots.append((x, y, inside, -1))
-        counters = tuple((x, y, contents[x][y]) for x, y in self._counters if contents[x][y] != NOTHING)
-        players = tuple((row[X], row[Y], row[FACING], row[HELD]) for row in self._rows)
-        return KitchenState(self.timestep, players, counters, tuple(pots), self.score, self.soups)
+        counters = [(x, y, cells[place]) for x, y, place in self._counters if cells[place] != NOTHING]
+        first, second = _ROWS
+        players = (tuple(self._chefs[first]), tuple(self._chefs[second]))
+        return KitchenState(self.timestep, players, tuple(counters), tuple(pots), self.score, self.soups)

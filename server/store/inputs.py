@@ -3,6 +3,7 @@ still, on their own."""
 
 from collections.abc import Iterable, Mapping
 from functools import cache
+from operator import attrgetter
 from typing import Final
 
 from sqlalchemy import Connection, func, select
@@ -11,12 +12,12 @@ from server.play.recorder import REPEATED, InputRecord, StoredInputs
 from server.store.tables import episodes, inputs
 
 _NAMES: Final = [column.name for column in inputs.c]
-_FIELDS: Final = ["episode" if name == "episode_id" else name for name in _NAMES]
+_row_of: Final = attrgetter(*("episode" if name == "episode_id" else name for name in _NAMES))
 
 
 def insert(connection: Connection, records: Iterable[InputRecord]) -> None:
     """Store inputs of episodes that are in the database. What is stored already is left as it is."""
-    rows = [tuple(getattr(record, name) for name in _FIELDS) for record in records]
+    rows = list(map(_row_of, records))
     if rows:
         connection.exec_driver_sql(_insert_text(connection.dialect.name), rows)
 

@@ -12,7 +12,7 @@ from server.play import messages
 from server.play.game import Game
 from server.play.session import Session
 from server.web import protocol_document
-from server.web.participant import game_socket
+from server.web.participant import socket_input
 from tests.support import command_line
 from tests.support.live_server import LiveServer
 
@@ -44,8 +44,8 @@ def lets_unknown_fields_pass(patch: pytest.MonkeyPatch) -> None:
 
 
 def takes_long_frames(patch: pytest.MonkeyPatch) -> None:
-    let_in = game_socket.Gate.let_in
-    patch.setattr(game_socket.Gate, "let_in", lambda self, text, *more: let_in(self, text and text[:1000], *more))
+    let_in = socket_input.Gate.let_in
+    patch.setattr(socket_input.Gate, "let_in", lambda self, text, *more: let_in(self, text and text[:1000], *more))
 
 
 def tells_wrong_actions(patch: pytest.MonkeyPatch) -> None:

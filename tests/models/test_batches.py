@@ -10,7 +10,8 @@ from overcooked.constants import ACTIONS
 
 def ask(number, layout, *games):
     rows = [Row(game, "sp", None, number, 1, False, 0, 0.5) for game in games]
-    return ModelRequest(number, layout, (1, 1, 1), rows, bytes([number] * len(games)), bytes([number] * 2 * len(games)))
+    count = len(games)
+    return ModelRequest(number, layout, rows, bytes([number] * count), bytes([number]), bytes([number] * 2 * count))
 
 
 def test_a_game_never_comes_twice_in_a_group_and_its_frames_stay_in_order():
@@ -29,7 +30,7 @@ def test_a_game_never_comes_twice_in_a_group_and_its_frames_stay_in_order():
 def test_every_question_gets_its_own_rows_back():
     group = [ask(1, "ring", "a", "b"), ask(2, "ring", "c"), ask(3, "ring", "d", "e", "f")]
     whole = joined(group)
-    assert whole.observations == bytes([1, 1, 2, 3, 3, 3])
+    assert whole.players == bytes([1, 1, 2, 3, 3, 3])
     assert [row.key for row in whole.rows] == list("abcdef")
     action_distributions = np.arange(6 * ACTIONS, dtype=np.float32).reshape(6, ACTIONS)
     predictions = np.arange(6 * STEPS * ACTIONS, dtype=np.float32).reshape(6, STEPS, ACTIONS)

@@ -16,7 +16,7 @@ from models.agents.model_paths import ModelPaths
 from models.inference.launch import launch
 from models.inference.runner import ModelsDown, ModelServer
 from models.protocols import History, Intention, Question
-from overcooked.constants import EAST, NORTH, STAY
+from overcooked.constants import EAST, NORTH, SOUP, STAY
 from overcooked.layout import load_layout
 from overcooked.observe import PLANES
 from overcooked.state import Kitchens
@@ -30,6 +30,7 @@ JAMMING = "tests.support.foreign_models:Jamming"
 PATIENT_MS = 5000
 _games = count()  # no two games of this file have one name: some share a server
 in_one_loop = pytest.mark.asyncio(loop_scope="module")
+FIELDS = ("players", "contents")
 NEVER_S = 600.0  # on a busy machine a healthy worker may need longer than a server of a game would wait
 
 
@@ -40,7 +41,7 @@ class Game:
         self.name, self.layout = f"{name}-{next(_games)}", layout
         self.draws = np.random.default_rng(seed)
         self.kitchens = Kitchens.start(load_layout(layout))
-        self.observations = [self.kitchens.encode()[0, 0].copy()]
+        self.states = [self.kitchens.copy()]
         self.actions = [(-1, -1)]
 
     def play(self, timesteps: int = 1) -> "Game":
@@ -48,12 +49,13 @@ class Game:
         for _ in range(timesteps):
             joint = self.draws.integers(0, 6, (1, 2)).astype(np.int8)
             self.kitchens.step(joint, events)
-            self.observations.append(self.kitchens.encode()[0, 0].copy())
+            self.states.append(self.kitchens.copy())
             self.actions.append(tuple(joint[0].tolist()))
         return self
 
     def history(self, k: int) -> History:
-        return History(np.array(self.observations[-k:], np.int8), np.array(self.actions[-k:], np.int8))
+        players, contents = (b"".join(getattr(one, name).tobytes() for one in self.states[-k:]) for name in FIELDS)
+        return History(players, contents, np.array(self.actions[-k:], np.int8).tobytes())
 
     def question(self, agent=None, predictor=None, uniform=0.5, stuck=0) -> Question:
         timestep = len(self.actions) - 1
@@ -201,7 +203,7 @@ async def test_a_worker_that_hangs_is_replaced(serving):
     hanging = "tests.support.foreign_models:Hanging"
     server = await serving([hanging], hang_s=0.3)
     good, bad = Game("a"), Game("b")
-    bad.observations[-1][0, 0, 21] = 1
+    bad.states[-1].contents[0, 0, 0] = SOUP  # on the counter in the corner
     assert await server.ask([bad.question(hanging)], 50) == [None]
     await until(lambda: server.statistics().restarts == 1)
     (decision,) = await server.ask([good.question(hanging)], PATIENT_MS)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
+from msgspec import structs
 from sqlalchemy import Connection
 
 from overcooked.constants import ACTIONS, SOUP_DELIVERY
@@ -72,8 +73,10 @@ def sent(record: TickRecord) -> tuple[InputRecord, ...]:
     first = InputRecord(
         record.episode, 0, 3 * n + 1, "tab-0001", n, 2, 5, n * 200.5, 1.75e12 + n, n - 0.5, n, "applied"
     )
-    again = replace(first, number=3 * n + 2, timestep=None, outcome="repeated")
-    tap = replace(first, number=3 * n + 3, seq=n + 1, held=None, received_ms=None, timestep=None, outcome="stood_still")
+    again = structs.replace(first, number=3 * n + 2, timestep=None, outcome="repeated")
+    tap = structs.replace(
+        first, number=3 * n + 3, seq=n + 1, held=None, received_ms=None, timestep=None, outcome="stood_still"
+    )
     return (first, again, tap) if n else ()
 
 
@@ -123,7 +126,7 @@ def _play(
     new = episodes.NewEpisode(spec, step, (participant, None), study_id, condition, (None, "ab" * 32), "cd" * 32, "1.0")
     episode = episodes.create(connection, new)
     records = played(episode, timesteps, seed)
-    ticks.insert(connection, [replace(record, inputs=sent(record)) for record in records])
+    ticks.insert(connection, [structs.replace(record, inputs=sent(record)) for record in records])
     episodes.pause(connection, PauseRecord(episode, 7, "blur", START + timedelta(seconds=number), 1234.5))
     events.add(connection, events.Event("rtt", START, participant, episode, {"ms": 12.5}))
     episodes.end(connection, result_of(records, spec))

@@ -13,23 +13,22 @@ from server.background_tasks import ended
 from server.participation.seating import ConnectedPlayer
 from server.participation.waiting_room import WaitingRoom
 from server.play import messages
-from server.play.clock import Clock
 from server.play.close_codes import CloseCode
 from server.play.game import Game
 from server.play.games import Games, NoGame
 from server.play.recorder import RecorderDown
 from server.play.send_queue import Close, SendQueue
-from server.play.token_bucket import PER_S, TokenBucket
+from server.play.token_bucket import TokenBucket
 from server.store.database import DatabaseDown
+from server.web.participant.direct_frames import direct_frames
+from server.web.participant.socket_input import DirectInput, Gate, bucket_of
 from server.web.services import ServicesDep
 
 log = logging.getLogger(__name__)
 BEAT_EVERY_S: Final = 0.25
 MOST_OF_ONE: Final = 8  # sockets of one participant
-MOST_REFUSED: Final = 20  # bad messages on one socket
 CLIENT_ERRORS_PER_S: Final = 1 / 60  # of one participant that are passed on
 CLIENT_ERRORS_BURST: Final = 10.0
-UNBOUNDED_PER_S: Final = 1e9
 _BUCKETS_KEPT: Final = 10_000
 
 
@@ -47,7 +46,8 @@ class PlayerSocket:
         self.tab = ""
         self.is_new_page = True
         self.next_url = player.next_url
-        self.send_queue = SendQueue()
+        self.direct = direct_frames(socket.scope)
+        self.send_queue = SendQueue(self.direct.write)
         self.reader: asyncio.Task[Any] | None = asyncio.current_task()
         self._socket = socket
 
@@ -65,47 +65,6 @@ class PlayerSocket:
                 await self._socket.send({"type": "websocket.close", "code": frame.code, "reason": frame.reason})
                 return
             await self._socket.send({"type": "websocket.send", "text": frame.decode()})
-
-
-class Gate:
-    """What of one socket's frames comes in: text, small, well formed, not too many."""
-
-    def __init__(self, bucket: TokenBucket) -> None:
-        self._bucket = bucket
-        self._refused = 0
-
-    def let_in(self, text: str | None, mine: PlayerSocket, now: float) -> messages.Incoming | None:
-        """The message of a frame; None when it was refused, answered here, or the socket is to close."""
-        if text is None:
-            mine.close(CloseCode.NOT_TEXT, "this protocol has text frames only")
-            return None
-        if len(text) > messages.MAX_FRAME_BYTES or len(text.encode()) > messages.MAX_FRAME_BYTES:
-            mine.close(CloseCode.TOO_LARGE, f"a frame has at most {messages.MAX_FRAME_BYTES} bytes")
-            return None
-        try:
-            message = messages.decode(text)
-        except messages.BadMessage as error:
-            self._refuse(str(error), mine, now)
-            return None
-        if isinstance(message, messages.Pong) and mine.send_queue.pong(message.id, time.monotonic()):
-            return None
-        if not self._bucket.spend(now):
-            mine.close(CloseCode.REFUSED, "too many messages")
-            return None
-        return message
-
-    def _refuse(self, reason: str, mine: PlayerSocket, now: float) -> None:
-        self._refused += 1
-        if self._refused > MOST_REFUSED or not self._bucket.spend(now):
-            mine.close(CloseCode.REFUSED, "too many bad messages")
-        else:
-            mine.send(messages.Refused("bad_message", reason))
-
-
-def bucket_of(clock: Clock) -> TokenBucket:
-    """What one participant may send. Where games wait for simulated participants, these are as quick as the machine,
-    and no flood: how quick that is, nobody can say beforehand."""
-    return TokenBucket(clock.now(), clock.speed, per_s=UNBOUNDED_PER_S if clock.patience_s else PER_S)
 
 
 class Sockets:
@@ -201,19 +160,20 @@ class Sockets:
                 self._buckets = {mine.player.participant: self._buckets[mine.player.participant] for mine in self._open}
 
     async def _read(self, socket: WebSocket, mine: PlayerSocket) -> None:
-        game: Game | None = None
         clock = self._games.clock
         gate = Gate(self._buckets.setdefault(mine.player.participant, bucket_of(clock)))
+        direct = DirectInput(gate, mine, clock)
+        mine.direct.take = direct.take
         try:
-            while (event := await socket.receive())["type"] != "websocket.disconnect":
+            while (event := await direct.receive(socket))["type"] != "websocket.disconnect":
                 message = gate.let_in(event.get("text"), mine, clock.now())
                 if message is not None:
-                    game = await self._handle(message, game, mine)
+                    direct.game = await self._handle(message, direct.game, mine)
                 if mine.send_queue.closing:
                     return
         finally:
-            if game is not None:
-                game.leave(mine.player.seat, mine)
+            if direct.game is not None:
+                direct.game.leave(mine.player.seat, mine)
             elif self._room is not None:
                 self._room.leave(mine.player.participant, mine)
 

@@ -124,3 +124,39 @@ def test_line_never_holds_more_than_one_state_and_states_never_go_back(events: l
         assert seen == sorted(set(seen))
 
     asyncio.run(run())
+
+
+async def test_a_message_that_nothing_is_in_front_of_goes_out_at_once_and_the_others_in_order() -> None:
+    written: list[bytes] = []
+    is_full = False
+
+    def write(frame: bytes) -> bool:
+        if not is_full:
+            written.append(frame)
+        return not is_full
+
+    send_queue = SendQueue(write)
+    send_queue.send(Notice("before the writer is there"))
+    assert written == []
+    writer = asyncio.create_task(send_queue.next())
+    assert b"before" in bytes(await writer)  # type: ignore[arg-type]
+    send_queue.send(state(1))  # the writer still has the notice in hand: nothing may overtake it
+    assert await waiting(send_queue) == [1]
+    send_queue.send(state(2))
+    assert [msgspec.json.decode(frame)["state"]["t"] for frame in written] == [2]
+    is_full = True
+    send_queue.send(state(3))
+    send_queue.send(state(4))
+    is_full = False
+    send_queue.send(Notice("behind the state that waits"))
+    assert await waiting(send_queue) == [4, "notice"]
+
+
+async def test_a_slow_reader_gets_no_state_at_once() -> None:
+    written: list[bytes] = []
+    send_queue = SendQueue(lambda frame: written.append(frame) is None)
+    assert await waiting(send_queue) == []
+    send_queue.beat(0.0)
+    send_queue.beat(SLOW_AFTER_S + 0.1)
+    send_queue.send(state(1))
+    assert [msgspec.json.decode(frame)["type"] for frame in written] == ["ping"]

@@ -15,7 +15,7 @@ from server.play.recorder import PAUSE_REASONS
 from server.play.token_bucket import BURST, PER_S
 from server.play.tutorial import LESSONS
 from server.web import forms, rate_limits
-from server.web.participant import game_socket, study_pages, watch_agents
+from server.web.participant import game_socket, socket_input, study_pages, watch_agents
 
 PAGE = (Path(__file__).parents[3] / "docs" / "reference" / "protocol.md").read_text(encoding="utf-8")
 FROM_BROWSER, FROM_SERVER = PAGE.split("## From the server")
@@ -62,6 +62,7 @@ CALLS = [
     node
     for path in (
         "web/participant/game_socket.py",
+        "web/participant/socket_input.py",
         "participation/waiting_room.py",
         "play/game.py",
         "play/games.py",
@@ -115,7 +116,7 @@ def test_limits_are_those_of_the_code() -> None:
     assert f"{PER_S:g} messages a second" in PAGE
     assert f"{BURST:g} at once" in PAGE
     assert f"At most {game_socket.MOST_OF_ONE} sockets of one participant" in PAGE
-    assert f"after {game_socket.MOST_REFUSED} of them" in PAGE
+    assert f"after {socket_input.MOST_REFUSED} of them" in PAGE
     echoes = f"first {study_pages.ECHOED_CHARACTERS} characters of each text frame"
     assert echoes in PAGE
     assert f"After {study_pages.MOST_ECHOES} frames or {study_pages.CHECK_S} seconds" in PAGE

@@ -79,9 +79,11 @@ def test_question_sees_the_state_and_the_joint_action_that_led_to_it_but_not_the
     (question,) = questions
     assert (question.seat, question.timestep, question.agent) == (1, 1, "sp")
     history = question.history(10)
-    assert history.observations.shape == (2, 5, 5, 26)
-    assert history.actions.tolist()[0] == [-1, -1]
-    assert history.actions.tolist()[1][1] == EAST  # own action of the watched agent first
+    assert len(history.contents) == 2 * 5 * 5
+    actions = np.frombuffer(history.actions, np.int8).reshape(-1, 2).tolist()
+    assert actions[0] == [-1, -1]
+    assert actions[1][1] == EAST  # own action of the watched agent first
+    assert question.left == session.spec.horizon - 1
 
 
 def test_late_partner_waits_and_the_tick_says_so() -> None:

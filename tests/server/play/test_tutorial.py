@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from models.agents.planner import PlannerPolicy
+from models.protocols import Observations
 from overcooked.constants import INTERACT, STAY
+from overcooked.state import Kitchens
 from server.play.messages import Input
 from server.play.session import Session
 from server.play.tutorial import LESSONS, MARKS_WATCHED_TIMESTEPS, Tutor
@@ -22,6 +24,12 @@ def tutorial(shown: str = "predictor") -> Session:
     return session
 
 
+def seen_by_cook(session: Session) -> Observations:
+    simulation = session.simulation
+    players, contents = simulation.players()[None].copy(), simulation.contents()[None].copy()
+    return Kitchens(simulation.layout, players, contents, np.zeros(1, np.int32)).encode(horizon=0)[:, 0]
+
+
 def cook(session: Session, most: int = 400) -> list[str]:
     """A planner does what the lessons ask; the lessons in the order in which they came up."""
     seen: list[str] = []
@@ -31,7 +39,7 @@ def cook(session: Session, most: int = 400) -> list[str]:
         assert lesson is not None
         if not lesson.done and (not seen or seen[-1] != lesson.key):
             seen.append(lesson.key)
-        probabilities = PlannerPolicy().probabilities(session.simulation.history(0)(1).observations)
+        probabilities = PlannerPolicy().probabilities(seen_by_cook(session))
         action = INTERACT if lesson.key == "marks" else int(np.argmax(probabilities[0]))
         if action != STAY:
             session.key(0, Input(seq, None, action, 0.0), session.next_deadline)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from msgspec import structs
 
 from server.play.marks import NOTHING_SHOWN
 from server.store import episodes, studies, ticks
@@ -29,8 +30,10 @@ def stored(
         new = episodes.NewEpisode(spec, "episode-01", (None, None), study.id, "tom")
         episode = episodes.create(connection, new)
         records = played(episode, len(displays) - 1)
-        records = [replace(one, displayed=display) for one, display in zip(records, displays, strict=True)]
-        records = [replace(one, asked=was) for one, was in zip(records, asked or (None,) * len(displays), strict=True)]
+        records = [structs.replace(one, displayed=display) for one, display in zip(records, displays, strict=True)]
+        records = [
+            structs.replace(one, asked=was) for one, was in zip(records, asked or (None,) * len(displays), strict=True)
+        ]
         ticks.insert(connection, records)
         episodes.end(connection, result_of(records, spec))
         return study.id, episode
@@ -83,7 +86,7 @@ def test_marks_and_intentions_are_promised_by_their_displays_only(database: Data
         wrong = (NOTHING, (8, -1, -1, 95)) if display != "both" else (MARKS, None)
         shown = [wrong, both[display], both["intention" if display == "actions" else "actions"], both["both"]]
         records = [
-            replace(one, displayed=marks, displayed_intention=intention)
+            structs.replace(one, displayed=marks, displayed_intention=intention)
             for one, (marks, intention) in zip(played(episode, 3), shown, strict=True)
         ]
         ticks.insert(connection, records)

@@ -10,6 +10,7 @@ from datetime import timedelta
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 from sqlalchemy import create_engine, delete
 
 from overcooked.score import ProgressWeights
@@ -54,8 +55,8 @@ async def test_both_seats_keys_and_a_tick_without_anything_come_back(
     database: Database, recorder: StoreRecorder, episode: str
 ) -> None:
     keys = (KeyRecord(0, 2**53 - 1, 1e15, -3.25), KeyRecord(1, 0, 0.0, 0.5))
-    bare = replace(played(episode, 0)[0], prediction=(), displayed=(), next_actions=(None, None))
-    full = replace(played(episode, 1)[1], keys=keys)
+    bare = structs.replace(played(episode, 0)[0], prediction=(), displayed=(), next_actions=(None, None))
+    full = structs.replace(played(episode, 1)[1], keys=keys)
     await recorder.ticks([bare, full])
     assert database.read_now(ticks.of_episode, episode) == [bare, full]
 
@@ -104,7 +105,7 @@ async def test_other_tick_in_its_place_is_refused_and_the_rest_of_the_batch_is_s
     neighbour = database.write_now(episodes.create, NewEpisode(SPEC, "episode-02"))
     first = played(episode, 0)
     await recorder.ticks(first)
-    forged = replace(first[0], late_ms=first[0].late_ms + 1)
+    forged = structs.replace(first[0], late_ms=first[0].late_ms + 1)
     with pytest.raises(TickConflict, match=f"episode {episode} timestep 0"):
         await recorder.ticks([*played(neighbour, 0), forged])
     assert database.read_now(ticks.of_episode, episode) == first
@@ -126,7 +127,7 @@ async def test_ticks_of_somebody_who_withdrew_are_dropped_and_the_others_kept(
 def test_two_keys_of_one_seat_in_one_tick_are_refused(episode: str) -> None:
     twice = (KeyRecord(0, 1, 0, 0), KeyRecord(0, 2, 0, 0))
     with pytest.raises(ValueError, match="two keys of seat 0"):
-        ticks.row_of(replace(played(episode, 1)[1], keys=twice))
+        ticks.row_of(structs.replace(played(episode, 1)[1], keys=twice))
 
 
 async def test_pause_is_told_when_it_begins_and_when_it_ends(

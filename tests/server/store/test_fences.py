@@ -3,9 +3,9 @@
 import asyncio
 import threading
 from collections.abc import Iterator
-from dataclasses import replace
 
 import pytest
+from msgspec import structs
 from sqlalchemy import Connection
 
 from server.play.recorder import EpisodeResult, GamesLost, PauseRecord, TickRecord
@@ -54,7 +54,7 @@ async def test_ticks_of_an_older_owner_are_refused_and_the_others_of_its_batch_s
     with pytest.raises(GamesLost) as found:
         await one.ticks([a_tick(lost, 1), a_tick(kept, 1)])
     assert found.value.episodes == {lost}
-    await other.ticks([replace(a_tick(lost, 1), actions=(5, 5))])
+    await other.ticks([structs.replace(a_tick(lost, 1), actions=(5, 5))])
     assert [tick.timestep for tick in await two[0].read(ticks.of_episode, kept)] == [0, 1]
     assert (await two[0].read(ticks.of_episode, lost))[1].actions == (5, 5)
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from msgspec import structs
 
 from models.protocols import INTENTION_HORIZON, Intention
 from overcooked.constants import EAST, INTERACT, NORTH, SOUTH, STAY, WEST
@@ -72,7 +73,7 @@ def test_the_running_accuracy_counts_intentions_of_each_episode(
         episode = episodes.create(connection, episodes.NewEpisode(spec, "episode-01", (None, None), study.id, "tom"))
         joint = (None, *actions(WEST, INTERACT))
         records = [
-            replace(one, actions=done, intentions=said if one.timestep == 1 else ())
+            structs.replace(one, actions=done, intentions=said if one.timestep == 1 else ())
             for one, done in zip(played(episode, 2), joint, strict=True)
         ]
         ticks.insert(connection, records)

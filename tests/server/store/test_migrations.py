@@ -1,13 +1,13 @@
 """A database of every earlier version opens, is brought up to date and keeps its data, on SQLite and PostgreSQL."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from alembic import command
 from alembic.config import Config
 from alembic.script import ScriptDirectory
+from msgspec import structs
 from sqlalchemy import Connection, inspect
 
 from server.store import engines, episodes, fences, studies, tables, ticks
@@ -70,9 +70,9 @@ def test_a_database_of_an_earlier_version_keeps_its_data(empty: str, revision: s
         assert database.read_now(revision_of) == newest_revision()
         told = played(episode)
         if revision < "0008":
-            told = [replace(record, made_unix_ms=None) for record in told]
+            told = [structs.replace(record, made_unix_ms=None) for record in told]
         if revision < "0014":
-            told = [replace(record, intentions=(), displayed_intention=None) for record in told]
+            told = [structs.replace(record, intentions=(), displayed_intention=None) for record in told]
         assert database.read_now(ticks.of_episode, episode) == told
         loaded = database.read_now(episodes.load, episode)
         assert loaded is not None

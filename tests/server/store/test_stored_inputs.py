@@ -4,6 +4,7 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import pytest
+from msgspec import structs
 from sqlalchemy import func, select
 
 from server.play.recorder import InputRecord, PauseRecord, StoredInputs
@@ -26,14 +27,14 @@ def episode(database: Database) -> str:
 
 def one(episode: str, number: int, **changes: object) -> InputRecord:
     made = InputRecord(episode, 0, number, "tab-0001", number, 2, None, 1.5, 1.75e12 + number, 3.25, number, "applied")
-    return replace(made, **changes)  # type: ignore[arg-type]
+    return structs.replace(made, **changes)  # type: ignore[arg-type]
 
 
 async def test_inputs_come_with_ticks_pauses_and_the_end_and_repeating_a_call_changes_nothing(
     database: Database, episode: str
 ) -> None:
     recorder = StoreRecorder(database, patience_s=30)
-    records = [replace(record, inputs=sent(record)) for record in played(episode)]
+    records = [structs.replace(record, inputs=sent(record)) for record in played(episode)]
     pause = PauseRecord(episode, 40, "blur", AT, None, (one(episode, 200, outcome="forgotten", timestep=None),))
     over = replace(pause, duration_ms=5.0, inputs=(one(episode, 201, seat=1, received_ms=None, held=None),))
     result = replace(result_of(records), inputs=(one(episode, 202, outcome="ended", timestep=None),))
@@ -68,14 +69,14 @@ async def test_an_episode_that_is_taken_up_knows_which_messages_it_has_seen(data
         one(episode, 1, seat=1, seq=7),
     )
     first, second = played(episode, 1)
-    await StoreRecorder(database, patience_s=30).ticks([first, replace(second, inputs=seen)])
+    await StoreRecorder(database, patience_s=30).ticks([first, structs.replace(second, inputs=seen)])
     record = database.read_now(episodes.load, episode)
     assert record is not None
     assert record.inputs == {0: StoredInputs(4, {"tab-0001": 0, "tab-0002": 3}), 1: StoredInputs(1, {"tab-0001": 7})}
 
 
 async def test_inputs_of_somebody_who_withdraws_are_deleted(database: Database, episode: str) -> None:
-    database.write_now(ticks.insert, [replace(record, inputs=sent(record)) for record in played(episode, 3)])
+    database.write_now(ticks.insert, [structs.replace(record, inputs=sent(record)) for record in played(episode, 3)])
     (person,) = {name for name in database.read_now(episodes.load, episode).participants if name}  # type: ignore[union-attr]
     assert database.write_now(withdraw, person)
     assert (

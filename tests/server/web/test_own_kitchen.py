@@ -3,7 +3,6 @@
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from models.inference.runner import ModelServer
@@ -26,10 +25,10 @@ async def test_agent_and_predictor_answer_in_a_kitchen_that_the_study_draws() ->
     required = required_models([file])
     assert set(required.grids) == {"own"}
     layout = layout_of(file.study.layout("own"))
-    observations = Kitchens.start(layout).encode(horizon=400)[:, 1]
+    kitchens = Kitchens.start(layout)
 
     def history(_: int) -> History:
-        return History(observations, np.full((1, 2), -1, np.int8))
+        return History(kitchens.players.tobytes(), kitchens.contents.tobytes(), b"\xff\xff")
 
     server = ModelServer(required.agents, required.predictors, grids=required.grids)
     await server.start()

@@ -1,9 +1,10 @@
 """A researcher's pages over real HTTP: who gets in, who may do what, what is hidden, what is written down."""
 
 import re
-from dataclasses import replace
 from datetime import UTC, datetime
 from xml.etree import ElementTree
+
+from msgspec import structs
 
 from overcooked.constants import STAY
 from server.monitoring.enrolment_flow import flow_of, stock
@@ -83,9 +84,9 @@ def test_a_replay_has_every_input_at_its_timestep_with_what_became_of_it(site: S
     began = datetime(2026, 3, 1, tzinfo=UTC)
     site.database.write_now(episodes.pause, PauseRecord(episode, 9, "blur", began, 4000.0))
     one = InputRecord(episode, 0, 1, "tab-0001", 7, 2, 5, 1.5, began.timestamp() * 1000 - 9000, 450.0, 4, "applied")
-    late = replace(one, number=2, seq=8, held=None, received_ms=1010.0, timestep=None, outcome="replaced")
-    stood = replace(late, number=3, seq=9, received_ms=None, received_unix_ms=began.timestamp() * 1000 + 500)
-    site.database.write_now(inputs.insert, [one, late, replace(stood, outcome="stood_still")])
+    late = structs.replace(one, number=2, seq=8, held=None, received_ms=1010.0, timestep=None, outcome="replaced")
+    stood = structs.replace(late, number=3, seq=9, received_ms=None, received_unix_ms=began.timestamp() * 1000 + 500)
+    site.database.write_now(inputs.insert, [one, late, structs.replace(stood, outcome="stood_still")])
     found = signed_in(site, "own").get(f"/admin/s/small/game/{episode}/record.json").json()["inputs"]
     assert [(row["seq"], row["t"], row["held"], row["tap"], row["outcome"]) for row in found] == [
         (7, 3, 2, 5, "applied"),

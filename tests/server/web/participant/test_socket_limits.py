@@ -92,6 +92,14 @@ async def test_flood_closes_with_1008_for_this_participant_only(served: Served) 
         assert await hear(calm, "tick")
 
 
+async def test_flood_as_a_browser_writes_it_closes_with_1008_too(served: Served) -> None:
+    async with served.connect() as socket:
+        await play(socket)
+        for seq in range(2000):
+            await socket.send(f'{{"type":"input","seq":{seq},"held":null,"tap":null,"client_ms":1}}')
+        assert await close_code(socket) == 1008
+
+
 async def test_simulated_participants_may_send_as_fast_as_the_games_that_wait_for_them() -> None:
     async with serving(Served(Clock(5.0, patience_s=2.0))) as served, served.connect("ann", max_queue=None) as socket:
         await play(socket)

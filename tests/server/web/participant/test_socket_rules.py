@@ -181,6 +181,32 @@ async def test_a_fault_of_the_server_closes_with_1011(served: Served, monkeypatc
         assert await close_code(socket) == 1011
 
 
+@pytest.mark.parametrize("space", ["", " "])
+async def test_a_fault_of_the_server_in_a_key_closes_with_1011(
+    served: Served, monkeypatch: pytest.MonkeyPatch, space: str
+) -> None:
+    async with served.connect() as socket:
+        await play(socket)
+        monkeypatch.setattr(Game, "receive", lambda *_: 1 / 0)
+        await socket.send(f'{{"type":{space}"input","seq":1,"held":null,"tap":5,"client_ms":1}}')
+        assert await close_code(socket) == 1011
+
+
+async def test_keys_keep_their_order_however_a_page_writes_them(served: Served) -> None:
+    """As browsers write them they are taken at once, with spaces by the reader's task."""
+    async with served.connect() as socket:
+        await play(socket)
+        for seq in range(1, 31):
+            space = " " * (seq % 3 == 0)
+            await socket.send(f'{{"type":{space}"input","seq":{seq},"held":null,"tap":5,"client_ms":1}}')
+        while (await hear(socket, "tick"))["applied"] < 30:
+            pass
+        await asyncio.sleep(0.1)
+    stored = [one for records in served.recorder.ticks_of.values() for tick in records.values() for one in tick.inputs]
+    assert sorted((one.number, one.seq) for one in stored)[:29] == [(seq, seq) for seq in range(1, 30)]
+    assert "repeated" not in {one.outcome for one in stored}
+
+
 async def test_database_away_at_the_handshake_asks_the_page_to_come_back(served: Served) -> None:
     served.database_down = True
     async with served.connect() as socket:
