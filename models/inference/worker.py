@@ -24,6 +24,7 @@ from models.inference.batches import joined, parted, together
 from models.inference.checked_output import checked_intentions, checked_predictions, checked_probabilities
 from models.inference.circuit_breaker import Breaker
 from models.inference.wire import (
+    APART,
     Answer,
     Failed,
     Forget,
@@ -87,7 +88,9 @@ class Worker:
         self.memory = max((_memory(predictor) for predictor, _ in self._predictors.values()), default=1)
 
     def _layout(self, name: str) -> Layout:
-        return parse_layout(self._grids[name], name) if name in self._grids else load_layout(name)
+        if name not in self._grids:
+            return load_layout(name)
+        return parse_layout(self._grids[name], name.partition(APART)[0])
 
     def _load_agent(self, name: Name) -> tuple[Policy, Mode]:
         layout, file = self._layout(name[0]), self._files.get(name[1], name[1])

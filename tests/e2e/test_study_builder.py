@@ -413,6 +413,17 @@ def test_a_round_of_a_preview_is_played_and_nothing_of_it_is_stored(new_page: Ne
     page.click("#over-next")
     expect(page.locator(".preview")).to_contain_text("page ")
     assert rows(server, STORED, draft) == before
+    grid = "XXPXX\\nO  2O\\nX1  X\\nXDXSX"  # drawn in the draft, called as the bundled one that the server plays in
+    page.goto(f"{server.url}/admin/drafts/{draft}")
+    text = yaml_of(page).input_value()
+    yaml_of(page).fill(text.replace("{name: coordination_ring, ", f'{{name: coordination_ring, grid: "{grid}", '))
+    expect(page.locator("#problems")).to_contain_text("The study is sound")
+    expect(page.locator("#save-state")).to_have_text("Saved")
+    page.goto(f"{server.url}/admin/drafts/{draft}/preview")
+    page.locator("li", has_text="episode: coordination_ring").first.get_by_role("link", name="en").click()
+    page.get_by_role("link", name="Play").click()
+    expect(page.locator("#over")).to_be_visible()
+    assert rows(server, STORED, draft) == before
     stranger = page.context.browser.new_context().new_page()  # type: ignore[union-attr]
     refused = stranger.request.get(f"{server.url}/admin/drafts/{draft}/preview/none/en/3/play", max_redirects=0)
     assert refused.status in (303, 401, 403)
