@@ -1,5 +1,5 @@
-"""The models that play in the preview of a draft. Those of a kitchen that a draft draws are kept apart from all others: the
-name may belong to another kitchen, with which participants play, and the grid changes while it is drawn."""
+"""The models that play in the preview of a draft. Those of a kitchen that a draft draws are kept apart from all others:
+the name may belong to another kitchen, in which participants play, and the grid changes while it is drawn."""
 
 import asyncio
 import hashlib

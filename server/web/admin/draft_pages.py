@@ -25,7 +25,7 @@ from server.web.forms import Form, first, read_form, whole_number
 from server.web.services import ServicesDep
 
 router = APIRouter(prefix="/admin/drafts")
-LARGEST_DRAFT_BYTES: Final = 4 * 1024 * 1024  # of a form: letters outside ASCII take nine bytes there
+LARGEST_DRAFT_BYTES: Final = 9 * 1024 * 1024  # of a form: up to three texts, whose other letters take nine bytes
 _MOST: Final = 2**31  # numbers in the database
 LONGEST_TITLE: Final = 200
 TEMPLATES: Final = {

@@ -21,12 +21,17 @@ const saving = new DraftSaving(requests, about, {
   state(words, isGood) {
     if (state.textContent !== words) state.textContent = words;
     state.className = isGood ? '' : 'warn';
-    find('#open', HTMLButtonElement).disabled = words !== 'Saved'; // what is opened is what is saved
+    find('#open', HTMLButtonElement).disabled = !words.startsWith('Saved'); // what is opened is what is saved
   },
   saved(revision) {
     find('#open-revision', HTMLInputElement).value = String(revision);
   },
   conflict: (theirs) => void settle(theirs, saving.text),
+  isBusy: () => session.operations.length > 0,
+  merged(text) {
+    session.typed(text);
+    find('#spoken', HTMLElement).textContent = 'Changes that somebody else has made were added.';
+  },
 });
 
 const session = new DraftSession(requests, about.source, {
@@ -132,6 +137,9 @@ const kept = saving.kept();
 if (kept && kept.revision === about.revision) {
   session.typed(kept.text);
   find('#spoken', HTMLElement).textContent = 'Unsaved changes from this browser were restored.';
+} else if (kept?.base !== undefined) {
+  saving.goOnFrom(kept);
+  session.typed(kept.text); // the server adds what others have saved since
 } else if (kept) {
   saving.text = kept.text;
   saving.stop({ revision: about.revision, text: about.source, author: 'Somebody' });

@@ -42,7 +42,8 @@ def loaded() -> LoadedModels:
 def drawn(*rows: str) -> StudyFile:
     """A study whose kitchen is called as a bundled one and has a grid of its own."""
     grid = "\\n".join(rows)
-    return parse_study(SMALL_STUDY.replace("{name: coordination_ring,", f'{{name: coordination_ring, grid: "{grid}",'), "draft")
+    kitchen = "{name: coordination_ring,"
+    return parse_study(SMALL_STUDY.replace(kitchen, f'{kitchen} grid: "{grid}",'), "draft")
 
 
 ONE = drawn("XXPXX", "O  2O", "X1  X", "XDXSX")
