@@ -399,6 +399,50 @@ def test_languages_stand_side_by_side_and_missing_texts_are_found(new_page: NewP
         page.screenshot(path=os.environ["KITCHENMIND_PICTURES"])
 
 
+def test_a_kitchen_is_drawn_by_keyboard_inside_the_form(new_page: NewPage, server: RealServer) -> None:
+    page = new_page()
+    page.set_viewport_size({"width": 1366, "height": 768})
+    draft = begin(page, "drawn")
+    at(page, "layouts").locator("xpath=ancestor::details").first.locator("summary").first.click()
+    page.get_by_role("button", name="Draw a new kitchen…").press("Enter")
+    editor = page.frame_locator("#kitchen-dialog iframe")
+    expect(editor.locator("#editor[data-ready=yes]")).to_be_attached()
+    page.keyboard.press("Escape")
+    expect(page.locator("#kitchen-dialog")).to_be_hidden()
+    page.get_by_role("button", name="Draw a new kitchen…").press("Enter")
+    editor.locator("#drawing").press("ArrowUp")
+    for key in ("p", "ArrowRight", "o", "ArrowRight", "d", "ArrowRight", "s"):
+        page.keyboard.press(key)
+    expect(editor.locator("#problems")).to_contain_text("No errors")
+    editor.locator("#name").fill("nook")
+    is_accessible(page)
+    if os.environ.get("KITCHENMIND_PICTURES"):
+        page.screenshot(path=os.environ["KITCHENMIND_PICTURES"])
+    editor.locator("#save").press("Enter")
+    expect(page.locator("#kitchen-dialog")).to_be_hidden()
+    expect(at(page, "layouts", 1, "name").locator("input")).to_have_value("nook")
+    expect(page.locator("#save-state")).to_have_text("Saved")
+    assert "name: nook" in stored(server, draft)
+    at(page, "layouts", 1).get_by_role("button", name="Draw this kitchen…").click()
+    expect(editor.locator("#name")).to_have_value("nook")
+    page.click("#kitchen-close")
+    yaml_of(page).fill(
+        yaml_of(page)
+        .input_value()
+        .replace("{name: coordination_ring,", '{name: typed, grid: "XPODSXX\\nX1   2X\\nXXXXXXX",')
+    )
+    expect(at(page, "layouts", 0, "name").locator("input")).to_have_value("typed")
+    at(page, "layouts", 0).locator("summary").first.click()
+    at(page, "layouts", 0).get_by_role("button", name="Draw this kitchen…").click()
+    expect(editor.locator("#name")).to_have_value("typed")
+    expect(editor.locator("#problems")).to_contain_text("No errors")
+    editor.locator("#save").click()
+    expect(yaml_of(page)).not_to_have_value(re.compile("grid:"))
+    expect(page.locator("#save-state")).to_have_text("Saved")
+    other = page.request.get(f"{server.url}/admin/kitchens/new").headers
+    assert "frame-ancestors 'none'" in other["content-security-policy"], "only in the dialog"
+
+
 STORED = """select (select count(*) from participants) || ' ' || (select count(*) from episodes) || ' ' ||
     (select count(*) from ticks) || ' ' || (select count(*) from studies) where ? > 0"""
 
