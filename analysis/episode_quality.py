@@ -2,14 +2,15 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+
+import polars as pl
 
 from analysis import data_quality, measures
-from analysis.tables import export_of, frame
+from analysis.tables import export_of
 
 
-def judge(tables: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
-    """Episode -> proposal and the rules that say so. `tables`: those of an export, as anything Arrow-like."""
-    export = export_of({name: frame(table) for name, table in tables.items()}, Path(), "")
+def judge(tables: Mapping[str, pl.DataFrame]) -> dict[str, tuple[str, str]]:
+    """Episode -> proposal and the rules that say so. `tables`: those of an export."""
+    export = export_of(tables, Path(), "")
     found = data_quality.proposals(measures.episode_measures(export), export.answers)
     return {row[0]: (row[1], row[2] or "") for row in found.select("episode", "proposal", "rules").iter_rows()}

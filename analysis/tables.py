@@ -133,13 +133,6 @@ def export_of(raw: Mapping[str, pl.DataFrame], folder: Path, study: str, version
     )
 
 
-def frame(table: Any) -> pl.DataFrame:
-    """An Arrow table as this package works on it."""
-    made = pl.from_arrow(table)
-    assert isinstance(made, pl.DataFrame)  # noqa: S101 - tables become frames, columns series
-    return made
-
-
 def _chosen_study(participants: pl.DataFrame, study: str | None) -> str:
     present = sorted(str(name) for name in participants["study"].drop_nulls().unique())
     if study is None and len(present) == 1:

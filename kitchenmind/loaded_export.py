@@ -9,14 +9,13 @@ from typing import Any, Final
 
 import polars as pl
 
-from server.export.files import table_path
-from server.export.spreadsheet_text import unescaped
+from server.export.files import from_text, table_path
 
 CODEBOOK: Final = "codebook.json"
-_TYPES: Final[Mapping[str, pl.DataType | type[pl.DataType]]] = {
-    "integer": pl.Int64,
-    "number": pl.Float64,
-    "boolean": pl.Boolean,
+_TYPES: Final[Mapping[str, pl.DataType]] = {
+    "integer": pl.Int64(),
+    "number": pl.Float64(),
+    "boolean": pl.Boolean(),
     "time": pl.Datetime("us", "UTC"),
 }  # everything else is text
 
@@ -95,19 +94,7 @@ class LoadedExport(Mapping[str, pl.DataFrame]):
         """Read a CSV file with the types of the codebook, without the apostrophes that protect spreadsheets."""
         types = {column: _TYPES.get(about["type"]) for column, about in self._described[name]["columns"].items()}
         table = pl.read_csv(content, infer_schema=False)
-        return table.with_columns(_typed(column, types.get(column)) for column in table.columns)
-
-
-def _typed(column: str, kind: pl.DataType | type[pl.DataType] | None) -> pl.Expr:
-    """Return the expression that turns the text of a CSV column into its type."""
-    text = pl.col(column)
-    if kind is None:
-        return text.map_elements(unescaped, return_dtype=pl.String)
-    if kind == pl.Boolean:
-        return text.replace_strict({"true": True, "false": False}, return_dtype=pl.Boolean)
-    if isinstance(kind, pl.Datetime):
-        return text.str.to_datetime(time_unit="us", time_zone="UTC")
-    return text.cast(kind)
+        return table.with_columns(from_text(column, types.get(column)) for column in table.columns)
 
 
 def load(path: str | Path) -> LoadedExport:

@@ -29,6 +29,7 @@ from server.monitoring.live_games import LiveGames
 from server.monitoring.peers import Process
 from server.monitoring.rehearsals import Rehearsals
 from server.participation.own_kitchens import load_with_kitchens
+from server.participation.preview_models import PreviewModels
 from server.participation.seating import ConnectedPlayer, Seating
 from server.participation.served_studies import Studies
 from server.participation.study_versions import StudyVersions
@@ -149,7 +150,7 @@ async def _services(
     versions = StudyVersions(settings, files, models, web.studies, None if peers is None else peers.processes)
     await versions.begin(web.database, joins)
     sockets = _sockets(web, games, versions)
-    demonstrations, previews = _unstored(web, games)
+    demonstrations, previews = _unstored(web, games, models)
     for unstored in (demonstrations, previews):
         stack.push_async_callback(unstored.games.stop)
     live = LiveGames(web, games, sockets, peers)
@@ -188,10 +189,10 @@ def _state(live: LiveGames, models: ModelServer, alerts: Alerts, versions: Study
     return Process(name, metrics_of(live, models), alerts.shared(), versions.served())
 
 
-def _unstored(web: Web, games: Games) -> tuple[Demonstrations, PreviewGames]:
+def _unstored(web: Web, games: Games, models: ModelServer) -> tuple[Demonstrations, PreviewGames]:
     """What plays games that nobody stores."""
     demonstrations = Demonstrations(games.with_recorder, web.studies, web.csrf.is_own_origin)
-    return demonstrations, PreviewGames(games.with_recorder, web.csrf.is_own_origin)
+    return demonstrations, PreviewGames(games.with_recorder, web.csrf.is_own_origin, PreviewModels(models))
 
 
 def _database_file(settings: Settings) -> Path | None:

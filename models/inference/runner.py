@@ -98,6 +98,14 @@ class ModelServer:
         for load, some in made:
             self._take_in(load, some)
 
+    async def drop(self, layout: str) -> None:
+        """End the workers that have the models of a layout. Only for a layout whose models were added on their own."""
+        names = {name for name in self._pool_of if name[0] == layout}
+        ended = {worker for name in names for worker in self._pool_of.pop(name)}
+        self._pool = [worker for worker in self._pool if worker not in ended]
+        self._agents, self._predictors = self._agents - names, self._predictors - names
+        await asyncio.gather(*(worker.close() for worker in ended))
+
     def _pool_for(self, load: Load, ahead: Launched | None = None) -> list[SupervisedWorker]:
         if any(is_foreign(name) for _, name in (*load.agents, *load.predictors)):
             return [SupervisedWorker(load, 1, self._hang_s)]

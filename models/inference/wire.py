@@ -13,6 +13,7 @@ LENGTH = struct.Struct(">I")
 _AT_ONCE = 1 << 20  # bytes read at once
 
 Name = tuple[str, str]  # layout, agent or predictor: what a worker is asked to load
+APART = "#"  # `ring#1`: a layout called ring, whose models are kept apart from those of another one called ring
 
 
 class Load(Struct, tag=True, frozen=True):

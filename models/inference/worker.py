@@ -24,6 +24,7 @@ from models.inference.batches import joined, parted, together
 from models.inference.checked_output import checked_intentions, checked_predictions, checked_probabilities
 from models.inference.circuit_breaker import Breaker
 from models.inference.wire import (
+    APART,
     Answer,
     Failed,
     Forget,
@@ -90,7 +91,7 @@ class Worker:
     def _layout(self, name: str) -> Layout:
         if name not in self._layouts:
             grid = self._grids.get(name)
-            self._layouts[name] = load_layout(name) if grid is None else parse_layout(grid, name)
+            self._layouts[name] = load_layout(name) if grid is None else parse_layout(grid, name.partition(APART)[0])
         return self._layouts[name]
 
     def _load_agent(self, name: Name) -> tuple[Policy, Mode]:

@@ -11,18 +11,15 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import pyarrow as pa
-import pyarrow.csv
-import pyarrow.parquet
+import polars as pl
 from sqlalchemy import Connection, Table, func, select
 from sqlalchemy.exc import DBAPIError
 
 from server.export import codebook, manifest
 from server.export.codebook import ACTION_NAMES, STEPS
 from server.export.codebook_intentions import intentions_of, intentions_of_last
-from server.export.files import TABLE_FORMATS, table_path
+from server.export.files import TABLE_FORMATS, from_text, table_path
 from server.export.import_checks import ImportRefused, check_files, episode_spec, plain_name, study_source
-from server.export.spreadsheet_text import unescaped
 from server.export.writer import schema
 from server.play.recorder import KeyRecord, TickRecord
 from server.store import tables, tombstones, withdrawal
@@ -32,6 +29,7 @@ from server.store.engines import is_down
 Record = dict[str, Any]
 _INSERT = 2000
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_UNREADABLE = (pl.exceptions.PolarsError, msgspec.MsgspecError)
 IMPORTED = "imported"  # stands for the researchers, whose names are not in an export
 _RENAMED = {"step": "step_key", "question": "question_key", "episode": "episode_id", "participant": "participant_id"}
 
@@ -56,7 +54,7 @@ def import_export(
         if is_down(error):
             raise
         reason = str(error.orig).strip()
-    except (pa.ArrowException, msgspec.MsgspecError, LookupError, TypeError, ArithmeticError, RecursionError) as error:
+    except (*_UNREADABLE, LookupError, TypeError, ArithmeticError, RecursionError) as error:
         reason = f"{type(error).__name__}: {error}"
     raise ImportRefused(f"{folder} is damaged ({reason}). Export the study again.")
 
@@ -96,32 +94,21 @@ def rows(folder: Path, table: str) -> Iterator[Record]:
     """The rows of a table of an export as they were exported; a column that an older export lacks is None."""
     columns = next(known for known in codebook.TABLES if known.name == table).columns
     types = schema(columns)
-    path = table_path(folder, "parquet", table)
-    if path.is_file():
-        with pa.parquet.ParquetFile(path) as file:
-            present = [name for name in types.names if name in file.schema_arrow.names]
-            lacking = dict.fromkeys(set(types.names) - set(present))
-            for batch in file.iter_batches(_INSERT, columns=present):
-                wanted = pa.schema([types.field(name) for name in batch.schema.names])
-                lines = batch.cast(wanted).to_pylist()
-                yield from (row | lacking for row in lines) if lacking else lines
-        return
-    path = table_path(folder, "csv", table)
+    is_exact = table_path(folder, "parquet", table).is_file()
+    path = table_path(folder, "parquet" if is_exact else "csv", table)
     if not path.is_file():
         raise ImportRefused(f"{folder} has no table of {table}. Export the study again.")
-    convert = pa.csv.ConvertOptions(
-        column_types=types,
-        include_columns=types.names,
-        include_missing_columns=True,
-        strings_can_be_null=True,
-        quoted_strings_can_be_null=False,
-    )
-    texts = [field.name for field in types if pa.types.is_string(field.type)]
-    options = pa.csv.ParseOptions(newlines_in_values=True)
-    with pa.csv.open_csv(path, parse_options=options, convert_options=convert) as reader:
-        for batch in reader:
-            for row in batch.to_pylist():
-                yield row | {name: unescaped(row[name]) for name in texts if row.get(name) is not None}
+    stored = pl.scan_parquet(path, glob=False) if is_exact else pl.scan_csv(path, infer_schema=False, glob=False)
+    present = stored.collect_schema().names()
+    lacking = {name: None for name in types if name not in present}
+    wanted = [
+        pl.col(name).cast(kind) if is_exact else from_text(name, kind)
+        for name, kind in types.items()
+        if name in present
+    ]
+    for batch in stored.select(wanted).collect_batches(chunk_size=_INSERT):
+        for row in batch.iter_rows(named=True):
+            yield row | lacking
 
 
 def _fill(connection: Connection, table: Table, records: Iterator[Record]) -> int:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
+import polars as pl
 from numpy.typing import NDArray
 
 from server.export.codebook_intentions import CAME_PARTS, PARTS, RANKS, SHOWN_PARTS
@@ -34,6 +34,11 @@ def _came(rows: Sequence[NDArray[np.int16] | None]) -> dict[str, Any]:
     table = np.stack([unknown if row is None else row for row in rows])  # (rows, parts)
     missing = table[:, 0] == UNKNOWN
     return {
-        f"interaction_{part}": pa.array(np.ascontiguousarray(table[:, index]), mask=missing)
+        f"interaction_{part}": without(np.ascontiguousarray(table[:, index]), missing)
         for index, part in enumerate(CAME_PARTS)
     }
+
+
+def without(values: NDArray[Any], missing: NDArray[np.bool_]) -> pl.Series:
+    """Return the values as a column, null where they are missing."""
+    return pl.Series(values).set(pl.Series(missing), None)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-import pyarrow as pa
+import polars as pl
 from sqlalchemy import Connection, Label, or_, select
 
 from server.export import codebook, tick_rows
@@ -36,7 +36,7 @@ def _failed() -> Label[int]:
     return failed
 
 
-def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pa.Table]:
+def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pl.DataFrame]:
     """The export's tables with these episodes, and all that their participants answered."""
     own = [_e[name] for name in _OF_EPISODES]
     broken = displays.violations(connection, chosen)
@@ -63,12 +63,12 @@ def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pa.Table]
         "withdrawals": [],
     }
     made = {name: _table(name, [dict(row) for row in found]) for name, found in rows.items()}
-    return made | {"ticks": pa.concat_tables(ticks) if ticks else types.empty_table()}
+    return made | {"ticks": pl.concat(ticks) if ticks else pl.DataFrame(schema=types)}
 
 
-def _table(name: str, rows: Sequence[dict[str, object]]) -> pa.Table:
+def _table(name: str, rows: Sequence[dict[str, object]]) -> pl.DataFrame:
     """With the export's types; columns that were not asked for are left out."""
     table = next(one for one in codebook.TABLES if one.name == name)
     types = schema(table.columns)
-    present = rows[0].keys() if rows else types.names
-    return pa.Table.from_pylist(list(rows), schema=pa.schema([field for field in types if field.name in present]))
+    present = rows[0].keys() if rows else types.names()
+    return pl.DataFrame(list(rows), schema={name: kind for name, kind in types.items() if name in present})

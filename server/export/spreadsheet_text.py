@@ -1,4 +1,4 @@
-"""Texts made safe for spreadsheets, and back. Without pyarrow: the server's pages use it too."""
+"""Texts made safe for spreadsheets, and back. Without polars: the server's pages use it too."""
 
 import re
 

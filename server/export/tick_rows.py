@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
+import polars as pl
 from sqlalchemy import Connection
 
 from server.export import intention_rows
@@ -36,7 +36,7 @@ _OF_STEP = (
 )
 
 
-def chunks(connection: Connection, episodes: Iterator[str], types: pa.Schema) -> Iterator[pa.Table]:
+def chunks(connection: Connection, episodes: Iterator[str], types: pl.Schema) -> Iterator[pl.DataFrame]:
     """The rows of these episodes, some episodes at a time, with the codebook's columns."""
     place = "%s" if connection.dialect.name == "postgresql" else "?"
     query = f"SELECT {', '.join(_NAMES)} FROM ticks WHERE episode_id = {place} ORDER BY timestep"  # noqa: S608
@@ -61,7 +61,7 @@ def chunks(connection: Connection, episodes: Iterator[str], types: pa.Schema) ->
         yield _table(before, after, came, types)
 
 
-def _table(before: Sequence[Any], after: Sequence[Any], came: Sequence[Any], types: pa.Schema) -> pa.Table:
+def _table(before: Sequence[Any], after: Sequence[Any], came: Sequence[Any], types: pl.Schema) -> pl.DataFrame:
     state = dict(zip(_NAMES, zip(*before, strict=True), strict=True))
     step = dict(zip(_NAMES, zip(*after, strict=True), strict=True))
     columns: dict[str, Any] = {"episode": state["episode_id"], "timestep": state["timestep"]}
@@ -74,8 +74,7 @@ def _table(before: Sequence[Any], after: Sequence[Any], came: Sequence[Any], typ
         columns[name] = [None if value is None else bool(value) for value in state[name]]
     columns |= _predicted(state["prediction"]) | _displayed(state["displayed"])
     columns |= intention_rows.columns(state["intentions"], state["displayed_intention"], came)
-    arrays = [pa.array(columns[field.name], field.type) for field in types]
-    return pa.Table.from_arrays(arrays, schema=types)
+    return pl.DataFrame([pl.Series(name, columns[name], kind) for name, kind in types.items()])
 
 
 def _predicted(blobs: Sequence[Any]) -> dict[str, Any]:
@@ -87,9 +86,9 @@ def _predicted(blobs: Sequence[Any]) -> dict[str, Any]:
     for index, step in enumerate(STEPS):
         for action, name in enumerate(ACTION_NAMES):
             values = np.ascontiguousarray(table[:, index, action], np.float32)
-            found[f"p{step}_{name}"] = pa.array(values, mask=nothing)
+            found[f"p{step}_{name}"] = intention_rows.without(values, nothing)
         best = np.where(nothing[:, None], 0, table[:, index]).argmax(1).astype(np.int16)
-        found[f"predicted_{step}"] = pa.array(best, mask=nothing)
+        found[f"predicted_{step}"] = intention_rows.without(best, nothing)
     return found
 
 
@@ -103,6 +102,7 @@ def _displayed(blobs: Sequence[Any]) -> dict[str, Any]:
     missing = table[:, :, 0] == _EMPTY  # (rows, steps)
     found: dict[str, Any] = {}
     for index, step in enumerate(STEPS):
-        found[f"displayed_{step}"] = pa.array(np.ascontiguousarray(table[:, index, 0]), mask=missing[:, index])
-        found[f"opacity_{step}"] = pa.array(np.ascontiguousarray(table[:, index, 1]), mask=missing[:, index])
+        for place, name in enumerate(("displayed", "opacity")):
+            values = np.ascontiguousarray(table[:, index, place])
+            found[f"{name}_{step}"] = intention_rows.without(values, missing[:, index])
     return found

@@ -9,7 +9,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
+import polars as pl
 from sqlalchemy import Connection
 
 from server.export import codebook, manifest, tick_rows
@@ -33,14 +33,14 @@ _ROWS: dict[str, Callable[[Selection], Rows]] = {
     "events": exported.event_rows,
     "exclusions": exported.exclusion_rows,
 }
-_ARROW = {
-    ("integer", 16): pa.int16(),
-    ("integer", 32): pa.int32(),
-    ("number", 32): pa.float32(),
-    ("integer", 64): pa.int64(),
-    ("number", 64): pa.float64(),
-    ("boolean", 64): pa.bool_(),
-    ("time", 64): pa.timestamp("us", tz="UTC"),
+_TYPES: dict[tuple[str, int], pl.DataType] = {
+    ("integer", 16): pl.Int16(),
+    ("integer", 32): pl.Int32(),
+    ("number", 32): pl.Float32(),
+    ("integer", 64): pl.Int64(),
+    ("number", 64): pl.Float64(),
+    ("boolean", 64): pl.Boolean(),
+    ("time", 64): pl.Datetime("us", "UTC"),
 }
 
 
@@ -107,13 +107,13 @@ def _write(chosen: Selection, folder: Path, formats: Sequence[str]) -> Summary:
         with ExitStack() as stack:
             writers = [stack.enter_context(TableWriter(folder, name, table.name, schema(columns))) for name in formats]
             for chunk in chunks:
-                summary.rows[table.name] += chunk.num_rows
+                summary.rows[table.name] += chunk.height
                 for writer in writers:
                     writer.write(chunk)
     return summary
 
 
-def _table(chosen: Selection, table: ExportTable) -> tuple[tuple[Column, ...], Iterator[pa.Table]]:
+def _table(chosen: Selection, table: ExportTable) -> tuple[tuple[Column, ...], Iterator[pl.DataFrame]]:
     if table is codebook.TICKS:
         types = schema(table.columns)
         return table.columns, tick_rows.chunks(chosen.connection, exported.episode_ids(chosen), types)
@@ -136,15 +136,13 @@ def _reliance_rows(chosen: Selection) -> Rows:
     return reliance.reliance_rows(chosen)
 
 
-def schema(columns: Iterable[Column]) -> pa.Schema:
-    """The Arrow types of columns."""
-    return pa.schema([(column.name, _ARROW.get((column.type, column.bits), pa.string())) for column in columns])
+def schema(columns: Iterable[Column]) -> pl.Schema:
+    """The types of columns in a file that has types."""
+    return pl.Schema({column.name: _TYPES.get((column.type, column.bits), pl.String()) for column in columns})
 
 
-def _of_rows(rows: Iterator[tuple[Any, ...]], columns: Sequence[Column]) -> Iterator[pa.Table]:
+def _of_rows(rows: Iterator[tuple[Any, ...]], columns: Sequence[Column]) -> Iterator[pl.DataFrame]:
     types = schema(columns)
     while chunk := list(islice(rows, ROWS)):
         values = zip(*chunk, strict=True)
-        yield pa.Table.from_arrays(
-            [pa.array(v, kind) for v, kind in zip(values, types.types, strict=True)], schema=types
-        )
+        yield pl.DataFrame([pl.Series(name, v, kind) for (name, kind), v in zip(types.items(), values, strict=True)])

@@ -67,13 +67,13 @@ def load_rules() -> None:
 
 
 def _over(connection: Connection, study_ids: tuple[int, ...]) -> "list[Key]":
-    from server.export import quality_inputs  # late: the server starts sooner without pyarrow
+    from server.export import quality_inputs  # late: the server starts sooner without polars
 
     return quality_inputs.over(connection, study_ids)
 
 
 def _judge(connection: Connection, episodes: list[str]) -> dict[str, EpisodeQuality]:
-    from analysis.episode_quality import judge  # late, as it loads polars
+    from analysis.episode_quality import judge
     from server.export import quality_inputs
 
     tables: dict[str, Any] = quality_inputs.tables(connection, episodes)

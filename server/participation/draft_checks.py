@@ -5,10 +5,8 @@ from functools import cache
 
 from models.agents.blackbox import is_foreign
 from models.agents.model_paths import without_variant
-from models.inference.runner import ModelServer
-from models.inference.supervised_worker import ModelsDown
 from overcooked.layout import layout_names
-from server.required_models import WEIGHTS, WITHOUT_WEIGHTS, required_models
+from server.required_models import WEIGHTS, WITHOUT_WEIGHTS
 from server.study.checks import Problem
 from server.study.loader import PlacedProblem, StudyError, StudyFile
 from server.study_check import doubts, models_named, stage_problems
@@ -33,18 +31,6 @@ def known_names(kitchens: Sequence[str] = ()) -> dict[str, list[str]]:
     """The layouts, agents and predictors that the form suggests. `kitchens`: those of the dashboard."""
     bundled = _bundled_names()
     return bundled | {"layouts": [*bundled["layouts"], *(name for name in kitchens if name not in bundled["layouts"])]}
-
-
-async def have_models(models: ModelServer, file: StudyFile, layout: str) -> None:
-    """Load what the study asks on a bundled layout. Raises StudyError."""
-    required = required_models([file])
-    agents, predictors = (
-        [name for name in names if name[0] == layout] for names in (required.agents, required.predictors)
-    )
-    try:
-        await models.add(agents, predictors, {}, required.paths)
-    except ModelsDown as error:
-        raise StudyError([f"{file.source}: {error}"]) from error
 
 
 @cache

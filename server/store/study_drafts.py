@@ -45,17 +45,21 @@ class DraftVersion:
 
 @dataclass(frozen=True)
 class DraftText:
-    """A text to be saved: by whom, on top of which revision (0: a new draft), and how it came about."""
+    """A text to be saved: by whom, on top of which revision (0: a new draft), and how it came about. `base`: the text
+    of that revision, if the author's page still has it; then the caller merges in a conflict, and sets aside what
+    cannot be merged."""
 
     author: str
     source: str
     name: str
     based_on: int = 0
     note: str = EDITED
+    base: str | None = None
 
 
 class DraftConflict(Exception):
-    """Somebody else has saved the draft since; the text of this author is kept in the history (`set aside`)."""
+    """Somebody else has saved the draft since. The text of this author is kept in the history (`set aside`), unless it
+    came with its base."""
 
     def __init__(self, newest: StudyDraft) -> None:
         self.newest = newest
@@ -101,7 +105,8 @@ def save(connection: Connection, draft: int, text: DraftText) -> StudyDraft | Dr
     newest = get(connection, draft)
     if newest is None or newest.source == text.source:  # the same text twice: its answer was lost
         return newest
-    set_aside(connection, draft, text)
+    if text.base is None:
+        set_aside(connection, draft, text)
     return DraftConflict(newest)
 
 
@@ -109,6 +114,13 @@ def set_aside(connection: Connection, draft: int, text: DraftText) -> None:
     """Keep a text in the history without making it the draft's."""
     aside = DraftText(text.author, text.source, text.name, text.based_on, SET_ASIDE)
     _keep(connection, draft, text.based_on, aside)
+
+
+def was_saved(connection: Connection, draft: int, source: str) -> bool:
+    """Whether the draft had this text, as far as the history knows."""
+    here = study_draft_versions.c
+    query = select(here.id).where(here.draft_id == draft, here.source == source, here.note != SET_ASIDE)
+    return connection.execute(query.limit(1)).first() is not None
 
 
 def delete(connection: Connection, draft: int) -> bool:

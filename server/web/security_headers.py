@@ -9,7 +9,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; font-src 'self'; "
     "media-src 'self'; connect-src 'self'{sockets}; worker-src 'self'; manifest-src 'self'; form-action 'self'{forms}; "
-    "base-uri 'none'; frame-ancestors {framed_by}"
+    "base-uri 'none'; frame-src {frames}; frame-ancestors {framed_by}"
 )
 _FIXED = {
     "X-Content-Type-Options": "nosniff",
@@ -25,6 +25,7 @@ _HOST: Final = r"(?:[A-Za-z0-9_-]+(?:\.[A-Za-z0-9_-]+)*\.?|\[[0-9A-Fa-f:.]+\])(?
 _PLAIN_HOST: Final = re.compile(_HOST)
 _ORIGIN: Final = re.compile(rf"https?://(?:\*\.)?{_HOST}")
 _NOBODY: Final = "'none'"
+OURSELVES: Final = "'self'"
 
 
 class SecurityHeaders:
@@ -62,18 +63,22 @@ def security_headers(host: str, secure: bool) -> dict[str, str]:
     return headers | ({"Strict-Transport-Security": f"max-age={_YEAR_S}"} if secure else {})
 
 
-def policy(host: str, secure: bool, form_to: str = "", framed_by: str = _NOBODY) -> dict[str, str]:
+def policy(
+    host: str, secure: bool, form_to: str = "", framed_by: str = _NOBODY, frames: str = _NOBODY
+) -> dict[str, str]:
     """Return the page's own content security policy.
 
     A recruiter may get its form (`form_to`) or show the page in a frame (`framed_by`, which browsers heed rather than
-    X-Frame-Options). Raises ValueError for anything that is not a plain origin: a policy is one line of text, so a
-    space or a semicolon in a value would rewrite the rest of it.
+    X-Frame-Options). OURSELVES: a page of ours may show it in a frame, or it may show one of ours (`frames`). Raises
+    ValueError for anything that is not a plain origin: a policy is one line of text, so a space or a semicolon in a
+    value would rewrite the rest of it.
     """
     # Some browsers do not count a websocket of our own address as 'self'.
     sockets = f" {'wss' if secure else 'ws'}://{host}" if is_plain_host(host) else ""
     forms = f" {_origin(form_to)}" if form_to else ""
-    frames = framed_by if framed_by == _NOBODY else _origin(framed_by)
-    return {"Content-Security-Policy": _POLICY.format(sockets=sockets, forms=forms, framed_by=frames)}
+    around, inside = (one if one in (_NOBODY, OURSELVES) else _origin(one) for one in (framed_by, frames))
+    made = _POLICY.format(sockets=sockets, forms=forms, frames=inside, framed_by=around)
+    return {"Content-Security-Policy": made}
 
 
 def is_plain_host(host: str) -> bool:

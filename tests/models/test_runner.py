@@ -260,6 +260,20 @@ async def test_models_that_are_added_answer_beside_those_that_were_there(serving
     assert len(server.worker_pids()) == 2
 
 
+async def test_two_kitchens_of_one_name_have_models_of_their_own_until_one_is_dropped(serving):
+    server = await serving([NORTHWARD])
+    apart = f"{LAYOUT}#another"  # called as the bundled one, with the grid of another
+    await server.add([(apart, "planner")], [(apart, "random")], {apart: load_layout("cramped_room").text}, ModelPaths())
+    other = Game("b", layout="cramped_room")
+    other.layout = apart
+    northward, planner = await server.ask([Game("a").question(NORTHWARD), other.question("planner")], PATIENT_MS)
+    assert (northward.action, sum(planner.probabilities)) == (NORTH, pytest.approx(1))
+    await server.drop(apart)
+    assert len(server.worker_pids()) == 1
+    northward, gone = await server.ask([Game("a").question(NORTHWARD), other.question("planner")], PATIENT_MS)
+    assert (northward.action, gone) == (NORTH, None)
+
+
 @in_one_loop
 async def test_an_unknown_model_is_not_answered(shared):
     assert await shared.ask([Game("a").question("somebody_else")], 50) == [None]

@@ -35,6 +35,10 @@ def test_our_own_dependencies_are_pinned_to_one_version(extra: str) -> None:
         assert str(pin.specifier).startswith("=="), pin
 
 
+def test_what_a_server_installs_takes_600_mb_at_most() -> None:
+    assert 100 < list_dependencies.size_mb("serve") <= 600
+
+
 def test_extras_are_all_looked_at() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert set(list_dependencies.EXTRAS) == {"serve", *project["optional-dependencies"]}

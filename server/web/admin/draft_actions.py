@@ -4,7 +4,7 @@ import asyncio
 import json
 import logging
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any, Final
 
 from fastapi import APIRouter, HTTPException, Response
@@ -15,12 +15,13 @@ from server.monitoring.commands import OpenVersion, PrepareVersion
 from server.participation.draft_checks import draft_problems
 from server.participation.own_kitchens import with_own_kitchens
 from server.store import audit, study_drafts, study_openings
-from server.store.study_drafts import DraftConflict, DraftText, StudyDraft
+from server.store.study_drafts import DraftText, StudyDraft
 from server.study import drafting
 from server.study.loader import PlacedProblem, StudyError, StudyFile
 from server.study.yaml_edit import YamlEditError
 from server.web.admin.actions import OPEN_WITHIN_S, VERSION_WITHIN_S
 from server.web.admin.draft_pages import DraftDep, DraftFormDep, GridsDep
+from server.web.admin.draft_saving import MERGED, MergeConflict, base_of, save_merged
 from server.web.admin.rendering import back_to
 from server.web.admin.researcher_auth import AdminFormDep, OwnDep
 from server.web.forms import first, whole_number
@@ -29,7 +30,7 @@ from server.web.services import Services, ServicesDep
 log = logging.getLogger(__name__)
 router = APIRouter(prefix="/admin/drafts/{draft}")
 LARGEST_OPERATION: Final = 100_000
-NOTES: Final = ("edited", "merged")
+NOTES: Final = (study_drafts.EDITED, MERGED)
 
 
 def _text(form: DraftFormDep) -> str:
@@ -87,22 +88,24 @@ async def markdown(admin: OwnDep, services: ServicesDep, form: DraftFormDep) -> 
 
 @router.post("/save")
 async def save(admin: OwnDep, services: ServicesDep, draft: DraftDep, form: DraftFormDep) -> Response:
-    """Save a text on top of the revision that it is based on. 409: somebody else has saved since; both texts are
-    kept."""
-    source, revision = _text(form), whole_number(form, "revision")
+    """Save a text on top of the revision that it is based on. Somebody else has saved since: the answer has the text
+    with the changes of both; 409 where they contradict, and both texts are kept."""
+    source, revision, database = _text(form), whole_number(form, "revision"), services.web.database
     note = first(form, "note") or NOTES[0]
     if note not in NOTES:
         raise HTTPException(400, "unknown note")
     name = await asyncio.to_thread(drafting.named, source) or draft.name
-    text = DraftText(admin.name, source, name, revision, note)
-    saved = await services.web.database.write(study_drafts.save, draft.id, text)
-    if isinstance(saved, DraftConflict):
-        newest = saved.newest
-        theirs = {"revision": newest.revision, "text": newest.source, "author": newest.changed_by}
-        return JSONResponse(theirs | {"at": newest.changed_at.isoformat()}, 409)
+    base, before = (first(form, field) if field in form else None for field in ("base", "before"))
+    base = await base_of(database, draft.id, base, before)
+    saved = await save_merged(database, draft.id, DraftText(admin.name, source, name, revision, note, base))
     if saved is None:
         raise HTTPException(404, "there is no such draft")
-    return JSONResponse({"revision": saved.revision, "author": saved.changed_by})
+    if isinstance(saved, MergeConflict):
+        newest = saved.newest
+        theirs = {"revision": newest.revision, "text": newest.source, "author": newest.changed_by}
+        parts = [part if isinstance(part, str) else asdict(part) for part in saved.parts]
+        return JSONResponse(theirs | {"at": newest.changed_at.isoformat(), "parts": parts}, 409)
+    return JSONResponse({"revision": saved.revision, "author": saved.changed_by, "text": saved.source})
 
 
 @router.post("/aside")

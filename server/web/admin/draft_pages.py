@@ -22,10 +22,11 @@ from server.web.admin.rendering import AdminPage, back_to
 from server.web.admin.researcher_auth import AdminFormDep, OwnDep, form_session
 from server.web.dependencies import WebDep
 from server.web.forms import Form, first, read_form, whole_number
+from server.web.security_headers import OURSELVES
 from server.web.services import ServicesDep
 
 router = APIRouter(prefix="/admin/drafts")
-LARGEST_DRAFT_BYTES: Final = 4 * 1024 * 1024  # of a form: letters outside ASCII take nine bytes there
+LARGEST_DRAFT_BYTES: Final = 9 * 1024 * 1024  # of a form: up to three texts, whose other letters take nine bytes
 _MOST: Final = 2**31  # numbers in the database
 LONGEST_TITLE: Final = 200
 TEMPLATES: Final = {
@@ -148,13 +149,16 @@ async def editor(request: Request, admin: OwnDep, web: WebDep, draft: DraftDep, 
         "source": draft.source,
         "schema": await asyncio.to_thread(_schema),
         "known": await asyncio.to_thread(known_names, sorted(grids)),
+        "kitchens": sorted(grids),
         "author": admin.name,
     }
     page = AdminPage(request, admin)
     # Not the template's filter `tojson`, which sorts keys: the schema has them in the order of the form.
     words = htmlsafe_json_dumps(about, sort_keys=False)
     context: dict[str, Any] = {"draft": draft, "state": state, "opening": mine, "about": words}
-    return page.render("draft.html", tab="drafts", paused=mine is not None and mine.study in paused, **context)
+    paused_now = mine is not None and mine.study in paused
+    response = page.render("draft.html", tab="drafts", paused=paused_now, **context)
+    return page.allow(response, frames=OURSELVES)  # the kitchen editor in a dialog
 
 
 @cache

@@ -13,7 +13,7 @@ from server.store.database import Database
 from server.store.participants import Participant
 from server.store.study_drafts import StudyDraft
 from server.study import drafting
-from server.study.definition import EntryChecks, Study
+from server.study.definition import EntryChecks, KitchenChoice, Study
 from server.study.steps import StudyStep
 from server.web.admin.draft_pages import WholeDraftDep
 from server.web.admin.rendering import AdminPage, back_to
@@ -62,13 +62,9 @@ class PreviewPlace:
         words = ("preview", 0, 1, self.condition, _SEED, position, "active", self.language, True, now, now, None, None)
         return Participant(*words)
 
-    def playable(self, step: StudyStep) -> bool:
-        """Whether a round can be played in a preview: in a bundled kitchen. Models know a kitchen by its name, and one
-        that is still being drawn must not stay with them."""
-        if not step.is_game:
-            return False
-        kitchen = self.study.tutorial.layout if step.kind == "tutorial" else self.study.layout(step.layout)
-        return kitchen.grid is None
+    def kitchen(self, step: StudyStep) -> KitchenChoice:
+        """Where a round or the practice is played."""
+        return self.study.tutorial.layout if step.kind == "tutorial" else self.study.layout(step.layout)
 
 
 def _studied(draft: StudyDraft) -> Study:
@@ -115,16 +111,14 @@ async def step(
     here = place.way[number]
     if not here.is_game:
         return await render_step(made, place.participant(number), None, 200)
-    tutorial = here.kind == "tutorial"
-    kitchen = place.study.tutorial.layout if tutorial else place.study.layout(here.layout)
-    agent = place.study.tutorial.agent.name if tutorial else here.agent
+    kitchen = place.kitchen(here)
+    agent = place.study.tutorial.agent.name if here.kind == "tutorial" else here.agent
     return made.render(
         "participant/preview_game.html",
         step=here,
         kitchen=kitchen,
         agent=agent,
         rows=layout_of(kitchen).text.splitlines(),
-        play=place.playable(here),
     )
 
 

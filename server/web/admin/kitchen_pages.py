@@ -19,6 +19,7 @@ from server.web.admin.rendering import AdminPage, back_to
 from server.web.admin.researcher_auth import AdminFormDep, OwnDep
 from server.web.dependencies import Web, WebDep
 from server.web.forms import Form, first, whole_number
+from server.web.security_headers import OURSELVES
 
 router = APIRouter(prefix="/admin")
 NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,39}")
@@ -39,9 +40,9 @@ async def own_kitchens(request: Request, admin: OwnDep, web: WebDep) -> Response
 
 @router.get("/kitchens/new")
 async def new_kitchen(request: Request, admin: OwnDep) -> Response:
-    """An empty kitchen, or a copy of a bundled one (`copy`)."""
-    copied = request.query_params.get("copy", "")
-    rows = list(load_layout(copied).grid) if copied in layout_names() else list(EMPTY)
+    """An empty kitchen, a copy of a bundled one (`copy`), or one that a draft has typed (`grid`)."""
+    copied, grid = request.query_params.get("copy", ""), request.query_params.get("grid", "")[:LARGEST_TEXT]
+    rows = list(load_layout(copied).grid) if copied in layout_names() else grid.splitlines() or list(EMPTY)
     return _editor(request, admin, "", rows, [], 0)
 
 
@@ -62,10 +63,15 @@ def _editor(
 ) -> Response:
     newest = history[0].version if history else 0
     page = AdminPage(request, admin)
-    start = {"name": name, "rows": rows, "version": newest, "token": page.form_token()}
-    return page.render(
-        "kitchen.html", tab="kitchens", name=name, start=start, history=history, shown=shown, newest=newest
-    )
+    embedded = request.query_params.get("in") == "draft"  # in a dialog of the study builder
+    start = {"name": name, "rows": rows, "version": newest, "token": page.form_token(), "embedded": embedded}
+    context: dict[str, Any] = {"start": start, "history": history, "shown": shown, "newest": newest}
+    context["suggested"] = name or request.query_params.get("name", "")
+    response = page.render("kitchen.html", tab="kitchens", name=name, embedded=embedded, **context)
+    if not embedded:
+        return response
+    response.headers["X-Frame-Options"] = "SAMEORIGIN"
+    return page.allow(response, framed_by=OURSELVES)
 
 
 @router.post("/kitchens/check")

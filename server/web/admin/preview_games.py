@@ -7,6 +7,7 @@ from typing import Final
 from fastapi import WebSocket
 from starlette.requests import HTTPConnection
 
+from server.participation.preview_models import PreviewModels
 from server.participation.seating import ConnectedPlayer
 from server.play.close_codes import CloseCode
 from server.play.episode_spec import EpisodeSpec
@@ -22,8 +23,10 @@ _PLAYER: Final = "kitchenmind.previewing"  # in the scope of a socket: who plays
 class PreviewGames:
     """The games of researchers who try a draft. Each belongs to one socket, and ends when that closes."""
 
-    def __init__(self, make: Callable[[Recorder, Load], Games], is_ours: IsOurs) -> None:
-        """`make`: games with the server's clock and models, and a recorder and a reader of their own."""
+    def __init__(self, make: Callable[[Recorder, Load], Games], is_ours: IsOurs, models: PreviewModels) -> None:
+        """`make`: games with the server's clock and models, and a recorder and a reader of their own. `models`: to load
+        what a game asks, before it."""
+        self.models = models
         self._specs: dict[str, EpisodeSpec] = {}
         self.games = make(Unstored(), self._load)
         self.sockets = Sockets(self.games, self._find, is_ours)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, HTTPException, Request, Response, WebSocket
 from starlette.requests import HTTPConnection
 
-from server.participation.draft_checks import draft_problems, have_models
+from server.participation.draft_checks import draft_problems
 from server.participation.episode_specs import episode_spec, lessons
 from server.play.close_codes import CloseCode
 from server.store.study_drafts import StudyDraft
@@ -47,10 +47,10 @@ AddressDep = Annotated[GameAddress, Depends(_address)]
 
 
 def _game(file: StudyFile, at: GameAddress) -> tuple[PreviewPlace, StudyStep]:
-    """The game at this place. Answers 404 where the draft has none that can be played in a preview."""
+    """The game at this place. Answers 404 where the draft has none."""
     place, number = place_of(file.study, at.condition, at.language), number_of(at.position)
-    if not 0 <= number < len(place.way) or not place.playable(place.way[number]):
-        raise HTTPException(404, "no round of the draft can be played here")
+    if not 0 <= number < len(place.way) or not place.way[number].is_game:
+        raise HTTPException(404, "the draft has no round here")
     return place, place.way[number]
 
 
@@ -69,9 +69,8 @@ async def play(
     here = at.path(number_of(at.position))
     if len(services.games):
         return back_to(here, "preview_players")
-    kitchen = place.study.tutorial.layout if step.kind == "tutorial" else place.study.layout(step.layout)
     try:
-        await have_models(services.models, file, kitchen.name)
+        await services.previews.models.load(file, place.kitchen(step))
     except StudyError as error:
         log.warning("a round of the draft %d cannot be played: %s", at.draft.id, error)
         return back_to(here, "preview_models")
@@ -110,9 +109,19 @@ async def socket_of_game(
         found = _game(file, at) if file else None
     except HTTPException:
         found = None
-    if found is None:
+    if file is None or found is None:
         return await socket.close(CloseCode.NO_GAME)
-    place, step = found
+    await _serve(socket, services, file, *found, at)
+
+
+async def _serve(
+    socket: WebSocket, services: Services, file: StudyFile, place: PreviewPlace, step: StudyStep, at: GameAddress
+) -> None:
     spec = episode_spec(place.study, step, at.condition, at.language)
     following = min(number_of(at.position) + 1, len(place.way) - 1)
-    await services.previews.serve(socket, spec, at.path(following))
+    try:
+        async with services.previews.models.playing(file, place.kitchen(step)) as layout:
+            await services.previews.serve(socket, replace(spec, layout=layout), at.path(following))
+    except StudyError as error:
+        log.warning("a round of the draft %d cannot be played: %s", at.draft.id, error)
+        await socket.close(CloseCode.NO_GAME)

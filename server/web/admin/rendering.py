@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from fastapi import HTTPException, Request
+from fastapi import HTTPException, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 from markupsafe import Markup
 
@@ -12,6 +12,7 @@ from server.study.definition import Study
 from server.web.admin.researcher_auth import form_session
 from server.web.auth import FORM_FIELD
 from server.web.dependencies import Web, web_of
+from server.web.security_headers import policy
 
 SEE_OTHER = 303
 NOT_FOUND = 404
@@ -70,9 +71,16 @@ class AdminPage:
             "here": self.request.url.path,
             "tab": "",
             "study": None,
+            "embedded": False,
         }
         text = self.web.templates.get_template(f"admin/{template}").render(base | context)
         return HTMLResponse(text, status, {"Cache-Control": "no-store"})
+
+    def allow(self, response: Response, **more: str) -> Response:
+        """Let the page do more than others may (see security_headers.policy)."""
+        host = self.request.headers.get("host", "")
+        response.headers.update(policy(host, self.web.csrf.secure, **more))
+        return response
 
     def form_token(self) -> str:
         """What every form of this session must bring back."""

@@ -3,6 +3,7 @@
 import { find, findAll } from '../browser/dom.js';
 import { fieldOf, helpOf, keyOf, show } from './builder-fields.js';
 import { listOf, mapOf } from './builder-items.js';
+import { drawButton, isKitchen } from './builder-kitchens.js';
 import { blank, planOf, shapeOf } from './builder-plan.js';
 import { MissingTexts } from './builder-translations.js';
 import { make } from './elements.js';
@@ -32,7 +33,8 @@ export class DraftForm {
   /**
    * @param {Schema} schema
    * @param {{ change(operation: Operation): void, waits(path: (string | number)[]): boolean,
-   *   suggestions(path: (string | number)[], values: any): string[], markdown(words: string): Promise<string> }} on
+   *   suggestions(path: (string | number)[], values: any): string[], markdown(words: string): Promise<string>,
+   *   draw(path: (string | number)[], kitchen: any): void }} on
    */
   constructor(schema, on) {
     this.schema = schema;
@@ -168,6 +170,11 @@ export class DraftForm {
     });
   }
 
+  /** @param {(string | number)[]} path */
+  valueAt(path) {
+    return path.reduce((value, key) => value?.[key], /** @type {any} */ (this.values));
+  }
+
   context() {
     return {
       root: this.schema,
@@ -179,6 +186,7 @@ export class DraftForm {
       },
       elementOf: (/** @type {PlanNode} */ node) => this.elementOf(node),
       blockOf: (/** @type {PlanNode} */ node) => this.blockOf(node),
+      draw: (/** @type {PlanNode} */ node) => this.on.draw(node.path, undefined),
     };
   }
 
@@ -193,6 +201,10 @@ export class DraftForm {
     const details = this.details(keyOf(node.path), title, inside);
     details.classList.add('group');
     details.dataset.path = keyOf(node.path);
+    if (isKitchen(node.path)) {
+      const open = () => this.on.draw(node.path, this.valueAt(node.path));
+      inside.append(make('div', {}, drawButton('Draw this kitchen…', `draw ${keyOf(node.path)}`, open)));
+    }
     if (node.schema.isOptional) inside.append(this.removerOf(node));
     return details;
   }

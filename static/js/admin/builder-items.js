@@ -1,6 +1,7 @@
 // Lists and blocks with keys in the study builder: adding, removing, renaming, and moving by keyboard or by drag.
 
 import { helpOf, keyOf } from './builder-fields.js';
+import { drawButton } from './builder-kitchens.js';
 import { blank, innerOf, resolved } from './builder-plan.js';
 import { make } from './elements.js';
 
@@ -14,6 +15,7 @@ import { make } from './elements.js';
  * @property {(operation: Operation, focus?: string) => void} act changes the list; `focus`: what has the focus then
  * @property {(node: PlanNode) => HTMLElement} elementOf
  * @property {(node: PlanNode) => HTMLDetailsElement} blockOf
+ * @property {(node: PlanNode) => void} draw draws a kitchen that is added to a list of kitchens
  */
 
 const KEY = /^[a-z][a-z0-9_]{0,39}$/;
@@ -144,7 +146,11 @@ function adders(node, context) {
     if (Array.isArray(node.value)) act({ do: 'insert', index, ...where }, focus);
     else act({ do: 'put', path: node.path, value: [value] }, focus);
   });
-  return make('div', { className: 'add' }, ...(variants.length ? [chosen] : []), button);
+  const more =
+    keyOf(node.path) === keyOf(['layouts'])
+      ? [drawButton('Draw a new kitchen…', `draw ${keyOf(node.path)}`, () => context.draw(node))]
+      : [];
+  return make('div', { className: 'add' }, ...(variants.length ? [chosen] : []), button, ...more);
 }
 
 /**

@@ -3,19 +3,24 @@
 import { local, readJson } from '../browser/storage.js';
 
 /** @typedef {import('./builder-requests.js').DraftRequests} DraftRequests */
-/** @typedef {{ revision: number, text: string, author: string }} Theirs */
-/** @typedef {{ revision: number, text: string }} Kept */
+/** @typedef {{ theirs: string, mine: string }} Contradiction a place that two people changed in two ways */
+/** @typedef {{ revision: number, text: string, author: string, parts?: (string | Contradiction)[] }} Theirs */
+/** @typedef {{ revision: number, text: string, base?: string, sent?: string }} Kept */
 
 const AFTER_MS = 600; // of no typing
 const AT_MOST_MS = 1500; // however much is typed
 const RETRY_MS = 2000;
+const TAKE_IN_AFTER_MS = 200;
+const LARGEST_LAST = 60_000; // bytes that a request may send after its page was closed
+const WITH_OTHERS = 'Saved, with changes that somebody else has made';
 
 export class DraftSaving {
   /**
    * @param {DraftRequests} requests
    * @param {{ id: number, revision: number, source: string, author: string }} about
    * @param {{ state(words: string, isGood: boolean): void, conflict(theirs: Theirs): void,
-   *   saved(revision: number): void }} on
+   *   saved(revision: number): void, isBusy(): boolean, merged(text: string): void }} on `isBusy`: a change of the form
+   *   is not in the text yet; `merged`: show a text that also has the changes of others
    */
   constructor(requests, about, on) {
     this.requests = requests;
@@ -41,7 +46,17 @@ export class DraftSaving {
     const isWhole = typeof found?.text === 'string' && Number.isInteger(found?.revision);
     if (!isWhole || found.text === this.savedText) return null;
     const isOurs = found.sent === this.savedText; // saved, and the answer came after the page was closed
-    return { text: found.text, revision: isOurs ? this.revision : found.revision };
+    return isOurs ? { text: found.text, revision: this.revision } : found;
+  }
+
+  /**
+   * Continue with what this browser kept, which is based on an earlier text than the server's.
+   * @param {Kept} kept with its base
+   */
+  goOnFrom(kept) {
+    this.revision = kept.revision;
+    this.savedText = kept.base ?? '';
+    this.sent = kept.sent ?? this.savedText;
   }
 
   /**
@@ -65,7 +80,8 @@ export class DraftSaving {
   }
 
   keep() {
-    local.setItem(this.key, JSON.stringify({ revision: this.revision, text: this.text, sent: this.sent }));
+    const kept = { revision: this.revision, text: this.text, sent: this.sent, base: this.savedText };
+    local.setItem(this.key, JSON.stringify(kept));
   }
 
   /** @param {number} ms */
@@ -84,10 +100,13 @@ export class DraftSaving {
     const before = this.sent;
     this.sent = sent;
     this.keep();
-    const fields = { text: sent, revision: String(this.revision), note };
+    /** @type {Record<string, string>} */
+    const fields = { text: sent, revision: String(this.revision), note, base: this.savedText };
+    if (before !== this.savedText) fields.before = before; // its answer was lost, so the server may have it
     const { status, body } = await this.requests.post('save', fields);
     this.isSending = false;
-    if (status === 200) this.isSaved(sent, body.revision);
+    if (status === 200 && body.text !== sent) this.isMerged(sent, body);
+    else if (status === 200) this.isSaved(sent, body.revision);
     else if (status === 409 && body.text === before)
       this.isSaved(before, body.revision); // its answer was lost
     else if (status === 409) this.stop(body);
@@ -106,6 +125,24 @@ export class DraftSaving {
       local.removeItem(this.key);
       this.on.state('Saved', true);
     } else this.put(this.text);
+  }
+
+  /**
+   * The server has put what was sent together with what others have saved.
+   * @param {string} sent
+   * @param {{ revision: number, text: string }} theirs
+   */
+  isMerged(sent, theirs) {
+    this.savedText = sent; // both have it: the next text is merged on top of it
+    if (this.text !== sent) this.put(this.text);
+    else if (this.on.isBusy()) this.timer = setTimeout(() => this.isMerged(sent, theirs), TAKE_IN_AFTER_MS);
+    else {
+      this.text = theirs.text;
+      this.sent = theirs.text;
+      this.isSaved(theirs.text, theirs.revision);
+      this.on.merged(theirs.text);
+      this.on.state(WITH_OTHERS, true);
+    }
   }
 
   /** @param {Theirs} theirs */
@@ -140,6 +177,7 @@ export class DraftSaving {
     this.isStopped = false;
     this.revision = theirs.revision;
     this.savedText = theirs.text;
+    this.sent = theirs.text;
     this.text = text;
     if (text === theirs.text) this.isSaved(text, theirs.revision);
     else await this.save('merged');
@@ -147,6 +185,8 @@ export class DraftSaving {
 
   leave() {
     if (this.isStopped || this.text === this.savedText) return;
-    this.requests.sendLast('save', { text: this.text, revision: String(this.revision), note: 'edited' });
+    const fields = { text: this.text, revision: String(this.revision), note: 'edited' };
+    const whole = { ...fields, base: this.savedText };
+    this.requests.sendLast('save', new URLSearchParams(whole).toString().length < LARGEST_LAST ? whole : fields);
   }
 }

@@ -74,6 +74,12 @@ export class DraftSession {
     void this.work();
   }
 
+  /** Check the text once more. */
+  look() {
+    this.mustLook = true;
+    void this.work();
+  }
+
   /** Whether a field has a value that is not yet in the text.
    * @param {Path} path */
   waits(path) {

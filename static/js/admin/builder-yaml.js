@@ -22,14 +22,18 @@ export class YamlPane {
   }
 
   /**
-   * Show a text; the cursor stays in the line and column in which it is.
+   * Show a text; the cursor stays with the words at which it is.
    * @param {string} text
    */
   show(text) {
-    if (this.area.value === text) return;
+    const before = this.area.value;
+    if (before === text) return;
     const { selectionStart, selectionEnd, scrollTop, scrollLeft } = this.area;
     this.area.value = text;
-    this.area.setSelectionRange(selectionStart, selectionEnd);
+    const grown = text.length - before.length;
+    const same = sameAtTheEnd(before, text);
+    const [start, end] = [selectionStart, selectionEnd].map((at) => (before.length - at > same ? at : at + grown));
+    this.area.setSelectionRange(start, end);
     this.area.scrollTop = scrollTop;
     this.area.scrollLeft = scrollLeft;
     this.number();
@@ -67,4 +71,16 @@ export class YamlPane {
     const height = Number.parseFloat(getComputedStyle(this.area).lineHeight);
     this.area.scrollTop = Math.max(0, (line - 5) * height);
   }
+}
+
+/**
+ * How many characters at the end are the same.
+ * @param {string} one
+ * @param {string} other
+ */
+function sameAtTheEnd(one, other) {
+  const most = Math.min(one.length, other.length);
+  let count = 0;
+  while (count < most && one[one.length - 1 - count] === other[other.length - 1 - count]) count++;
+  return count;
 }

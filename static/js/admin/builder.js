@@ -3,7 +3,9 @@
 import { find, findAll } from '../browser/dom.js';
 import { jsonBlock } from '../browser/texts.js';
 import { askForText } from './builder-conflict.js';
+import { keyOf } from './builder-fields.js';
 import { DraftForm } from './builder-form.js';
+import { KitchenDialog } from './builder-kitchens.js';
 import { DraftRequests } from './builder-requests.js';
 import { DraftSaving } from './builder-saving.js';
 import { DraftSession } from './builder-session.js';
@@ -21,12 +23,17 @@ const saving = new DraftSaving(requests, about, {
   state(words, isGood) {
     if (state.textContent !== words) state.textContent = words;
     state.className = isGood ? '' : 'warn';
-    find('#open', HTMLButtonElement).disabled = words !== 'Saved'; // what is opened is what is saved
+    find('#open', HTMLButtonElement).disabled = !words.startsWith('Saved'); // what is opened is what is saved
   },
   saved(revision) {
     find('#open-revision', HTMLInputElement).value = String(revision);
   },
   conflict: (theirs) => void settle(theirs, saving.text),
+  isBusy: () => session.operations.length > 0,
+  merged(text) {
+    session.typed(text);
+    find('#spoken', HTMLElement).textContent = 'Changes that somebody else has made were added.';
+  },
 });
 
 const session = new DraftSession(requests, about.source, {
@@ -55,11 +62,34 @@ const form = new DraftForm(about.schema, {
   change: (operation) => session.change(operation),
   waits: (path) => session.waits(path),
   suggestions,
+  draw: (path, kitchen) => kitchens.open(kitchen, (name) => useKitchen(path, kitchen, name)),
   async markdown(text) {
     const { status, body } = await requests.post('markdown', { text });
     return status === 200 ? body.html : '';
   },
 });
+
+const kitchens = new KitchenDialog(about.kitchens, about.known.layouts);
+
+/**
+ * Name a kitchen that was drawn: where another one was, or as a new one of the list.
+ * @param {(string | number)[]} path of the kitchen, or of the list
+ * @param {any} kitchen as the draft has it
+ * @param {string} name
+ */
+function useKitchen(path, kitchen, name) {
+  if (kitchen === undefined) {
+    const value = { name, title: Object.fromEntries(form.languages.map((language) => [language, name])) };
+    const list = form.valueAt(path);
+    form.focusNext = keyOf([...path, list?.length ?? 0]);
+    if (Array.isArray(list)) session.change({ do: 'insert', path, index: list.length, value });
+    else session.change({ do: 'put', path, value: [value] });
+    return;
+  }
+  if (kitchen.name !== name) session.change({ do: 'put', path: [...path, 'name'], value: name });
+  if (kitchen.grid !== undefined) session.change({ do: 'remove', path: [...path, 'grid'] });
+  session.look(); // the same name may be another grid now
+}
 
 /**
  * Names that can stand at a place of the study.
@@ -132,6 +162,9 @@ const kept = saving.kept();
 if (kept && kept.revision === about.revision) {
   session.typed(kept.text);
   find('#spoken', HTMLElement).textContent = 'Unsaved changes from this browser were restored.';
+} else if (kept?.base !== undefined) {
+  saving.goOnFrom(kept);
+  session.typed(kept.text); // the server adds what others have saved since
 } else if (kept) {
   saving.text = kept.text;
   saving.stop({ revision: about.revision, text: about.source, author: 'Somebody' });

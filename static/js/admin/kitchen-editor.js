@@ -19,7 +19,7 @@ const RETRY_MS = 2000;
 /** @type {Record<string, number>} */
 const ARROWS = { ArrowUp: 0, ArrowDown: 1, ArrowRight: 2, ArrowLeft: 3 };
 
-/** @type {{ name: string, rows: Grid, version: number, token: string }} */
+/** @type {{ name: string, rows: Grid, version: number, token: string, embedded: boolean }} */
 const start = JSON.parse(find('#editor', HTMLElement).dataset.start ?? '');
 const nameField = find('#name', HTMLInputElement);
 const surface = find('#drawing', HTMLElement);
@@ -256,6 +256,7 @@ async function save() {
       return keep();
     }
     local.removeItem(draftKey);
+    if (start.embedded) return window.parent.postMessage({ kitchen: name }, window.location.origin);
     if (isNewName) return window.location.assign(`${root}/admin/kitchen/${name}`);
     find('#saved', HTMLElement).textContent = `Saved as version ${version}`;
   } else if (status === 409 && data.newest) {
@@ -299,6 +300,11 @@ async function take(text, name = '') {
 }
 
 function listen() {
+  if (start.embedded) {
+    addEventListener('keydown', (event) => {
+      if (event.key === 'Escape') window.parent.postMessage({ kitchen: '' }, window.location.origin);
+    });
+  }
   surface.addEventListener('keydown', onKey);
   listenToPointer();
   for (const button of findAll('#palette button', HTMLElement)) {
@@ -352,7 +358,9 @@ function restore() {
   const draft = readJson(local, draftKey, null);
   const isGrid =
     Array.isArray(draft?.rows) && draft.rows.every((/** @type {unknown} */ row) => typeof row === 'string');
-  if (!isGrid || draft.rows.join('\n') === start.rows.join('\n') || window.location.search) return;
+  const given = new URLSearchParams(window.location.search);
+  if (['copy', 'grid', 'version'].some((name) => given.has(name))) return;
+  if (!isGrid || draft.rows.join('\n') === start.rows.join('\n')) return;
   list.add(filledUp(draft.rows));
   if (!start.name && typeof draft.name === 'string') nameField.value = draft.name;
   if (Number.isInteger(draft.version)) version = draft.version;

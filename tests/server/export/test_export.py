@@ -4,17 +4,19 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import polars as pl
+import pyarrow.parquet
 import pytest
 from sqlalchemy import Connection, select
 
 import kitchenmind
 from analysis.spreadsheet import safe_text
 from overcooked.trajectory import read_trajectories
-from server.export import codebook, data_dictionary
+from server.export import codebook, data_dictionary, tick_rows
 from server.export import files as export_files
 from server.export.spreadsheet_text import unescaped
 from server.store import answers, decisions, episodes, participants, studies, tables, ticks
@@ -238,25 +240,57 @@ def test_texts_are_safe_for_spreadsheets_and_numbers_stay_exact(filled: Database
     ],
 )
 def test_escaped_text_comes_back_as_it_was(text: str) -> None:
-    import pyarrow as pa
-
-    escaped: str = export_files.escaped(pa.table({"value": [text]}))["value"][0].as_py()
+    escaped: str = export_files.escaped(pl.DataFrame({"value": [text]}))["value"][0]
     assert unescaped(escaped) == text
     assert safe_text(text) == escaped, "the analysis writes its files by the same rule"
     seen = escaped.lstrip(" \u00a0\u200b\u3000\ufeff")
     assert escaped in ("-1",) or not seen.startswith(tuple("=+-@\t\r\x00＝＋－＠"))
 
 
+def test_a_csv_file_has_quotes_around_texts_alone_and_whole_numbers_without_a_point(tmp_path: Path) -> None:
+    at = datetime(2026, 1, 2, 3, 4, 5, 600, UTC)
+    columns = [["a", 'x"y,\n', "", None], [1, None, -3, 4], [2.0, 0.1, 1e-7, None], [True, None, False, True], [at] * 4]
+    kinds = (pl.String(), pl.Int16(), pl.Float64(), pl.Boolean(), pl.Datetime("us", "UTC"))
+    table = pl.DataFrame([pl.Series(name, *of) for name, *of in zip("tnfba", columns, kinds, strict=True)])
+    with export_files.TableWriter(tmp_path, "csv", "answers", table.schema) as writer:
+        writer.write(table[:2])
+        writer.write(table[2:])
+    assert export_files.table_path(tmp_path, "csv", "answers").read_text("utf-8") == (
+        '"t","n","f","b","a"\n'
+        '"a",1,2,true,2026-01-02 03:04:05.000600Z\n'
+        '"x""y,\n",,0.1,,2026-01-02 03:04:05.000600Z\n'
+        '"",-3,1e-7,false,2026-01-02 03:04:05.000600Z\n'
+        ",4,,true,2026-01-02 03:04:05.000600Z\n"
+    )
+
+
+@of_any_kind
+def test_arrow_as_r_uses_it_reads_the_same_rows_and_types(
+    filled: Database, exported: Exported, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tick_rows, "EPISODES", 1)  # so that the file is put together from several chunks
+    folder = exported()
+    assert list((folder / "parquet").glob("*.part")) == []
+    table = pyarrow.parquet.read_table(folder / "parquet" / "ticks.parquet")
+    kinds = {field.name: str(field.type).removeprefix("large_") for field in table.schema}
+    kinds_of_some = {"episode": "string", "timestep": "int32", "p1_north": "float", "late": "bool"}
+    assert {name: kinds[name] for name in kinds_of_some} == kinds_of_some
+    assert (kinds["action_0"], kinds["made_at"]) == ("int16", "timestamp[us, tz=UTC]")
+    assert table.to_pylist() == parquet(folder, "ticks").to_dicts()
+    rows = csv_rows(folder, "ticks")
+    assert [(row["episode"], int(row["timestep"])) for row in rows] == [
+        (row["episode"], row["timestep"]) for row in table.to_pylist()
+    ]
+
+
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
 def test_no_spreadsheet_of_any_country_finds_a_formula_in_a_text(separator: str, tmp_path: Path) -> None:
     """With a semicolon between cells, as in much of Europe, quotes in the middle of a line protect nothing."""
-    import pyarrow as pa
-
     signs = "=+-@\t\r＝＋－＠"
     texts = [
         f"{before}{sign}1+1" for sign in signs for before in ("", " ", "x;", "x; ", 'x;"', "x\t", "x\n", "x;;", "x;\t")
     ]
-    table = pa.table({"number": range(len(texts)), "text": texts})
+    table = pl.DataFrame({"number": range(len(texts)), "text": texts})
     (tmp_path / "data").mkdir()
     with export_files.TableWriter(tmp_path, "csv", "answers", table.schema) as writer:
         writer.write(table)

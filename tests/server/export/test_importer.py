@@ -7,10 +7,8 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-import pyarrow as pa
-import pyarrow.parquet
+import polars as pl
 import pytest
-from pyarrow import parquet
 
 import kitchenmind
 from server.export.import_checks import write_sums
@@ -113,7 +111,7 @@ def test_export_of_an_earlier_version_without_inputs_is_imported(export: Path, k
     else:
         (export / "parquet" / "inputs.parquet").unlink()
         path = export / "parquet" / "ticks.parquet"
-        parquet.write_table(parquet.read_table(path).drop_columns(["made_at"]), path)
+        pl.read_parquet(path).drop("made_at").write_parquet(path)
     write_sums(export)
     again = f"sqlite:///{tmp_path}/again.db"
     assert kitchenmind.main(["import", str(export), "--database", again]) == 0
@@ -162,10 +160,10 @@ def forged(export: Path, table: str, column: str, value: object, where: Callable
     for name in ("SHA256SUMS", "croissant.json"):
         (export / name).unlink(missing_ok=True)
     path = export / "parquet" / f"{table}.parquet"
-    rows = pa.parquet.read_table(path).to_pylist()
+    rows = pl.read_parquet(path).to_dicts()
     first = next(row for row in rows if where(row))
     first[column] = value
-    pa.parquet.write_table(pa.Table.from_pylist(rows), path)
+    pl.DataFrame(rows, infer_schema_length=None).write_parquet(path)
 
 
 @pytest.mark.parametrize(
@@ -197,10 +195,10 @@ def test_name_that_would_lead_out_of_a_folder_is_refused(
 
 def test_version_that_is_a_path_is_refused(export: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = export / "parquet" / "studies.parquet"
-    rows = pa.parquet.read_table(path).to_pylist()
+    rows = pl.read_parquet(path).to_dicts()
     for row in rows:
         row["study_version"] = "1/../../x"
-    pa.parquet.write_table(pa.Table.from_pylist(rows), path)
+    pl.DataFrame(rows, infer_schema_length=None).write_parquet(path)
     for name in ("SHA256SUMS", "croissant.json"):
         (export / name).unlink(missing_ok=True)
     assert "1/../../x" in refused(export, tmp_path, capsys)
@@ -248,7 +246,7 @@ def test_table_that_was_changed_is_refused(
         path.write_text(path.read_text(encoding="utf-8").replace("-1.5", "-1.6"), encoding="utf-8")
     else:
         path = export / "parquet" / "answers.parquet"
-        pa.parquet.write_table(pa.parquet.read_table(path).slice(1), path)
+        pl.read_parquet(path).slice(1).write_parquet(path)
     assert f"{path} was changed after the export" in refused(export, tmp_path, capsys)
 
 

@@ -58,6 +58,17 @@ def test_who_saves_on_top_of_an_older_revision_hears_of_it_and_loses_nothing(dat
     assert {"hers, later", "both"} <= {source for _, _, source in texts(database, draft)}
 
 
+def test_a_text_that_comes_with_its_base_is_not_set_aside_by_itself(database: Database) -> None:
+    draft = begun(database)
+    saved(database, draft, "mara", "hers", 1)
+    text = DraftText("ben", "his", "one", 1, base="name: one\n")
+    assert isinstance(database.write_now(study_drafts.save, draft, text), DraftConflict)
+    assert [source for _, _, source in texts(database, draft)] == ["hers", "name: one\n"]
+    database.write_now(study_drafts.set_aside, draft, text)
+    was = [database.read_now(study_drafts.was_saved, draft, source) for source in ("hers", "his", "other")]
+    assert was == [True, False, False]
+
+
 def test_the_same_text_sent_twice_is_no_conflict(database: Database) -> None:
     draft = begun(database)
     saved(database, draft, "mara", "a", 1)

@@ -22,6 +22,7 @@ from server.participation.study_versions import StudyVersions
 from server.settings import Settings
 from server.store import audit, kitchens, participants, studies, study_drafts, study_openings
 from server.store.database import Database
+from server.store.study_drafts import DraftText
 from server.study.loader import load_study
 from server.web.admin import draft_routes
 from tests.server.participation.test_study_versions import AddedModels
@@ -201,6 +202,49 @@ def test_of_two_who_edit_the_same_draft_one_gets_both_texts(site: Site) -> None:
     assert {f"{text}# hers\n", f"{text}# his\n"} <= set(kept)
     assert asked(tab, draft, "save", text=f"{text}# both\n", revision="3", note="merged")[0] == 200
     assert source(site, draft) == f"{text}# both\n"
+
+
+def test_changes_of_two_to_different_parts_become_one_text(site: Site) -> None:
+    mara, tab = signed_in(site, "own"), signed_in(site, "own")
+    draft = begun(site, mara)
+    tab.get(f"/admin/drafts/{draft}")
+    text = source(site, draft)
+    hers, his = text.replace("seed: 1", "seed: 2"), f"{text}# his\n"
+    assert asked(mara, draft, "save", text=hers, revision="2", base=text)[0] == 200
+    status, answer = asked(tab, draft, "save", text=his, revision="2", base=text)
+    assert (status, answer["revision"], answer["text"]) == (200, 4, f"{hers}# his\n")
+    assert source(site, draft) == answer["text"]
+    # He has written on before the answer came: what he sent is now the text that both had.
+    status, answer = asked(tab, draft, "save", text=f"{text}# his, longer\n", revision="2", base=his)
+    assert (status, answer["text"]) == (200, f"{hers}# his, longer\n")
+    assert not any(one.note == "set aside" for one in site.database.read_now(study_drafts.history, draft))
+
+
+def test_a_part_that_two_changed_is_a_conflict_of_this_part_alone(site: Site) -> None:
+    mara, tab = signed_in(site, "own"), signed_in(site, "own")
+    draft = begun(site, mara)
+    tab.get(f"/admin/drafts/{draft}")
+    text = source(site, draft)
+    asked(mara, draft, "save", text=text.replace("seed: 1", "seed: 2"), revision="2", base=text)
+    mine = f"{text.replace('seed: 1', 'seed: 3')}# his\n"
+    status, answer = asked(tab, draft, "save", text=mine, revision="2", base=text)
+    before, conflict, after = answer["parts"]
+    assert (status, conflict) == (409, {"theirs": "seed: 21\n", "mine": "seed: 31\n"})
+    assert f"{before}seed: 21\n{after}" == f"{source(site, draft)}# his\n"
+    (kept,) = [one for one in site.database.read_now(study_drafts.history, draft) if one.note == "set aside"]
+    assert kept.source == mine
+
+
+def test_a_page_whose_last_answer_was_lost_has_no_conflict_with_itself(site: Site) -> None:
+    tab = signed_in(site, "own")
+    draft = begun(site, tab)
+    text = source(site, draft)
+    lost = f"{text}# his\n"
+    assert asked(tab, draft, "save", text=lost, revision="2", base=text)[0] == 200
+    hers = DraftText("another", lost.replace("seed: 1", "seed: 2"), "pilot", 3)
+    site.database.write_now(study_drafts.save, draft, hers)
+    status, answer = asked(tab, draft, "save", text=f"{text}# better\n", revision="2", base=text, before=lost)
+    assert (status, answer["text"]) == (200, f"{text.replace('seed: 1', 'seed: 2')}# better\n")
 
 
 def test_an_earlier_text_is_looked_at_and_restored(site: Site) -> None:

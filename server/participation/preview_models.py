@@ -1,0 +1,97 @@
+"""The models that play in the preview of a draft. Those of a kitchen that a draft draws are kept apart from all others:
+the name may belong to another kitchen, in which participants play, and the grid changes while it is drawn."""
+
+import asyncio
+import hashlib
+from collections import Counter
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Final
+
+from models.inference.runner import ModelServer
+from models.inference.supervised_worker import ModelsDown
+from models.inference.wire import APART
+from server.required_models import required_models
+from server.study.definition import KitchenChoice
+from server.study.loader import StudyError, StudyFile
+
+IDLE_S: Final = 300.0  # after which the models of a kitchen that nobody plays in end
+
+
+class PreviewModels:
+    """Loads what a round of a preview asks."""
+
+    def __init__(self, models: ModelServer, idle_s: float = IDLE_S) -> None:
+        self._models, self._idle_s = models, idle_s
+        self._idle: dict[str, asyncio.TimerHandle] = {}  # kitchens of drafts in which nobody plays
+        self._games: Counter[str] = Counter()
+        self._ending: set[asyncio.Task[None]] = set()
+        self._loading = asyncio.Lock()
+
+    async def load(self, file: StudyFile, kitchen: KitchenChoice) -> str:
+        """Load what the study asks in one of its kitchens; return the name by which that kitchen's models are asked.
+        Raises StudyError."""
+        required = required_models([file])
+        own = kitchen.grid is not None
+        layout = f"{kitchen.name}{APART}{_digest(required.grids[kitchen.name])}" if own else kitchen.name
+        agents, predictors = (
+            [(layout, model) for name, model in names if name == kitchen.name]
+            for names in (required.agents, required.predictors)
+        )
+        grids = {layout: required.grids[kitchen.name]} if own else {}
+        async with self._loading:
+            if own:
+                await self._drop(*(other for other in self._idle if other != layout))
+            try:
+                await self._models.add(agents, predictors, grids, required.paths)
+            except ModelsDown as error:
+                raise StudyError([f"{file.source}: {error}"]) from error
+            if own and not self._games[layout]:
+                self._wait(layout)
+        return layout
+
+    @asynccontextmanager
+    async def playing(self, file: StudyFile, kitchen: KitchenChoice) -> AsyncIterator[str]:
+        """Have the models of a kitchen while a round is played in it, as `load`."""
+        layout = await self.load(file, kitchen)
+        if kitchen.grid is None:
+            yield layout
+            return
+        self._games[layout] += 1
+        self._stop_waiting(layout)
+        try:
+            yield layout
+        finally:
+            self._games[layout] -= 1
+            if not self._games[layout]:
+                self._wait(layout)
+
+    def _wait(self, layout: str) -> None:
+        """End the models of a kitchen unless somebody plays in it soon."""
+        self._stop_waiting(layout)
+        self._idle[layout] = asyncio.get_running_loop().call_later(self._idle_s, self._end, layout)
+
+    def _stop_waiting(self, layout: str) -> bool:
+        """Return whether nobody played in the kitchen."""
+        timer = self._idle.pop(layout, None)
+        if timer is not None:
+            timer.cancel()
+        return timer is not None
+
+    def _end(self, layout: str) -> None:
+        task = asyncio.create_task(self._drop_alone(layout))
+        self._ending.add(task)
+        task.add_done_callback(self._ending.discard)
+
+    async def _drop_alone(self, layout: str) -> None:
+        async with self._loading:
+            await self._drop(layout)
+
+    async def _drop(self, *layouts: str) -> None:
+        for layout in layouts:
+            if self._stop_waiting(layout):
+                await self._models.drop(layout)
+
+
+def _digest(grid: str) -> str:
+    return hashlib.sha256(grid.encode()).hexdigest()[:12]
