@@ -52,8 +52,8 @@ format: .venv/.test
 	$(BIN)/ruff format
 	@.ci/lint-scripts format
 
-# The faults at their full number (a thousand kills, an hour of soak) and all cells of foresight take hours:
-# python benchmarks/faults.py, python benchmarks/foresight.py.
+# The faults at their full number (a thousand kills, an hour of soak) take hours, and all cells of foresight take ten
+# minutes or more: python benchmarks/faults.py, python benchmarks/foresight.py.
 # All of them run, also after one that fails.
 bench: .venv/.test
 	@failed=; for script in benchmarks/*.py; do echo "== $$script"; \

@@ -52,7 +52,7 @@ def save(figure: Figure, folder: Path, name: str, simulated: bool = False) -> st
     `simulated`: write into the figure that its participants are."""
     with rc_context({**STYLE, "svg.hashsalt": name}):  # type: ignore[arg-type, dict-item, unused-ignore]
         if simulated:
-            figure.text(0.995, 0.995, LABEL, ha="right", va="top", color=ACCENT, fontsize=7)
+            figure.suptitle(LABEL, x=0.995, ha="right", color=ACCENT, fontsize=7)  # gets room of its own
         figure.savefig(folder / f"{name}.png", dpi=DPI, facecolor=CARD)
         stream = StringIO()
         figure.savefig(stream, format="svg", transparent=True, metadata={"Date": None, "Title": name})

@@ -7,16 +7,17 @@ import polars as pl
 LABEL = "Simulated participants: no evidence about people"
 
 
-def is_simulated(participants: pl.DataFrame) -> pl.Series:
-    """Return for each participant whether it is a bot. Older exports do not say; they are taken for people."""
-    if "simulated" not in participants.columns:
-        return pl.Series("simulated", [False] * participants.height, pl.Boolean)
-    return participants["simulated"].cast(pl.String).str.to_lowercase().eq("true").fill_null(value=False)
+def is_simulated(table: pl.DataFrame) -> pl.Series:
+    """Return for each row whether it is about a bot. Older exports do not say; they are taken for people."""
+    if "simulated" not in table.columns:
+        return pl.Series("simulated", [False] * table.height, pl.Boolean)
+    return table["simulated"].cast(pl.String).str.to_lowercase().eq("true").fill_null(value=False)
 
 
 def without_pooling(raw: Mapping[str, pl.DataFrame]) -> tuple[dict[str, pl.DataFrame], int]:
-    """Return the tables with people only, where there are any, and the number of simulated participants left out."""
+    """Return the tables with people only, or, where there are none, with simulated participants only; and the number
+    of simulated participants left out."""
     simulated = is_simulated(raw["participants"])
-    if simulated.all():
-        return dict(raw), 0
-    return {**raw, "participants": raw["participants"].filter(~simulated)}, int(simulated.sum())
+    rehearsal = bool(simulated.all())
+    chosen = {name: raw[name].filter(is_simulated(raw[name]) == rehearsal) for name in ("participants", "withdrawals")}
+    return {**raw, **chosen}, 0 if rehearsal else int(simulated.sum())

@@ -32,14 +32,15 @@ from overcooked.constants import FLOOR, INTERACT, PLAYERS, SOUP_DELIVERY, STAY, 
 from overcooked.layout import Layout, load_layout  # noqa: E402
 from overcooked.state import Kitchens  # noqa: E402
 from server.bots.foresight.participants import NO_ARROW, SimulatedParticipants  # noqa: E402
-from server.bots.foresight.people import ARROWS, FITTED, Parameters, Variant, described, person  # noqa: E402
+from server.bots.foresight.people import ARROWS, FITTED, VERSION, Parameters, Variant, described, person  # noqa: E402
 
 KITCHENS = ("cramped_room", "asymmetric_advantages", "coordination_ring", "forced_coordination", "counter_circuit")
 RECORDED_TICK_MS = 150.0
 FIGURES = Path(__file__).with_suffix(".json")
 TIMESTEPS = 400
 # How far off, in logarithms, counts one point; collisions first.
-SCALES = {"stay": 0.1, "interact": 0.15, "collisions": 0.2, "soups": 0.12, "rest_after_rest": 0.15}
+SCALES = {"stay": 0.1, "interact": 0.15, "collisions": 0.1, "soups": 0.12, "rest_after_rest": 0.15}
+SIMULATED = 40  # pairs in each kitchen, with which a try is judged
 NATS = 0.02  # of the mean likelihood count one point
 # What is searched, and by how much a try changes it: the standard deviation of the logarithm.
 SEARCHED = {
@@ -47,8 +48,17 @@ SEARCHED = {
     "bump_cost": 0.4, "detour": 0.3, "caution_s": 0.3, "temperature": 0.25, "effort": 0.3, "onion_ahead": 0.3,
     "doubt": 0.4, "still_there": 0.2, "slip": 0.4,
     "boredom_s": 0.3, "dish_ahead": 0.3, "dish": 0.15, "keep": 0.05, "yields": 0.3,
+    "while_waiting": 0.3,
 }  # fmt: skip
-AT_MOST = {"detour": 1.0, "doubt": 1.0, "still_there": 1.0, "keep": 1.0, "yields": 1.0, "pause": 0.95}
+AT_MOST = {
+    "detour": 1.0,
+    "doubt": 1.0,
+    "still_there": 1.0,
+    "keep": 1.0,
+    "yields": 1.0,
+    "pause": 0.95,
+    "while_waiting": 1.0,
+}
 
 
 @dataclass(frozen=True)
@@ -193,7 +203,7 @@ def tries(number: int, folder: Path) -> Iterator[tuple[float, Parameters]]:
     for count in range(len(kept), number):
         draws = np.random.default_rng(count)
         changed = best if count == 0 else changed_at_random(best, draws)
-        found = compared(changed, slice(0, None, 2), 10, 1000, 150)
+        found = compared(changed, slice(0, None, 2), SIMULATED, 1000, 150)
         value = loss(found)
         stored = {"loss": value, "parameters": described(changed), "found": found}
         (folder / f"{count:04}.json").write_text(json.dumps(stored, indent=1), encoding="utf-8")
@@ -229,7 +239,7 @@ def main() -> None:
         parser.error("--quick measures too little to be kept: leave out --write.")
     for value, best in tries(arguments.search, arguments.folder):
         print(f"loss {value:.2f}", json.dumps(described(best)), flush=True)
-    number, timesteps = (2, 20) if arguments.quick else (40, 100_000)
+    number, timesteps = (2, 20) if arguments.quick else (120, 100_000)
     figures = {
         part: compared(FITTED, slice(first, None, 2), number, 50_000, timesteps)
         for first, part in enumerate(("fitted games", "held-out games"))
@@ -241,7 +251,10 @@ def main() -> None:
             for fact in SCALES:
                 print(f"    {fact:<16} people {cell['people'][fact]:7.3f}   simulated {cell['simulated'][fact]:7.3f}")
     if arguments.write:
-        FIGURES.write_text(json.dumps(figures | {"parameters": described(FITTED)}, indent=1) + "\n", encoding="utf-8")
+        FIGURES.write_text(
+            json.dumps(figures | {"version": VERSION, "parameters": described(FITTED)}, indent=1) + "\n",
+            encoding="utf-8",
+        )
 
 
 if __name__ == "__main__":

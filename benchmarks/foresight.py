@@ -32,7 +32,7 @@ from benchmarks.support.foresight_games import NONE, RANDOM, SEED, TOM, TRUE, VA
 from models.agents.catalogue import agent_sha256  # noqa: E402
 from overcooked.constants import HORIZON  # noqa: E402
 from overcooked.layout import load_layout  # noqa: E402
-from server.bots.foresight.people import FITTED, described  # noqa: E402
+from server.bots.foresight.people import FITTED, VERSION, described  # noqa: E402
 from server.required_models import fingerprint  # noqa: E402
 
 FIGURES, DOCUMENT = Path(__file__).with_suffix(".json"), ROOT / "docs" / "explanation" / "foresight.md"
@@ -82,6 +82,7 @@ def measured(
             "seed": SEED,
             "agent": agent_sha256(cell.agent, load_layout(cell.layout)),
             "predictor": fingerprint(cell.layout, f"{cell.agent}_predictor_stream") if cell.shown == TOM else None,
+            "version": VERSION,
             "parameters": json.loads(json.dumps(described(FITTED))),
         }
         stored = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
@@ -181,7 +182,8 @@ def rendered(figures: Mapping[str, Any], fit: Mapping[str, Any]) -> str:
     """Return the tables of the document, markers included."""
     title = {name: name.replace("_", " ").title() for name in LAYOUTS}
     main, pooled, kinds = figures["main"], figures["pooled"], (RANDOM, TOM, TRUE)
-    lines = [BEGIN, f"Measured on {figures['processor']}; seed {figures['seed']}.", ""]
+    version = figures["version"]
+    lines = [BEGIN, f"Simulated participants of version {version}; {figures['processor']}; seed {figures['seed']}.", ""]
     if figures["missing"]:
         lines += [f"{figures['missing']} of {len(list(cells()))} cells are not yet played.", ""]
     lines += ["Points of 400 timesteps, and paired differences from no predictions with 95 % intervals:", ""]
@@ -264,7 +266,7 @@ def main() -> None:
     episodes, horizon = (dict.fromkeys(number, 2), 20) if arguments.quick else (number, HORIZON)
     folder = arguments.folder / "quick" if arguments.quick else arguments.folder
     found = measured(folder, episodes, horizon, not arguments.tables)
-    figures = Summary(found).figures() | {"processor": processor(), "seed": SEED}
+    figures = Summary(found).figures() | {"processor": processor(), "seed": SEED, "version": VERSION}
     fit = json.loads(FITTED_FIGURES.read_text(encoding="utf-8"))
     print(json.dumps(figures, indent=1) if arguments.json else rendered(figures, fit))
     if arguments.write:

@@ -31,6 +31,7 @@ WITHDRAWALS = ExportTable(
         *STUDY,
         text("condition", "Arm of the study."),
         Column("position", "integer", "Index of the participant's last step.", bits=32),
+        Column("simulated", "boolean", "True: a bot, not a person. Empty in data of an earlier version: not known."),
         time("withdrawn_at", "When."),
     ),
 )

@@ -72,7 +72,7 @@ def arrival_rows(chosen: Selection) -> Rows:
 
 def withdrawal_rows(chosen: Selection) -> Rows:
     w = withdrawals.c
-    query = select(*_STUDY, w.condition, w.position, w.withdrawn_at).join_from(withdrawals, studies)
+    query = select(*_STUDY, w.condition, w.position, w.simulated, w.withdrawn_at).join_from(withdrawals, studies)
     return (tuple(row) for row in chosen.rows(query.order_by(w.id), w.study_id))
 
 

@@ -88,6 +88,7 @@ class Dashboard:
             "people": [self._row(person, shown) | {"quality": quality.get(person.id, {})} for person in rows],
             "tab": tab,
             "here": overview.here_now(connection, study_ids),
+            "simulated": overview.simulated(connection, study_ids),
             "minutes": [round(_quantile(took, part), 1) for part in (0.25, 0.5, 0.75)] if took else None,
             "arms": arms_of(study, held, names, blind),
             "flow": flow_of(study, held),

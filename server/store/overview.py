@@ -105,6 +105,12 @@ def here_now(connection: Connection, study_ids: Sequence[int]) -> int:
     return int(connection.execute(query.where(_p.last_seen_at > datetime.now(UTC) - HERE)).scalar_one())
 
 
+def simulated(connection: Connection, study_ids: Sequence[int]) -> int:
+    """How many participants are bots."""
+    query = select(func.count()).where(_p.study_id.in_(study_ids), _p.simulated)
+    return int(connection.execute(query).scalar_one())
+
+
 def minutes(connection: Connection, study_ids: Sequence[int], most: int = 500) -> list[float]:
     """How long the last participants took from consent to the end, shortest first."""
     query = select(_p.started_at, _p.completed_at).where(_p.study_id.in_(study_ids), _p.completed_at.is_not(None))

@@ -83,6 +83,7 @@ withdrawals = Table(
     column("study_id", Integer, ForeignKey("studies.id"), index=True, meaning="Study version."),
     column("condition", KEY, meaning="Arm of the participant."),
     column("position", Integer, meaning="Index of the step at which the participant left."),
+    column("simulated", Boolean, nullable=True, meaning="True: a bot. Empty in rows of an earlier version: not known."),
     time("withdrawn_at", "When. All other data of the participant are deleted."),
 )
 

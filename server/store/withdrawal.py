@@ -22,6 +22,8 @@ from server.store.tables import (
     withdrawals,
 )
 
+_KEPT = tuple(participants.c[name] for name in ("study_id", "condition", "position", "simulated"))
+
 
 @dataclass(frozen=True)
 class Deletion:
@@ -35,16 +37,14 @@ class Deletion:
 
 
 def withdraw(connection: Connection, participant_id: str, deletion: Deletion | None = None) -> bool:
-    """Delete the participant from every table; False if there is none. What counts later: condition, step and time.
-    A tombstone stays, so that an older export does not bring the person back.
+    """Delete the participant from every table; False if there is none. What counts later: condition, step,
+    time, and whether it was a bot. A tombstone stays, so that an older export does not bring the person back.
 
     Episodes go with their ticks, also those played with another participant. On SQLite the deleted content is
     overwritten in the file; on PostgreSQL it is gone from the files after the next VACUUM.
     """
     here = participants.c.id == participant_id
-    row = connection.execute(
-        select(participants.c.study_id, participants.c.condition, participants.c.position).where(here)
-    ).first()
+    row = connection.execute(select(*_KEPT).where(here)).first()
     if row is None:
         return False
     connection.execute(delete(exclusions).where(exclusions.c.participant_id == participant_id))
@@ -56,8 +56,7 @@ def withdraw(connection: Connection, participant_id: str, deletion: Deletion | N
     audit.forget(connection, participant_id)
     deletion = deletion or Deletion()
     at = deletion.at or datetime.now(UTC)
-    kept = {"study_id": row.study_id, "condition": row.condition, "position": row.position}
-    connection.execute(withdrawals.insert().values(withdrawn_at=at, **kept))
+    connection.execute(withdrawals.insert().values(withdrawn_at=at, **row._mapping))
     if deletion.at is None:
         tombstones.keep(connection, participant_id, at)
     audit.add(connection, deletion.actor, deletion.action, {"study": row.study_id} | dict(deletion.detail))

@@ -1,5 +1,6 @@
 """Simulated participants are never pooled with people, and everything made from them says what they are."""
 
+import shutil
 from pathlib import Path
 
 import polars as pl
@@ -53,6 +54,25 @@ def test_every_figure_of_a_rehearsal_says_that_it_is_simulated(tmp_path: Path) -
     assert len(figures) >= 4
     assert [path.name for path in figures if LABEL not in path.read_text(encoding="utf-8")] == []
     assert "built so that foresight can help" in report.page.read_text(encoding="utf-8")
+
+
+def withdrew(folder: Path, simulated: list[bool | None]) -> None:
+    """Add participants of the first arm who withdrew: bots (True), people (False), or as an older export says it."""
+    study = pl.read_parquet(folder / "participants.parquet").select("study", "condition").head(1)
+    rows = pl.concat([study.with_columns(simulated=pl.lit(one, pl.Boolean)) for one in simulated])
+    rows.write_parquet(folder / "withdrawals.parquet")
+
+
+def test_bots_that_withdrew_are_not_counted_with_people(mixed: tuple[Path, list[str]], tmp_path: Path) -> None:
+    folder = shutil.copytree(mixed[0], tmp_path / "export")
+    withdrew(folder, [True, False, None])
+    assert read_export(folder).withdrawals["simulated"].to_list() == [False, None]
+
+
+def test_people_who_withdrew_are_not_counted_in_a_rehearsal(tmp_path: Path) -> None:
+    write_export(Truth(participants=5, timesteps=20), tmp_path)
+    withdrew(tmp_path, [True, False])
+    assert read_export(tmp_path).withdrawals["simulated"].to_list() == [True]
 
 
 def test_csv_says_it_in_words(mixed: tuple[Path, list[str]], tmp_path: Path) -> None:

@@ -64,7 +64,7 @@ def test_tables_say_what_is_not_yet_played(foresight: ModuleType) -> None:
     cell = foresight.Cell("matrix", "sp", "none")
     figures = foresight.Summary({cell.name: {"points": [20, 40], "collisions": [1, 3], "accuracy": [np.nan] * 2}})
     text = foresight.rendered(
-        figures.figures() | {"processor": "x", "seed": 1}, {"fitted games": {}, "held-out games": {}}
+        figures.figures() | {"processor": "x", "seed": 1, "version": 2}, {"fitted games": {}, "held-out games": {}}
     )
     assert "| Matrix | SP | 30 | not yet played |" in text
     assert "cells are not yet played" in text

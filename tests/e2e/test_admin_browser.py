@@ -116,6 +116,7 @@ def test_a_running_game_is_seen_paused_and_let_go_on(page: Page) -> None:
     expect(card).to_have_count(1)
     expect(page.locator("#people tr")).to_have_count(1)
     expect(page.locator("#people")).to_contain_text("hidden")
+    expect(page.locator("#simulated")).to_have_text("1 simulated participant: no evidence about people")
     is_accessible(page)
     card.click()
     page.wait_for_selector("#game[data-ready=yes]", state="attached")

@@ -28,6 +28,7 @@ class KitchenMap(NamedTuple):
     between: NDArray[np.int64]  # (s, s): ticks from having used one to facing the other
     ahead: NDArray[np.int64]  # (c, 4): the cell that a move leads to; the same one where something blocks
     around: NDArray[np.int16]  # (c, s, c, 4): `reach` where nobody can walk through the first cell; empty: too large
+    shared: NDArray[np.int64]  # (s,): 1 where two chefs can use the station at once, from different cells
     crowded: NDArray[np.int64]  # (c,): how many stations but counters are next to the cell
     usable: NDArray[np.int64]  # (c, tiles): 1 where a chef in that cell can get to such a tile
 
@@ -64,12 +65,13 @@ def _made(layout: Layout) -> KitchenMap:
         usable[ticks.min(1) < FAR, kind[station]] = 1
     between = np.array([[ticks[near].min() for ticks in reach] for near in faces], np.int64)
     np.fill_diagonal(between, 0)
+    shared = (faces.any(2).sum(1) > 1).astype(np.int64)
     around = reach[None, :0]
     if tiles.size <= _LARGEST_WITH_DETOURS:
         around = np.stack([_ways(np.where(ahead == cell, _stay(ahead), ahead), faces) for cell in range(tiles.size)])
     return KitchenMap(
         layout.tiles, layout.pots, layout.counters, np.array(cells, np.int64), kind, reach, first, between, ahead,
-        around, crowded, usable,
+        around, shared, crowded, usable,
     )  # fmt: skip
 
 

@@ -26,6 +26,7 @@ DRAW, WANDER = 201, 202  # purposes of chance
 _WANDERS: Final = 8  # timesteps that a bored participant walks elsewhere, at most
 _AWAY: Final = 3  # ticks to the place where it walks, at least
 _TRIES: Final = 0.5  # chance of a random move while blocked
+_USE_AND_LEAVE: Final = 2  # ticks that somebody who faces a station needs the cell in front of it
 
 
 @kernel
@@ -100,13 +101,29 @@ def _target_now(kitchen, mind, players, contents, inside, cell):
 
 
 @kernel
-def _limits(mind, wanted_by_partner, chosen, out):
+def _ticks_until_turn(kitchen, mind, inside, target, me, partner, held):
+    """Return the ticks until the partner has used the target and left, 0 if nobody has to wait for that.
+
+    If the partner seems to be on its way to the same station and can use it at once, and only one cell is next to that,
+    a participant who is not nearer waits. `me`, `partner`: (cell, facing); `held`: by the partner.
+    """
+    if target < 0 or target != mind.partner_station or kitchen.shared[target] == 1:
+        return 0
+    theirs, own = kitchen.reach[target, partner[0], partner[1]], kitchen.reach[target, me[0], me[1]]
+    first = theirs <= own and ticks_to_wait(kitchen.kind[target], inside[target], held) <= theirs
+    return theirs + _USE_AND_LEAVE if first else 0
+
+
+@kernel
+def _limits(mind, waits, wanted_by_partner, chosen, out):
     """Fill `out` with what comes of the chosen action's probabilities: rests, slips, and tries while blocked.
 
-    `wanted_by_partner` (0-1): how sure the partner wants the own cell next; then one does not rest there as often.
+    `waits`: nothing useful can be done yet. `wanted_by_partner` (0-1): how sure the partner wants the own cell next;
+    then one does not rest there as often.
     """
     acts = mind.act_after_action if mind.acted == 1 else mind.act_after_rest
     acts *= 1.0 - mind.pause * mind.pause_kept ** (mind.now - mind.hand_since)
+    acts *= mind.while_waiting if waits else 1.0
     acts += (1.0 - acts) * mind.yields * wanted_by_partner
     tries = _TRIES if mind.blocked >= mind.patience else 0.0
     for action in range(ACTIONS):
@@ -135,12 +152,16 @@ def think(kitchen, mind, memory, players, contents, now, actions, arrows, out):
     cell, facing = me[X] * contents.shape[1] + me[Y], np.int64(me[FACING])
     target = _target_now(kitchen, mind, believed, imagined, inside, cell)
     wait = ticks_to_wait(kitchen.kind[target], inside[target], me[HELD]) if target >= 0 else 0
+    other = believed[1 - mind.seat]
+    partner = (cells[0], np.int64(other[FACING]))
+    wait = max(wait, _ticks_until_turn(kitchen, mind, inside, target, (cell, facing), partner, other[HELD]))
     costs, chosen = np.empty(ACTIONS), np.empty(ACTIONS)
     seen = memory.players[mind.seen % FRAMES, 1 - mind.seat]
     seen_cell = seen[X] * contents.shape[1] + seen[Y]
     action_costs(kitchen, mind, (cell, facing), target, wait, seen_cell, cells, sures, costs)
     soft_choice(costs, mind.temperature, chosen)
-    _limits(mind, sures[0] if cells[1] == cell else 0.0, chosen, out)
+    waits = target < 0 or wait > kitchen.reach[target, cell, facing]
+    _limits(mind, waits, sures[0] if cells[1] == cell else 0.0, chosen, out)
 
 
 @kernel

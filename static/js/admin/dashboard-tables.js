@@ -34,7 +34,7 @@ function showValue(id, value, unit = '') {
 }
 
 /** @type {(figures: Researcher.Figures, page: Page) => void} */
-function showKeyNumbers({ arms, here, minutes, machine, accuracy }, { cardOf }) {
+function showKeyNumbers({ arms, here, simulated, minutes, machine, accuracy }, { cardOf }) {
   /** @param {'completed' | 'active' | 'dropped'} name */
   const sum = (name) => arms.reduce((total, arm) => total + arm[name], 0);
   const targets = arms.flatMap((arm) => (arm.target === null ? [] : [arm.target]));
@@ -42,6 +42,9 @@ function showKeyNumbers({ arms, here, minutes, machine, accuracy }, { cardOf }) 
   const consented = sum('completed') + sum('active') + sum('dropped');
   showValue('k-games', cardOf.size);
   place('k-here').textContent = `${here} ${here === 1 ? 'person' : 'people'} in the study now`;
+  place('simulated').hidden = simulated === 0;
+  const bots = simulated === 1 ? 'participant' : 'participants';
+  place('simulated').textContent = `${simulated} simulated ${bots}: no evidence about people`;
   showValue('k-completed', sum('completed'), target === null ? '' : `of ${target}`);
   place('k-active').textContent = `${sum('active')} in progress`;
   showValue('k-dropped', sum('dropped'), `of ${consented}`);

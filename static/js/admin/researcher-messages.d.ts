@@ -108,6 +108,7 @@ declare namespace Researcher {
     stored: Partial<Record<string, number>>;
     minutes: [number, number, number] | null;
     here: number;
+    simulated: number;
     people: Person[];
     troubles: ClientError[];
     alerts: Alert[];

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import kitchenmind
 from overcooked.constants import (
+    DISH,
     FACING,
     INTERACT,
     NOTHING,
@@ -38,6 +39,7 @@ from tests.support.browser.fake_game_server import welcome
 
 STUDY = Path(__file__).parents[3] / "studies" / "external_predictor.yaml"
 RING = load_layout("coordination_ring")
+CRAMPED = load_layout("cramped_room")
 STILL = (STAY, STAY)
 # Somebody who never rests, slips or hesitates: what it does shows what it believes.
 SHARP = replace(
@@ -211,6 +213,33 @@ def test_who_stands_in_the_partner_s_way_makes_room() -> None:
             now.timestep += 1
         stays.append(float(one.probabilities[0, STAY]))
     assert stays[0] <= stays[1]
+
+
+def probabilities(layout: Layout, own: tuple[int, ...], partner: tuple[int, ...], pots: int) -> NDArray[np.float64]:
+    """What somebody does in this place (x, y, facing, held) after the partner stood there for some timesteps."""
+    kitchens = Kitchens.start(layout)
+    one = alone(layout, variant=Variant(parameters=SHARP, delay=1, repeats=True))
+    kitchens.players[0] = (own, partner)
+    for x, y in layout.pots:
+        kitchens.contents[0, x, y] = pots
+    for _ in range(3):
+        one.act(kitchens, np.array([STILL]), np.full((1, ARROWS), NO_ARROW))
+        kitchens.timestep += 1
+    return one.probabilities[0]
+
+
+def test_somebody_who_waits_for_a_soup_stands_still() -> None:
+    own, away = (2, 1, 0, DISH), (1, 2, 1, NOTHING)
+    waits, lifts = (probabilities(CRAMPED, own, away, inside) for inside in (READY - 10, READY))
+    assert waits[STAY] > 0.8
+    assert lifts[INTERACT] > 0.8
+
+
+@pytest.mark.parametrize(("partner", "goes"), [((1, 1, 2, ONION), False), ((1, 1, 2, DISH), True)])
+def test_somebody_lets_a_partner_who_is_as_near_use_the_only_cell_first(partner: tuple[int, ...], goes: bool) -> None:
+    """The partner stands still, and carries an onion to the same pot, or a dish, for which there is no soup yet."""
+    west = probabilities(CRAMPED, (3, 1, 3, ONION), partner, 0)[3]
+    assert (west > 0.8) if goes else (west < 0.2)
 
 
 def test_nobody_sees_the_partner_earlier_than_its_delay() -> None:

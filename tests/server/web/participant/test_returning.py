@@ -8,7 +8,7 @@ from urllib.parse import quote
 import pytest
 
 from server.participation.recruiter_links import recruitment_of
-from server.store import participants
+from server.store import overview, participants
 from server.store.tables import RECRUITMENT_ID
 from server.store.tables import participants as table
 from server.web.auth import BOT_MARK, bot_mark
@@ -297,3 +297,4 @@ def test_on_a_public_server_only_who_knows_its_secret_is_a_bot(
         fields[BOT_MARK] = bot_mark(web.csrf.secret, fields["visit"]) if mark == "right" else mark
     visitor.send("/s/small/consent", fields)
     assert site.only("small").simulated is is_bot
+    assert site.database.read_now(overview.simulated, (site.only("small").study_id,)) == is_bot, "the dashboard says it"

@@ -3,9 +3,11 @@
 import re
 from pathlib import Path
 
+from sqlalchemy import select
 from sqlalchemy import text as sql
 
 from server.store import events, participants
+from server.store.tables import withdrawals
 from tests.support.page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
 from tests.support.small_site import rows, walk_to
 
@@ -79,6 +81,7 @@ def test_withdrawal_deletes_the_participant_and_leaves_a_count(site: Site) -> No
     assert "Your data have been deleted" in page.text
     assert site.everybody("small") == []
     assert rows(site)["withdrawals"] == 1
+    assert site.database.read_now(lambda connection: connection.scalar(select(withdrawals.c.simulated))) is False
     assert rows(site)["answers"] == rows(site)["episodes"] == rows(site)["visits"] == 0
     assert visitor.get("/s/small/now").url.path == "/s/small"
     assert site.database.read_now(participants.get, before) is None
