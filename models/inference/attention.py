@@ -18,7 +18,7 @@ def warm() -> None:
     ones = np.ones((1, 2), np.float32)
     norm(ones, ones[0], ones[0])
     token = np.zeros(1, np.int64)
-    look_back(
+    cached_attention(
         np.ones((1, 3, 1, 2), np.float32), np.ones((1, 1, 2, 1, 2), np.float32), token, token, ones[:, :1], ones[:, :1]
     )
 
@@ -44,10 +44,10 @@ def norm(x, weight, bias):
 
 
 @_kernel
-def look_back(qkv, ring, slots, timesteps, cosine, sine):
+def cached_attention(qkv, ring, slots, timesteps, cosine, sine):
     """One new token a game looks at itself and at what the ring keeps; its key and value join the ring.
 
-    `qkv` (games, 3, heads, dim), `ring` (slots, look_back, 2, heads, dim), `cosine`, `sine` (games, dim / 2): the
+    `qkv` (games, 3, heads, dim), `ring` (slots, window, 2, heads, dim), `cosine`, `sine` (games, dim / 2): the
     rotation of each game's timestep. Gives (games, heads * dim).
     """
     games, _, heads, dim = qkv.shape

@@ -116,7 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
         **partners_met(collected),
         "settings": settings,
     }
-    result = write_predictor(out, trained, layout, target, load_episodes(games, TEST, layout, trained.eyes), how)
+    result = write_predictor(out, trained, layout, target, load_episodes(games, TEST, layout, trained.encoder), how)
     print(f"{out}: {result.accuracy.mean:.1%} on partners never seen (ceiling of step 1: {result.ceiling:.1%})")
     if not arguments.no_intentions and not stopped:
         add_with_progress(out, games, intention_settings(arguments.preset), out)
