@@ -55,7 +55,9 @@ def step_by_step(predictor, observations, actions):
 def in_one_piece(made, observations, actions):
     """(games, timesteps, 3, 6): the network as training calls it."""
     games, timesteps = observations.shape[:2]
-    features = made.encoder(torch.from_numpy(observations.reshape(-1, *observations.shape[2:]))).view(games, timesteps, -1)
+    features = made.encoder(torch.from_numpy(observations.reshape(-1, *observations.shape[2:]))).view(
+        games, timesteps, -1
+    )
     if made.config.form == "stream":
         return made(features, torch.from_numpy(one_hot(actions))).softmax(-1).numpy()
     answers = []
@@ -132,7 +134,9 @@ def test_saved_predictor_answers_as_before_and_knows_its_accuracy(tmp_path):
 def said_in_one_piece(made, observations, actions):
     """The two likeliest classes, their probabilities and median timesteps of the last state: (games, 2, 3)."""
     games, timesteps = observations.shape[:2]
-    features = made.encoder(torch.from_numpy(observations.reshape(-1, *observations.shape[2:]))).view(games, timesteps, -1)
+    features = made.encoder(torch.from_numpy(observations.reshape(-1, *observations.shape[2:]))).view(
+        games, timesteps, -1
+    )
     if made.config.form == "stream":
         tokens = made.tokens_of_all_layers(features, torch.from_numpy(one_hot(actions)))[:, -1]
     else:
