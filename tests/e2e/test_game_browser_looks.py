@@ -138,7 +138,7 @@ def test_the_end_leads_nowhere_outside(chromium: Browser, server: FakeGameServer
         assert page.get_attribute("#over-next", "href") == "/"
 
 
-def test_sound_is_off_until_it_is_wanted_and_the_wish_is_kept(chromium: Browser, server: FakeGameServer) -> None:
+def test_sound_is_off_until_it_is_wanted_and_the_choice_is_kept(chromium: Browser, server: FakeGameServer) -> None:
     with opened(chromium, server, viewport=DESKTOP) as page:
         start(page, server, kitchen(t=195, **MOMENT))
         assert page.get_attribute("#sound", "aria-pressed") == "false"
@@ -159,8 +159,8 @@ def test_sound_is_off_until_it_is_wanted_and_the_wish_is_kept(chromium: Browser,
 )
 def test_a_browser_that_cannot_make_sound_plays_on(chromium: Browser, server: FakeGameServer, broken: str) -> None:
     with opened(chromium, server, viewport=DESKTOP) as page:
-        troubles: list[str] = []
-        page.on("pageerror", lambda error: troubles.append(str(error)))
+        errors: list[str] = []
+        page.on("pageerror", lambda error: errors.append(str(error)))
         page.evaluate(f"() => {{ {broken}; }}")
         page.wait_for_selector("#start:visible")
         page.evaluate("document.querySelector('#sound').click()")
@@ -171,7 +171,7 @@ def test_a_browser_that_cannot_make_sound_plays_on(chromium: Browser, server: Fa
         server.send(tick(kitchen(t=195, **MOMENT)))
         page.wait_for_selector("#count", state="hidden")
         assert page.get_attribute("#sound", "aria-pressed") == "true"
-        assert troubles == []
+        assert errors == []
 
 
 def test_the_page_speaks_chinese(chromium: Browser, server: FakeGameServer) -> None:
