@@ -105,9 +105,7 @@ def card(network: PredictorNetwork, layout: Layout, target: Target, result: Eval
         if config.form == "window"
         else f"causal, one token a timestep, each of {config.layers} layers looks back {config.look_back} timesteps"
     )
-    encoder = (
-        "pretrained convolutions, frozen" if config.eyes == "cnn" else "the entries of the encoding that can change"
-    )
+    encoder = "pretrained convolutions, frozen" if config.eyes == "cnn" else "the entries that can change"
     rows = [
         ("accuracy", result.accuracy), ("repeat the last action", result.repeat),
         ("most frequent action", result.frequent), ("accuracy, nobody stuck", result.free),

@@ -230,7 +230,8 @@ function personFlags(row, card) {
   if (row.excluded) flags.push(['excluded', 'bad']);
   if (drop) flags.push([`${drop} to drop`, 'bad']);
   if (look) flags.push([`${look} to review`, 'warn']);
-  if (row.client_errors) flags.push([`${row.client_errors} browser error${row.client_errors === 1 ? '' : 's'}`, 'warn']);
+  if (row.client_errors)
+    flags.push([`${row.client_errors} browser error${row.client_errors === 1 ? '' : 's'}`, 'warn']);
   return flags.map(([text, level]) => make('span', { className: `flag ${level}`, text }));
 }
 
@@ -247,5 +248,7 @@ function showClientErrors(rows, study) {
     const time = make('time', { text: new Date(at).toLocaleTimeString() });
     return make('li', { className: 'warn' }, make('div', {}, make('b', {}, link), ` ${text}`), time);
   });
-  place('client-errors').replaceChildren(...(items.length ? items : [make('li', { className: 'none', text: 'None.' })]));
+  place('client-errors').replaceChildren(
+    ...(items.length ? items : [make('li', { className: 'none', text: 'None.' })]),
+  );
 }
