@@ -31,7 +31,7 @@ setup: .venv/.complete
 serve: .venv/.serving
 	@$(BIN)/kitchenmind serve $(ARGS)
 
-test: .venv/.test system
+test: .venv/.compiled system
 	$(BIN)/python -m pytest -n $(PYTEST_WORKERS) --dist loadfile --no-loadscope-reorder -m "not slow" $(ARGS)
 
 test-slow: .venv/.test
@@ -114,4 +114,11 @@ clean:
 .venv/.test: .venv/.torch
 	@echo "Installing what the tests need ..."
 	@$(PIP) --editable ".[training,analysis,test]"
+	@touch $@
+
+# Once, and not by every worker of the tests at the same time: the bytecode of all that they import, and the kernels.
+.venv/.compiled: .venv/.test
+	@echo "Compiling what the tests load (half a minute, once) ..."
+	@$(BIN)/python -m pytest --collect-only > /dev/null 2>&1 & \
+	  $(BIN)/python -m pytest tests/overcooked/test_vector_env.py > /dev/null 2>&1; wait
 	@touch $@

@@ -62,8 +62,8 @@ def anova(
     for layout, agent in places:
         found = [values for values in groups.at(layout, agent, conditions).values() if values.size]
         base = Result("reward", "anova", layout, agent, n=sum(group.size for group in found))
-        if trouble := effects.can_compare(found):
-            yield replace(base, note=trouble)
+        if problem := effects.can_compare(found):
+            yield replace(base, note=problem)
             continue
         yield computed(_anova, base, found)
         welch = replace(base, test="welch_anova")
@@ -71,8 +71,8 @@ def anova(
         yield replace(welch, note="no variance within a condition") if flat else computed(_welch_anova, welch, found)
         means = [values for values in people.at(layout, agent, conditions).values() if values.size]
         base = replace(base, test="anova_people", n=sum(group.size for group in means), unit="people")
-        if trouble := effects.can_compare(means):
-            yield replace(base, note=trouble)
+        if problem := effects.can_compare(means):
+            yield replace(base, note=problem)
         else:
             yield computed(_anova, base, means)
 
@@ -111,8 +111,8 @@ def _welch_anova(base: Result, groups: Sequence[Values]) -> Result:
 def t_test(base: Result, first: Values, second: Values) -> Result:
     """Student's two-sided test of first - second put into `base`, with Hedges' g; or why there is none."""
     base = replace(base, n=first.size + second.size)
-    if trouble := effects.can_compare([first, second]):
-        return replace(base, note=trouble)
+    if problem := effects.can_compare([first, second]):
+        return replace(base, note=problem)
     return computed(_t_test, base, first, second)
 
 
@@ -142,8 +142,8 @@ def _t_test(base: Result, first: Values, second: Values) -> Result:
 def welch_t_test(base: Result, first: Values, second: Values) -> Result:
     """The t-test that does not assume equal variances, next to Cliff's delta, which assumes no distribution at all."""
     base = replace(base, n=first.size + second.size)
-    if trouble := effects.can_compare([first, second]):
-        return replace(base, note=trouble)
+    if problem := effects.can_compare([first, second]):
+        return replace(base, note=problem)
     return computed(_welch_t_test, base, first, second)
 
 

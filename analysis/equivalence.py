@@ -62,8 +62,8 @@ def claim_rows(base: Result, pair: tuple[str, str], first: Values, second: Value
     """Return the rows `equivalence` and `difference` of first - second within -bound and bound."""
     base = replace(base, contrast=" - ".join(pair), n=first.size + second.size)
     difference = compare.welch_t_test(replace(base, test="difference"), first, second)
-    if trouble := effects.can_compare([first, second]):
-        return [replace(base, note=trouble), difference]
+    if problem := effects.can_compare([first, second]):
+        return [replace(base, note=problem), difference]
     row = computed(_two_one_sided, base, first, second, bound)
     return [row if row.note else replace(row, note=f"within {bound:g} points"), difference]
 

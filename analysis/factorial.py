@@ -121,8 +121,8 @@ def of_measure(cells: FactorialCells, question: str) -> list[Result]:
     """Return tests, marginal means and simple effects of one measure; one row with the reason where there are none."""
     n = sum(values.size for values in cells.values)
     base = Result(SECTION, "anova", ALL, ALL, question=question, n=n, unit="people")
-    if trouble := trouble_with(cells):
-        return [replace(base, note=trouble)]
+    if problem := problem_with(cells):
+        return [replace(base, note=problem)]
     rows = []
     for term in terms(cells.factors):
         named = replace(base, contrast=BY.join(term))
@@ -143,7 +143,7 @@ def difference_words(factors: Factors, term: Sequence[str]) -> str:
     return BY.join(f"({factors[name][1]} - {factors[name][0]})" for name in term)
 
 
-def trouble_with(cells: FactorialCells) -> str:
+def problem_with(cells: FactorialCells) -> str:
     """Return why no effect can be tested; empty where it can."""
     for name, values in zip(cells.names, cells.values, strict=True):
         if not values.size:

@@ -101,8 +101,8 @@ def repeated_rows(export: Export, episodes: pl.DataFrame, answers: pl.DataFrame)
 def of_repeated(cells: RepeatedCells, question: str) -> list[Result]:
     """Return tests, marginal means and simple effects of one measure; one row with the reason where there are none."""
     base = Result(factorial.SECTION, "anova", "all", "all", question=question, n=cells.people, unit="people")
-    if trouble := trouble_with(cells):
-        return [replace(base, note=trouble)]
+    if problem := problem_with(cells):
+        return [replace(base, note=problem)]
     rows = []
     for term in factorial.terms(cells.factors):
         named = replace(base, contrast=factorial.BY.join(term))
@@ -113,7 +113,7 @@ def of_repeated(cells: RepeatedCells, question: str) -> list[Result]:
     return [*rows, *_marginal_means(replace(base, test="marginal_mean"), cells), *_simple_effects(base, cells)]
 
 
-def trouble_with(cells: RepeatedCells) -> str:
+def problem_with(cells: RepeatedCells) -> str:
     """Return why no effect can be tested; empty where it can."""
     present = {between for between, _ in cells.groups}
     for levels in product(*cells.outer.values()):

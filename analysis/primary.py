@@ -49,8 +49,8 @@ def of_effect(declared: DeclaredTest, cells: factorial.FactorialCells | factoria
     """Return the declared effect of these cells: F, and where it is one difference, that with its t-test."""
     how: Any = factorial_within if isinstance(cells, factorial_within.RepeatedCells) else factorial
     base = _base(declared, cells.people)
-    if trouble := how.trouble_with(cells):
-        return replace(base, note=trouble)
+    if problem := how.problem_with(cells):
+        return replace(base, note=problem)
     row = computed(how.tested, base, cells, declared.effect)
     if np.isnan(row.p):
         return row
@@ -101,8 +101,8 @@ def values_of_episodes(
 def compared(declared: DeclaredTest, first: Values, second: Values) -> Result:
     """Return the declared test of first - second."""
     base = _base(declared, first.size + second.size)
-    if trouble := effects.can_compare([first, second]):
-        return replace(base, note=trouble)
+    if problem := effects.can_compare([first, second]):
+        return replace(base, note=problem)
     look = look_at(declared, base.n)
     if declared.looks and look is None:
         return replace(base, note=f"before the first declared look, which is at {declared.looks[0]} people")

@@ -119,8 +119,8 @@ def _published(part: People, agent: str, draws: int, seed: int) -> Result:
     present = np.unique(part.condition[part.person])
     groups = [part.values[part.condition[part.person] == arm] for arm in present]
     base = Result("reward", "kruskal_wallis", ALL, agent, n=part.values.size)
-    if trouble := effects.can_compare(groups):
-        return replace(base, note=trouble)
+    if problem := effects.can_compare(groups):
+        return replace(base, note=problem)
 
     return computed(_kruskal, base, groups, epsilon_interval(part, draws, seed), _said(part, draws))
 

@@ -9,6 +9,7 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -110,6 +111,7 @@ def _asked(analysis: Analysis) -> list[Result]:
     return sorted(first.values(), key=lambda row: order.index(row.question))
 
 
+@cache
 def _environment() -> Environment:
     """The template's surroundings: every value is escaped, numbers and names are written as in a paper."""
     environment = Environment(

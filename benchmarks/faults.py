@@ -65,8 +65,8 @@ def scenarios(quick: bool, kills: int, kill_s: float, first: int) -> Iterator[tu
     yield 19, lambda folder: abuse.flood(folder, 3 if q else 15, SHIFT_MS)
     yield 19, lambda folder: abuse.neighbours(folder, 6 if q else 20, 10, SHIFT_MS)
     yield 20, lambda folder: abuse.idle_connections(folder, 200 if q else 5000, b"")
-    yield 23, lambda folder: model.troubled(folder, "Slow", 3 if q else 10)
-    yield 24, lambda folder: model.troubled(folder, "SometimesNothing", 3 if q else 10)
+    yield 23, lambda folder: model.faulty(folder, "Slow", 3 if q else 10)
+    yield 24, lambda folder: model.faulty(folder, "SometimesNothing", 3 if q else 10)
     yield 24, lambda folder: process.worker_kills(folder, 1 if q else 10, 5)
     yield 25, lambda folder: people.clock_jumps(folder, 0.3)
     yield 26, database.second_server

@@ -79,7 +79,9 @@ def _agent_rate(layout: Layout, games: int, seconds: float) -> dict[str, Any]:
 def _predictor_rate(layout: Layout, form: str, seconds: float) -> dict[str, Any]:
     """Updates per second of a predictor's training."""
     network = PredictorNetwork(layout, PredictorConfig(form=form, eyes="cnn"))
-    trainer = PredictorTrainer(network, TrainingConfig(), _made_up(network.eyes.size), _made_up(network.eyes.size))
+    trainer = PredictorTrainer(
+        network, TrainingConfig(), _made_up(network.encoder.size), _made_up(network.encoder.size)
+    )
     trainer.step()
     began, before = time.perf_counter(), trainer.update
     while time.perf_counter() - began < seconds:

@@ -18,14 +18,14 @@ from overcooked.state import Kitchens
 from training.collect import Shard, read_manifest, read_shard
 
 NONE = -1  # a label beyond the end of an episode
-_AT_ONCE = 20_000  # states that go through the eyes together
+_AT_ONCE = 20_000  # states that go through the encoder together
 
 
 @dataclass(frozen=True)
 class Episodes:
     """E episodes of one kitchen, each of T timesteps."""
 
-    features: torch.Tensor  # (E, T, size) float16: what the eyes make of each state as the target sees it
+    features: torch.Tensor  # (E, T, size) float16: what the encoder makes of each state as the target sees it
     before: NDArray[np.int8]  # (E, T, 2): the joint action that led to the state, target first; -1 at the start
     own: NDArray[np.int8]  # (E, T): the action taken in the state
     certainty: NDArray[np.float32]  # (E, T): the largest probability of that action's distribution
@@ -53,13 +53,13 @@ def _coming(actions: NDArray[np.int8]) -> NDArray[np.int64]:
     return labels
 
 
-def load_episodes(folder: Path, split: str, layout: Layout, eyes: Encoder) -> Episodes:
+def load_episodes(folder: Path, split: str, layout: Layout, encoder: Encoder) -> Episodes:
     """All collected games of a split. Raises ValueError where there are none."""
     shards = {name: facts for name, facts in read_manifest(folder)["shards"].items() if facts["split"] == split}
     if not shards:
         raise ValueError(f"{folder}: no partner is kept for {split}. Collect with at least 3 partner agents.")
     return joined(
-        [episodes_of(read_shard(folder, name, facts["sha256"]), layout, eyes) for name, facts in shards.items()]
+        [episodes_of(read_shard(folder, name, facts["sha256"]), layout, encoder) for name, facts in shards.items()]
     )
 
 
@@ -71,7 +71,7 @@ def joined(parts: Sequence[Episodes]) -> Episodes:
     )
 
 
-def episodes_of(shard: Shard, layout: Layout, eyes: Encoder) -> Episodes:
+def episodes_of(shard: Shard, layout: Layout, encoder: Encoder) -> Episodes:
     """One partner's games, cut into episodes."""
     timesteps = min(HORIZON, shard["timestep"].shape[1])
     episodes = shard["timestep"].shape[1] // timesteps
@@ -84,24 +84,24 @@ def episodes_of(shard: Shard, layout: Layout, eyes: Encoder) -> Episodes:
     before = np.full(cut["actions"].shape, NONE, np.int8)
     before[:, 1:] = cut["actions"][:, :-1]
     certainty = cut["law"].max(-1).astype(np.float32)
-    return Episodes(_features(cut, seat, layout, eyes), before, cut["actions"][..., 0], certainty, cut["stuck"])
+    return Episodes(_features(cut, seat, layout, encoder), before, cut["actions"][..., 0], certainty, cut["stuck"])
 
 
 @torch.inference_mode()
-def _features(cut: Shard, seat: NDArray[np.int8], layout: Layout, eyes: Encoder) -> torch.Tensor:
+def _features(cut: Shard, seat: NDArray[np.int8], layout: Layout, encoder: Encoder) -> torch.Tensor:
     """(E, T, size) float16."""
     episodes, timesteps = cut["timestep"].shape
     seats = np.repeat(seat, timesteps)
     players = cut["players"].reshape(-1, PLAYERS, 4)
     contents = cut["contents"].reshape(-1, layout.width, layout.height)
     clock = cut["timestep"].reshape(-1).astype(np.int32)
-    device = next(iter([*eyes.parameters(), *eyes.buffers()])).device
+    device = next(iter([*encoder.parameters(), *encoder.buffers()])).device
     parts = []
     for first in range(0, len(clock), _AT_ONCE):
         some = slice(first, first + _AT_ONCE)
         kitchens = Kitchens(layout, players[some].copy(), contents[some].copy(), clock[some])
         seen = kitchens.encode()[np.arange(kitchens.games), seats[some]]
-        parts.append(eyes(torch.from_numpy(seen).to(device)).half().cpu())
+        parts.append(encoder(torch.from_numpy(seen).to(device)).half().cpu())
     return torch.cat(parts).view(episodes, timesteps, -1)
 
 

@@ -48,7 +48,7 @@ def said_intentions(
 
 def _of_shard(network: PredictorNetwork, shard: Shard, layout: Layout, frequent: FrequentNext) -> SaidIntentions:
     labels = labels_of(shard, layout)
-    tokens = over_all_states(network, episodes_of(shard, layout, network.eyes), network.tokens_of_all_layers)
+    tokens = over_all_states(network, episodes_of(shard, layout, network.encoder), network.tokens_of_all_layers)
     known = labels.classes != UNKNOWN
     asked = np.isin(labels.steps, BEFORE) & known
     nearest = np.full(labels.classes.shape, UNKNOWN)

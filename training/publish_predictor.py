@@ -59,9 +59,9 @@ def partners_in(split: str, layout: Layout, population: Path | Sequence[Partner]
 def games_of(
     layout: Layout, target: Target, partners: list[Partner], network: PredictorNetwork, plan: CollectionPlan
 ) -> Episodes:
-    """Games with each of these partners, as the network's eyes see them."""
+    """Games with each of these partners, as the network's encoder sees them."""
     return joined(
-        [episodes_of(games_with(layout, target, partner, plan), layout, network.eyes) for partner in partners]
+        [episodes_of(games_with(layout, target, partner, plan), layout, network.encoder) for partner in partners]
     )
 
 
@@ -105,7 +105,7 @@ def card(network: PredictorNetwork, layout: Layout, target: Target, result: Eval
         if config.form == "window"
         else f"causal, one token a timestep, each of {config.layers} layers looks back {config.look_back} timesteps"
     )
-    eyes = "pretrained convolutions, frozen" if config.eyes == "cnn" else "the entries of the encoding that can change"
+    encoder = "pretrained convolutions, frozen" if config.eyes == "cnn" else "the entries that can change"
     rows = [
         ("accuracy", result.accuracy), ("repeat the last action", result.repeat),
         ("most frequent action", result.frequent), ("accuracy, nobody stuck", result.free),
@@ -114,7 +114,7 @@ def card(network: PredictorNetwork, layout: Layout, target: Target, result: Eval
     lines = [
         f"# Predictor of {target.name} on {layout.name} ({config.form})",
         "",
-        f"Predicts the agent's next 3 actions from what both chefs did: {form}. Eyes: {eyes}.",
+        f"Predicts the agent's next 3 actions from what both chefs did: {form}. Encoder: {encoder}.",
         f"The agent acts with temperature {mode.temperature:g}, {mode.stuck_mix:.0%} of the probability on the",
         f"four moves after {mode.stuck_after} timesteps without a change of its own cell, facing or hand.",
         f"Agent sha256: {target.sha256[:16]}.",

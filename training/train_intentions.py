@@ -66,7 +66,7 @@ def states_of(shards: list[Shard], layout: Layout, network: PredictorNetwork) ->
     parts = []
     for shard in shards:
         labels = labels_of(shard, layout)
-        tokens = over_all_states(network, episodes_of(shard, layout, network.eyes), network.tokens_of_all_layers)
+        tokens = over_all_states(network, episodes_of(shard, layout, network.encoder), network.tokens_of_all_layers)
         known = torch.from_numpy(labels.classes != UNKNOWN)
         parts.append(
             (tokens[known].half(), torch.from_numpy(labels.classes)[known], torch.from_numpy(labels.steps)[known])

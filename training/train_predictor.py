@@ -212,14 +212,14 @@ def prepared(
     learner = PredictorNetwork(layout, network)
     if begin_with is not None:
         _take_weights(learner, begin_with)
-    if learner.eyes.convolutions is not None:
+    if learner.encoder.convolutions is not None:
         if encoder_from is None:
             raise ValueError("encoder = cnn: name the agent whose convolutions it has, --encoder-from FOLDER.")
         agent = load_network(encoder_from)
         if not isinstance(agent, CnnPolicy):
             raise ValueError(f"{encoder_from}: has no convolutions. Give an agent trained with network = cnn.")
-        learner.eyes.convolutions.load_state_dict(agent.features.state_dict())
-    episodes = [load_episodes(games, split, layout, learner.eyes) for split in (TRAIN, VALIDATION)]
+        learner.encoder.convolutions.load_state_dict(agent.features.state_dict())
+    episodes = [load_episodes(games, split, layout, learner.encoder) for split in (TRAIN, VALIDATION)]
     return PredictorTrainer(learner, config, episodes[0], episodes[1])
 
 

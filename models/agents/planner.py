@@ -7,8 +7,8 @@ import numpy as np
 
 from models.agents import kitchen_needs
 from models.agents.observation_parser import Cell, ParsedObservation, Walk, certain, distances, parse_observation
+from models.agents.planner_handover import goals as handing_over_goals
 from models.agents.planner_handover import must_hand_over
-from models.agents.planner_handover import wishes as handing_over_wishes
 from models.protocols import Mode, Observations, Probabilities
 from overcooked.constants import ACTIONS, DISH, INTERACT, NOTHING, ONION, SOUP, STAY, STEP_X, STEP_Y
 
@@ -32,37 +32,37 @@ def _action(seen: ParsedObservation) -> int:
 
 
 def next_walk(seen: ParsedObservation) -> Walk | None:
-    """Return the way to the nearest station that makes sense: the first wish that can be reached decides."""
+    """Return the way to the nearest station that makes sense: the first goal that can be reached decides."""
     around = distances(seen.floor, seen.me, seen.other)
     through = distances(seen.floor, seen.me, None)  # as if the other would step aside
-    wishes = _wishes(seen)
+    goals = _goals(seen)
     if must_hand_over(seen, through):
-        wishes = handing_over_wishes(seen, through, distances(seen.floor, seen.other, None))
-    for wish in wishes:
+        goals = handing_over_goals(seen, through, distances(seen.floor, seen.other, None))
+    for goal in goals:
         for reached in (around, through):
-            walk = _nearest(seen, reached, wish)
+            walk = _nearest(seen, reached, goal)
             if walk is not None:
                 return walk
     return None
 
 
-def _wishes(seen: ParsedObservation) -> list[tuple[Cell, ...]]:
+def _goals(seen: ParsedObservation) -> list[tuple[Cell, ...]]:
     """Groups of cells to use, the most wanted first."""
     if seen.held == NOTHING:
-        return _wishes_of_an_empty_hand(seen)
+        return _goals_of_an_empty_hand(seen)
     places = kitchen_needs.places_for_what_is_held(seen)
     return [*places, seen.free_counters] if seen.held == ONION or not places else places
 
 
-def _wishes_of_an_empty_hand(seen: ParsedObservation) -> list[tuple[Cell, ...]]:
+def _goals_of_an_empty_hand(seen: ParsedObservation) -> list[tuple[Cell, ...]]:
     lying = {item: tuple(cell for cell, here in seen.items.items() if here == item) for item in (ONION, DISH, SOUP)}
     missing = kitchen_needs.missing_onions(seen)
-    wishes = [lying[SOUP]] if lying[SOUP] else []
+    goals = [lying[SOUP]] if lying[SOUP] else []
     if kitchen_needs.soups_without_dish(seen) > 0 and (kitchen_needs.is_dish_urgent(seen) or missing <= 0):
-        return [*wishes, lying[DISH] + seen.dishes]
+        return [*goals, lying[DISH] + seen.dishes]
     if missing > 0:
-        return [*wishes, seen.onions + lying[ONION]]
-    return wishes
+        return [*goals, seen.onions + lying[ONION]]
+    return goals
 
 
 def _nearest(seen: ParsedObservation, reached: dict[Cell, tuple[int, int]], cells: tuple[Cell, ...]) -> Walk | None:

@@ -18,7 +18,7 @@ def must_hand_over(seen: ParsedObservation, mine: Collection[Cell]) -> bool:
     return not all(_within(stations, mine) for stations in (pots, seen.onions, seen.dishes, seen.exits))
 
 
-def wishes(seen: ParsedObservation, mine: Collection[Cell], theirs: Collection[Cell]) -> list[tuple[Cell, ...]]:
+def goals(seen: ParsedObservation, mine: Collection[Cell], theirs: Collection[Cell]) -> list[tuple[Cell, ...]]:
     """Groups of cells to use, the most wanted first. `theirs`: cells that the other chef can walk to."""
     shared = [cell for cell in (*seen.free_counters, *seen.items) if _touches(cell, mine) and _touches(cell, theirs)]
     free = tuple(cell for cell in shared if cell not in seen.items)

@@ -19,7 +19,7 @@ def warm() -> None:
     norm(ones, ones[0], ones[0])
     token = np.zeros(1, np.int64)
     rings = np.ones((1, 1, 2, 1), np.float32), np.ones((1, 1, 1, 2), np.float32)
-    look_back(np.ones((1, 3, 1, 2), np.float32), *rings, token, token, ones[:, :1], ones[:, :1])
+    cached_attention(np.ones((1, 3, 1, 2), np.float32), *rings, token, token, ones[:, :1], ones[:, :1])
 
 
 @_kernel
@@ -43,7 +43,7 @@ def norm(x, weight, bias):
 
 
 @_kernel
-def look_back(qkv, keys, values, slots, timesteps, cosine, sine):
+def cached_attention(qkv, keys, values, slots, timesteps, cosine, sine):
     """One new token a game looks at itself and at what is kept; its key and value join them.
 
     `qkv` (games, 3, heads, dim), `keys` (slots, heads, dim, look_back), `values` (slots, heads, look_back, dim): rings

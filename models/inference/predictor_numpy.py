@@ -1,4 +1,4 @@
-"""The predictor's two forms at work: timestep by timestep, many games at once, everything that can be kept is kept.
+"""Run the predictor's two forms timestep by timestep, for many games at once, with caches for whatever can be kept.
 
 Numpy and a few compiled loops: for the few rows of a tick, torch's own overhead would cost more than the network.
 `models.networks.predictor` has the network; a test holds the two to the same answers.
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.inference.attention import look_back, window_attention
+from models.inference.attention import cached_attention, window_attention
 from models.inference.convolutions_numpy import NumpyConvolutions
 from models.inference.intentions_numpy import NumpyIntentions
 from models.inference.layers_numpy import Floats, Linear, NamedWeights
@@ -40,17 +40,17 @@ class _Layer:
         self._before_attention = weights.norm(f"{name}.before_attention")
         self._qkv, self._out = weights.linear(f"{name}.qkv"), weights.linear(f"{name}.out")
         self._before_feed_forward = weights.norm(f"{name}.before_feed_forward")
-        self._widen, self._narrow = weights.linear(f"{name}.widen"), weights.linear(f"{name}.narrow")
+        self._fc1, self._fc2 = weights.linear(f"{name}.widen"), weights.linear(f"{name}.narrow")
 
     def qkv(self, x: Floats) -> Floats:
         return self._qkv(self._before_attention(x))
 
-    def go_on(self, x: Floats, seen: Floats) -> Floats:
-        """From what came in and what the attention saw to the next layer, both (rows, hidden)."""
+    def apply_residual(self, x: Floats, seen: Floats) -> Floats:
+        """Add the attention's output, then the feed-forward part's, to the layer's input; all (rows, hidden)."""
         x = x + self._out(seen)
-        wide = self._widen(self._before_feed_forward(x))
+        wide = self._fc1(self._before_feed_forward(x))
         np.maximum(wide, 0, out=wide)
-        x += self._narrow(wide)
+        x += self._fc2(wide)
         return x
 
 
@@ -58,12 +58,12 @@ class _Games:
     """What both forms have: the network around its layers, and arrays with a row a slot, which grow when a slot beyond
     the last is begun."""
 
-    def __init__(self, config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], eyes: "_Encoder") -> None:
+    def __init__(self, config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], encoder: "_Encoder") -> None:
         weights = NamedWeights(tensors)
-        self._eyes, self._heads, self._hidden = eyes, config.heads, config.hidden
+        self._encoder, self._heads, self._hidden = encoder, config.heads, config.hidden
         self.memory = config.memory
         state, token, action = (weights.linear(name) for name in ("state", "token", "action"))
-        self._state = Linear(state.weight * eyes.scale[:, None], state.bias)
+        self._state = Linear(state.weight * encoder.scale[:, None], state.bias)
         self._token_of_state = token.weight[: config.state_width]
         # What each joint action adds to its token, (49, hidden), see `_joint_index`; -1 (none) is all zeros.
         hot = np.concatenate([np.zeros((1, ACTIONS), np.float32), np.eye(ACTIONS, dtype=np.float32)])
@@ -100,7 +100,7 @@ class _Games:
 
     def _state_tokens(self, observations: Observations) -> Floats:
         """(games, hidden): what a state adds to its token."""
-        state = self._state(self._eyes.look(observations))
+        state = self._state(self._encoder.look(observations))
         np.maximum(state, 0, out=state)
         return state @ self._token_of_state
 
@@ -119,10 +119,10 @@ def _joint_index(actions: NDArray[np.integer[Any]]) -> NDArray[np.intp]:
 
 
 class StreamPredictor(_Games):
-    """The stream form at work: a ring of keys and values a layer and game, one token a timestep."""
+    """Run the stream form: a ring of keys and values for each layer and game, one token a timestep."""
 
-    def __init__(self, config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], eyes: "_Encoder") -> None:
-        super().__init__(config, tensors, eyes)
+    def __init__(self, config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], encoder: "_Encoder") -> None:
+        super().__init__(config, tensors, encoder)
         dim = config.hidden // config.heads
         self._speeds = np.exp(-np.log(ROTARY_BASE) * np.arange(dim // 2) / (dim // 2)).astype(np.float32)
         keys = np.zeros((0, config.heads, dim, config.look_back), np.float32)
@@ -141,7 +141,7 @@ class StreamPredictor(_Games):
         x = self._state_tokens(observations) + self._token_of_action[_joint_index(last_actions)]
         for layer, keys, values in zip(self._layers, rings[::2], rings[1::2], strict=True):
             qkv = layer.qkv(x).reshape(len(x), 3, self._heads, -1)
-            x = layer.go_on(x, look_back(qkv, keys, values, slots, now, cosine, sine))
+            x = layer.apply_residual(x, cached_attention(qkv, keys, values, slots, now, cosine, sine))
             self._tokens.append(x)
         return self._probabilities(x)
 
@@ -149,8 +149,8 @@ class StreamPredictor(_Games):
 class WindowPredictor(_Games):
     """Run the window form: keep what each state adds to its token, and run the transformer over ten tokens again."""
 
-    def __init__(self, config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], eyes: "_Encoder") -> None:
-        super().__init__(config, tensors, eyes)
+    def __init__(self, config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], encoder: "_Encoder") -> None:
+        super().__init__(config, tensors, encoder)
         self._position = NamedWeights(tensors).array("position")
         states, actions = np.zeros((0, HISTORY, config.hidden), np.float32), np.zeros((0, HISTORY), np.intp)
         self._kept = [np.zeros(0, np.int64), states, actions]  # how many of the last states there are, these, actions
@@ -169,10 +169,10 @@ class WindowPredictor(_Games):
         for layer in before:
             flat = x.reshape(-1, self._hidden)
             seen = self._look(layer.qkv(flat), counts[slots], 0)
-            x = layer.go_on(flat, seen.reshape(-1, self._hidden)).reshape(x.shape)
+            x = layer.apply_residual(flat, seen.reshape(-1, self._hidden)).reshape(x.shape)
             self._tokens.append(x[:, -1])
         seen = self._look(last.qkv(x.reshape(-1, self._hidden)), counts[slots], HISTORY - 1)  # nobody reads the others
-        self._tokens.append(last.go_on(x[:, -1], seen[:, 0]))
+        self._tokens.append(last.apply_residual(x[:, -1], seen[:, 0]))
         return self._probabilities(self._tokens[-1])
 
     def _look(self, qkv: Floats, present: NDArray[np.int64], first_query: int) -> Floats:
@@ -188,16 +188,16 @@ class _Encoder:
     scale: Floats
 
 
-def _eyes(config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], layout: Layout) -> _Encoder:
+def _encoder_of(config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], layout: Layout) -> _Encoder:
     if config.eyes == "cnn":
-        return _lent_eyes(tensors, layout)
+        return _pretrained_encoder(tensors, layout)
     columns, largest = varying_columns(layout)
     return _Encoder(lambda seen: seen.reshape(len(seen), -1)[:, columns].astype(np.float32), np.float32(1) / largest)
 
 
-def _lent_eyes(tensors: Mapping[str, NDArray[Any]], layout: Layout) -> _Encoder:
-    of_eyes = "eyes.convolutions.convolutions."
-    mine = {name.removeprefix(of_eyes): array for name, array in tensors.items() if name.startswith(of_eyes)}
+def _pretrained_encoder(tensors: Mapping[str, NDArray[Any]], layout: Layout) -> _Encoder:
+    prefix = "eyes.convolutions.convolutions."
+    mine = {name.removeprefix(prefix): array for name, array in tensors.items() if name.startswith(prefix)}
     features = NumpyConvolutions(mine, layout.width, layout.height)
     return _Encoder(features, np.ones(features.size, np.float32))
 
@@ -211,7 +211,7 @@ def at_work(
     """A network, given by its weights, as a predictor; `intentions`: what decoder of intentions it has. Raises KeyError
     or ValueError where they do not belong together."""
     form = StreamPredictor if config.form == "stream" else WindowPredictor
-    predictor = form(config, tensors, _eyes(config, tensors, layout))
+    predictor = form(config, tensors, _encoder_of(config, tensors, layout))
     if intentions is not None:
         predictor.say_intentions(NumpyIntentions(NamedWeights(tensors), layout))
     return predictor

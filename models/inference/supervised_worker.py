@@ -227,8 +227,8 @@ class SupervisedWorker:
                 await asyncio.sleep(0.05)
             try:
                 return await (self._spares.pop(0) if self._spares else WorkerProcess(self._load).start())
-            except ModelsDown as trouble:
-                log.error("a model worker does not start again: %s", trouble)
+            except ModelsDown as error:
+                log.error("a model worker does not start again: %s", error)
 
     def _fill_spares(self) -> None:
         while len(self._spares) < self._spares_wanted:

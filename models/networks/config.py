@@ -32,15 +32,16 @@ class PredictorConfig:
     """Which transformer; frozen with the weights. Numbers without a comment are the paper's."""
 
     form: str = "stream"  # or "window"
-    eyes: str = "columns"  # the entries of the encoding that can change; or "cnn": pretrained convolutions, frozen
+    # The encoder: the entries of the encoding that can change; or "cnn", pretrained convolutions, frozen.
+    eyes: str = "columns"
     filters: int = 25  # of each pretrained convolution
     hidden: int = 128
     layers: int = 4
     heads: int = 8
     feed_forward: int = 512  # the paper is silent
-    state_width: int = 256  # between the eyes and the tokens; the paper is silent
+    state_width: int = 256  # between the encoder and the tokens; the paper is silent
     action_width: int = 32  # of a joint action's embedding; the paper is silent
-    look_back: int = 16  # stream: timesteps that a layer sees, the current one included
+    look_back: int = 16  # stream, the attention window: timesteps that a layer sees, the current one included
     dropout: float = 0.1  # while training
 
     @property

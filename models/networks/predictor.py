@@ -1,6 +1,6 @@
 """The Theory-of-Mind predictor: the paper's transformer, whole, in two forms behind one interface.
 
-`window`, the paper's: the last 10 states through the eyes and 10 joint actions (the current one zero), encoder only,
+`window`, the paper's: the last 10 states through the encoder and 10 joint actions (the current one zero), encoder only,
 the last token answers. `stream`: causal, each layer looks back a fixed number of timesteps, so that a timestep costs
 one token where keys and values are kept (models.inference.predictor_numpy).
 """
@@ -50,7 +50,7 @@ class Encoder(nn.Module):
             self.register_buffer("scale", torch.from_numpy(1 / largest), persistent=False)
             self.size = len(columns)
         else:
-            raise ValueError(f"eyes {config.eyes!r} are unknown. Known: columns, cnn.")
+            raise ValueError(f"encoder {config.eyes!r} is unknown. Known: columns, cnn.")
         self.requires_grad_(False)
 
     def forward(self, observations: Tensor) -> Tensor:
@@ -69,6 +69,7 @@ class Layer(nn.Module):
         self.qkv = nn.Linear(config.hidden, 3 * config.hidden)
         self.out = nn.Linear(config.hidden, config.hidden)
         self.before_feed_forward = nn.LayerNorm(config.hidden)
+        # Stored with the weights, these two and `eyes` below keep their names.
         self.widen = nn.Linear(config.hidden, config.feed_forward)
         self.narrow = nn.Linear(config.feed_forward, config.hidden)
 
@@ -108,7 +109,7 @@ class PredictorNetwork(nn.Module):
             raise ValueError(f"form {config.form!r} is unknown. Known: window, stream.")
         self.config = config
         self.eyes = Encoder(layout, config)
-        self.state = nn.Linear(self.eyes.size, config.state_width)
+        self.state = nn.Linear(self.encoder.size, config.state_width)
         self.action = nn.Linear(JOINT, config.action_width)
         self.token = nn.Linear(config.state_width + config.action_width, config.hidden)
         self.position = nn.Parameter(torch.zeros(HISTORY, config.hidden)) if config.form == "window" else None
@@ -121,6 +122,11 @@ class PredictorNetwork(nn.Module):
         self.intentions: IntentionDecoder | None = None
         if intentions is not None:
             self.intentions = intention_decoder(layout, config, intentions)
+
+    @property
+    def encoder(self) -> Encoder:
+        """What makes features of observations; the name `eyes` is stored with the weights."""
+        return self.eyes
 
     def forward(self, features: Tensor, actions: Tensor, present: Tensor | None = None) -> Tensor:
         """`present` (B, T), window form: False for steps before the start of the game."""
@@ -160,20 +166,20 @@ def intention_decoder(layout: Layout, config: PredictorConfig, intentions: Inten
     return IntentionDecoder(config.layers * config.hidden, len(possible_interactions(layout)), intentions)
 
 
-def banded_attention(q: Tensor, k: Tensor, v: Tensor, look_back: int) -> Tensor:
-    """Attention of (B, heads, T, dim) where a token sees itself and the `look_back` - 1 before it.
+def banded_attention(q: Tensor, k: Tensor, v: Tensor, window: int) -> Tensor:
+    """Attention of (B, heads, T, dim) where a token sees itself and the `window` - 1 before it.
 
-    In blocks of `look_back`: each sees its own block and the one before, which costs T * look_back instead of T * T.
+    In blocks of `window`: each sees its own block and the one before, which costs T * window instead of T * T.
     """
     timesteps = q.shape[2]
-    blocks = -(-timesteps // look_back)
-    spare = blocks * look_back - timesteps
-    q, k, v = (functional.pad(x, (0, 0, 0, spare)).reshape(*x.shape[:2], blocks, look_back, -1) for x in (q, k, v))
+    blocks = -(-timesteps // window)
+    spare = blocks * window - timesteps
+    q, k, v = (functional.pad(x, (0, 0, 0, spare)).reshape(*x.shape[:2], blocks, window, -1) for x in (q, k, v))
     k, v = (torch.cat([functional.pad(x[:, :, :-1], (0, 0, 0, 0, 1, 0)), x], 3) for x in (k, v))
-    place = torch.arange(2 * look_back, device=q.device)
-    ages = place[:look_back, None] + look_back - place
-    may = ((ages >= 0) & (ages < look_back)).repeat(blocks, 1, 1)  # (blocks, look_back, 2 * look_back)
-    may[0, :, :look_back] = False  # before the beginning
+    place = torch.arange(2 * window, device=q.device)
+    ages = place[:window, None] + window - place
+    may = ((ages >= 0) & (ages < window)).repeat(blocks, 1, 1)  # (blocks, window, 2 * window)
+    may[0, :, :window] = False  # before the beginning
     scores = (q @ k.transpose(-1, -2)).float() * q.shape[-1] ** -0.5
     weights = scores.masked_fill(~may, -torch.inf).softmax(-1).to(v.dtype)
     seen: Tensor = (weights @ v).flatten(2, 3)[:, :, :timesteps]

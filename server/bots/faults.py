@@ -1,4 +1,4 @@
-"""Simulated participants in trouble: the server is killed under them, lines are lost, tabs doubled. Then every
+"""Simulated participants meet faults: the server is killed, connections are lost, tabs doubled. Then every
 guarantee is looked at by itself. Knows the group and its own server; the proof of single faults is in the tests.
 """
 

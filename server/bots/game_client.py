@@ -124,7 +124,7 @@ class BotGame(GameClient):
             self._journal.broken_displays.setdefault(self.welcome.episode, set()).add(tick.state.t)
 
     async def before_acting(self, socket: ClientConnection, tick: messages.Tick) -> None:
-        """Close the browser, or run into trouble. Raises GameDropped, SocketLeft, OSError: connect again."""
+        """Close the browser or cause a fault when it is time. Raises GameDropped, SocketLeft, OSError: reconnect."""
         timestep = tick.state.t
         if self.drop_at is not None and timestep >= self.drop_at:
             socket.transport.abort()

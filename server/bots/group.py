@@ -72,7 +72,7 @@ async def simulate(
 ) -> list[Bot]:
     """All of them walk the study; those who came, in order of consent. `database`: read only, asked when a code is on
     the screen. `told(done, number)` hears of everyone who is through, `meet` gets to know them before they come.
-    Trouble is in `journal.violations`."""
+    What went wrong is in `journal.violations`."""
     everyone = [
         _One(Bot(url, group.study_name, derived_seed(group.seed, "bot", k), _habits(group, k)))
         for k in range(group.number)
@@ -109,7 +109,7 @@ async def _walk(one: _One, turn: asyncio.Event, following: asyncio.Event, databa
         finally:
             following.set()
         if one.came and page is not None:
-            await one.bot.go_on(page)
+            await one.bot.walk_from(page)
         if journal.code is not None and database is not None:
             journal.violations += await database.read(invariants.broken_at_code, Claim(one.bot.token, journal))
     except Exception as error:  # noqa: BLE001 - what goes wrong with one is told, and keeps nobody else from walking

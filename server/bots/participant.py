@@ -64,9 +64,9 @@ class Bot:
     async def walk(self) -> Journal:
         """The whole way; what was seen, with the completion code. Raises RuntimeError where there is no way on."""
         async with self._client:
-            return await self.go_on(await self.consent())
+            return await self.walk_from(await self.consent())
 
-    async def go_on(self, page: ParsedPage) -> Journal:
+    async def walk_from(self, page: ParsedPage) -> Journal:
         """From this page to the code, or to where the participant gives up."""
         for count in range(MOST_PAGES):
             if page.code is not None:

@@ -94,7 +94,7 @@ class Dashboard:
             "flow": flow_of(study, held),
             "stored": overview.stored(connection, study_ids),
             "paused": study.name in decisions.paused_studies(connection),
-            "troubles": [
+            "client_errors": [
                 {"at": at.isoformat(), "person": person, "who": who, "text": text}
                 for at, person, who, text in overview.client_errors(connection, study_ids)
             ],
@@ -114,7 +114,7 @@ class Dashboard:
             "seen_s": max(0, round((datetime.now(UTC) - person.last_seen_at).total_seconds())),
             "minutes": round((until - person.started_at).total_seconds() / 60),
             "arm": arms.get(person.condition, ""),
-            "troubles": person.client_errors,
+            "client_errors": person.client_errors,
             "excluded": person.excluded,
         }
 

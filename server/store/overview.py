@@ -1,4 +1,4 @@
-"""What the dashboard shows of a study, read from the database: people, flow, arms, troubles."""
+"""What the dashboard shows of a study, read from the database: people, flow, arms, errors of browsers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

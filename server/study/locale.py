@@ -66,14 +66,14 @@ def add_language(language: str, path: Path) -> None:
 
 def best_language(accepted: str, offered: tuple[str, ...]) -> str:
     """Of the offered languages, the one that an Accept-Language header wants most; the first where none fits."""
-    wishes: list[tuple[float, int, str]] = []
+    preferences: list[tuple[float, int, str]] = []
     for place, item in enumerate(accepted.split(",")[:20]):
         name, _, quality = item.strip().partition(";q=")
         try:
-            wishes.append((-float(quality or 1), place, name.lower()))
+            preferences.append((-float(quality or 1), place, name.lower()))
         except ValueError:
             continue
-    for _, _, name in sorted(wishes):
+    for _, _, name in sorted(preferences):
         for language in offered:
             if name == language.lower() or name.split("-")[0] == language.lower().split("-")[0]:
                 return language

@@ -1,4 +1,4 @@
-"""Deletes a participant who may be in a game: by the participant's own wish, or on request by a researcher."""
+"""Deletes a participant who may be in a game: at the participant's own request, or on request by a researcher."""
 
 from server.cluster.dispatch import ClusterControl
 from server.monitoring.commands import EndGames

@@ -20,7 +20,7 @@ BASE = Result("attrition", "left_by_condition", unit="people")
 
 
 @pytest.fixture(scope="module")
-def troubled(planted: Export) -> Export:
+def with_losses(planted: Export) -> Export:
     """Person 0 (none) and 2 (tom) left; 3 (none) was excluded; an episode of 5 (tom) raises a question."""
     people = planted.participants.with_row_index().with_columns(
         status=pl.when(pl.col("index").is_in([0, 2])).then(pl.lit("timed_out")).otherwise(pl.col("status")),
@@ -50,13 +50,13 @@ def welch(export: Export, out: set[str], excluded_too: bool) -> tuple[float, flo
     return float(t), float(p), sum(map(len, arms))
 
 
-def test_the_main_test_is_repeated_with_other_people(troubled: Export) -> None:
-    rows = {row.test: row for row in rows_of(troubled)}
+def test_the_main_test_is_repeated_with_other_people(with_losses: Export) -> None:
+    rows = {row.test: row for row in rows_of(with_losses)}
     wanted = {
-        "analysed": welch(troubled, {"p00000", "p00002", "p00003"}, excluded_too=False),
-        "assigned": welch(troubled, set(), excluded_too=True),
-        "completed": welch(troubled, {"p00000", "p00002"}, excluded_too=True),
-        "no_drop": welch(troubled, {"p00000", "p00002", "p00003", "p00005"}, excluded_too=False),
+        "analysed": welch(with_losses, {"p00000", "p00002", "p00003"}, excluded_too=False),
+        "assigned": welch(with_losses, set(), excluded_too=True),
+        "completed": welch(with_losses, {"p00000", "p00002"}, excluded_too=True),
+        "no_drop": welch(with_losses, {"p00000", "p00002", "p00003", "p00005"}, excluded_too=False),
     }
     for name, (t, p, n) in wanted.items():
         assert (rows[name].statistic, rows[name].p, rows[name].n) == pytest.approx((t, p, n)), name
@@ -64,9 +64,9 @@ def test_the_main_test_is_repeated_with_other_people(troubled: Export) -> None:
     assert {row.section for row in rows.values()} == {"sensitivity"}
 
 
-def test_shares_of_those_lost_add_up(troubled: Export) -> None:
-    every = measures.episode_measures(troubled)
-    rows = attrition_rows(troubled, measures.analysed(every, troubled.participants), seed=1)
+def test_shares_of_those_lost_add_up(with_losses: Export) -> None:
+    every = measures.episode_measures(with_losses)
+    rows = attrition_rows(with_losses, measures.analysed(every, with_losses.participants), seed=1)
     lost = {(row.test, row.condition): (round(row.estimate * row.n), row.n) for row in rows if row.condition}
     assert lost == {
         ("left", "none"): (1, 16),
@@ -78,9 +78,9 @@ def test_shares_of_those_lost_add_up(troubled: Export) -> None:
     }
 
 
-def test_people_who_still_take_part_are_no_attrition(troubled: Export) -> None:
-    people = troubled.participants.with_columns(status=pl.col("status").replace("timed_out", "active"))
-    rows = attrition_rows(replace(troubled, participants=people), troubled.episodes, seed=1)
+def test_people_who_still_take_part_are_no_attrition(with_losses: Export) -> None:
+    people = with_losses.participants.with_columns(status=pl.col("status").replace("timed_out", "active"))
+    rows = attrition_rows(replace(with_losses, participants=people), with_losses.episodes, seed=1)
     assert [row.n for row in select(rows, test="left")] == [15, 16, 16]
     assert [row.estimate > 0 for row in select(rows, test="left")] == [False, False, True]
 
@@ -126,8 +126,8 @@ def test_without_losses_or_conditions_there_is_no_test(table: list[tuple[int, in
     assert row.note == note
 
 
-def test_sentences_say_whether_the_conclusion_holds(troubled: Export) -> None:
-    rows = rows_of(troubled)
+def test_sentences_say_whether_the_conclusion_holds(with_losses: Export) -> None:
+    rows = rows_of(with_losses)
     declaration = Declaration(DECLARED)
     (same,) = sensitivity_sentences(declaration, None, rows)
     assert "between ToM predictions and no prediction does not depend on the exclusions: +" in same
@@ -139,24 +139,24 @@ def test_sentences_say_whether_the_conclusion_holds(troubled: Export) -> None:
     assert "(lower)" in sensitivity_sentences(declaration, None, turned)[0]
 
 
-def test_the_sentence_about_attrition_counts_people(troubled: Export) -> None:
-    every = measures.episode_measures(troubled)
-    rows = attrition_rows(troubled, measures.analysed(every, troubled.participants), seed=1)
+def test_the_sentence_about_attrition_counts_people(with_losses: Export) -> None:
+    every = measures.episode_measures(with_losses)
+    rows = attrition_rows(with_losses, measures.analysed(every, with_losses.participants), seed=1)
     (text,) = sensitivity_sentences(Declaration(), None, rows)
     assert "1 of 16 with no prediction, 0 of 16 with random predictions and 2 of 17 with ToM predictions" in text
     assert "did not differ significantly between the conditions (Fisher" in text
 
 
-def test_at_an_interim_look_all_populations_are_held_against_the_same_level(troubled: Export) -> None:
+def test_at_an_interim_look_all_populations_are_held_against_the_same_level(with_losses: Export) -> None:
     """Fewer people after exclusions are no earlier look."""
-    every = measures.episode_measures(troubled)
-    analysed = measures.analysed(every, troubled.participants)
-    quality = data_quality.proposals(every, troubled.answers)
+    every = measures.episode_measures(with_losses)
+    analysed = measures.analysed(every, with_losses.participants)
+    quality = data_quality.proposals(every, with_losses.answers)
     looks = replace(DECLARED, looks=(29, 60))  # 29 people are analysed, fewer without the flagged
-    rows = sensitivity_rows(looks, every, analysed, quality, troubled)
+    rows = sensitivity_rows(looks, every, analysed, quality, with_losses)
     assert rows[0].n == 29
     assert len({row.ci_level for row in rows if not math.isnan(row.p)}) == 1
     assert rows[0].ci_level > 0.99
     early = replace(DECLARED, looks=(30, 60))  # all who were assigned are more than 30
-    assert sensitivity_rows(early, every, analysed, quality, troubled) == []
+    assert sensitivity_rows(early, every, analysed, quality, with_losses) == []
     assert sensitivity_sentences(Declaration(early), None, ()) == []

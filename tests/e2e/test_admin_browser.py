@@ -68,9 +68,9 @@ def page(chromium: Browser, server: LiveServer, password: str) -> Iterator[Page]
     opened = context.new_page()
     opened.set_default_timeout(PATIENCE_MS)
     expect.set_options(timeout=PATIENCE_MS)
-    troubles: list[str] = []
-    opened.on("pageerror", lambda error: troubles.append(str(error)))
-    opened.on("console", lambda message: troubles.append(message.text) if message.type == "error" else None)
+    errors: list[str] = []
+    opened.on("pageerror", lambda error: errors.append(str(error)))
+    opened.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
     opened.goto(f"{server.url}/admin/s/short")
     opened.fill("[name=name]", "mara")
     opened.fill("[name=password]", password)
@@ -78,7 +78,7 @@ def page(chromium: Browser, server: LiveServer, password: str) -> Iterator[Page]
     opened.wait_for_url("**/admin/s/short")
     yield opened
     context.close()
-    assert troubles == []
+    assert errors == []
 
 
 def is_accessible(page: Page) -> None:

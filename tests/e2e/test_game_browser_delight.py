@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from server.play.messages import Ended, Paused
-from tests.e2e.test_game_browser_looks import MOMENT, rings
+from tests.support.browser.double_rings import MOMENT, rings
 from tests.support.browser.fake_game_server import NONE, RINGS, FakeGameServer, kitchen, tick
 from tests.support.browser.game_page import opened, start, violations
 

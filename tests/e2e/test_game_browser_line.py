@@ -172,7 +172,7 @@ def test_errors_of_the_page_reach_the_server_once_each_and_a_few_at_most(
                 number,
             )
         server.wait_for(lambda server: len(server.of(ClientError)) == 5)
-        assert all("oven" in trouble.text for trouble in server.of(ClientError))
+        assert all("oven" in error.text for error in server.of(ClientError))
 
 
 def test_a_frame_that_is_no_message_is_reported_and_the_game_goes_on(chromium: Browser, server: FakeGameServer) -> None:

@@ -58,7 +58,7 @@ def in_order(timesteps: list[int]) -> bool:
     return timesteps == sorted(timesteps)
 
 
-def go_on(page: Page) -> None:
+def fill_and_leave(page: Page) -> None:
     """Press the one button that leads on from a page that is not a game, everything filled in."""
     for box in page.locator("main input[type=checkbox]").all():
         box.check()
@@ -78,7 +78,7 @@ def go_to_game(page: Page, server: RealServer | LiveServer) -> None:
     if page.url == "about:blank":
         page.goto(f"{server.url}/s/short")
     while not page.locator("#game-config").count():
-        go_on(page)
+        fill_and_leave(page)
     page.wait_for_selector("[data-link=open]")
 
 
@@ -107,7 +107,7 @@ def test_a_person_learns_the_game_plays_a_round_and_gets_the_code(visitor: Brows
     page.wait_for_function("() => document.activeElement.id === 'over-next'")
     page.click("#over-next")
     while not page.locator("output#code").count():
-        go_on(page)
+        fill_and_leave(page)
     assert not set(cook.paused) & AWAY
 
 
@@ -172,7 +172,7 @@ def test_leaving_the_page_pauses_and_coming_back_goes_on(visitor: BrowserContext
     assert stood in cook.timesteps[:-1]
 
 
-def test_trouble_on_the_page_is_kept_for_the_researcher(visitor: BrowserContext, server: RealServer) -> None:
+def test_an_error_on_the_page_is_kept_for_the_researcher(visitor: BrowserContext, server: RealServer) -> None:
     page = visitor.new_page()
     go_to_game(page, server)
     page.evaluate(

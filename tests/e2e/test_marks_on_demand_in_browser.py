@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.e2e.test_game_browser_looks import CLIPPED
+from tests.e2e.test_game_browser_sizes import CLIPPED
 from tests.support.browser.fake_game_server import NONE, FakeGameServer, kitchen, tick, welcome
 from tests.support.browser.game_page import DESKTOP, PHONE, opened, screenshot, settled, start
 

@@ -62,7 +62,7 @@ def test_axe_finds_nothing_on_any_page(
     page.click(".danger")
     look("withdrawn")
     context.close()
-    assert person.troubles == []
+    assert person.errors == []
     assert {place: problems for place, problems in found.items() if problems} == {}
 
 

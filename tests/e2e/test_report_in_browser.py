@@ -25,13 +25,13 @@ def test_the_report_fits_a_laptop_and_a_phone_and_asks_the_network_for_nothing(
 ) -> None:
     for width, height in ((1366, 768), (390, 844)):
         page = chromium.new_page(viewport={"width": width, "height": height})
-        trouble: list[str] = []
-        page.on("console", lambda message, trouble=trouble: trouble.append(message.text))
-        page.on("pageerror", lambda error, trouble=trouble: trouble.append(str(error)))
-        page.on("request", lambda request, trouble=trouble: trouble.append(request.url))
+        found: list[str] = []
+        page.on("console", lambda message, found=found: found.append(message.text))
+        page.on("pageerror", lambda error, found=found: found.append(str(error)))
+        page.on("request", lambda request, found=found: found.append(request.url))
         page.goto(page_file.as_uri())
         assert page.evaluate("document.documentElement.scrollWidth") <= width
-        assert [text for text in trouble if not text.startswith((page_file.as_uri(), "data:"))] == []
+        assert [text for text in found if not text.startswith((page_file.as_uri(), "data:"))] == []
         page.close()
 
 

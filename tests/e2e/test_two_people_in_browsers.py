@@ -10,7 +10,7 @@ from sqlalchemy import select
 
 from server.store.database import Database
 from server.store.tables import episodes
-from tests.e2e.test_game_browser_real import go_on
+from tests.e2e.test_game_browser_real import fill_and_leave
 from tests.support.browser.browser_cook import BrowserCook
 from tests.support.browser.game_page import DESKTOP, at_rest, draw_less_often, screenshot
 from tests.support.live_server import LiveServer
@@ -56,7 +56,7 @@ def to_the_game(page: Page, server: LiveServer) -> None:
     if page.url == "about:blank":
         page.goto(f"{server.url}/s/short")
     while not page.locator("#game-config").count():
-        go_on(page)
+        fill_and_leave(page)
 
 
 def test_two_browsers_wait_meet_cook_and_each_sees_itself_in_blue(chromium: Browser, server: LiveServer) -> None:

@@ -21,13 +21,13 @@ async def test_games_and_forms_do_not_mind_a_clock_that_jumps(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("kind", [pytest.param("Slow", marks=pytest.mark.slow), "SometimesNothing"])
-async def test_partners_wait_for_an_agent_in_trouble_and_the_data_say_so(tmp_path: Path, kind: str) -> None:
-    (await model.troubled(tmp_path, kind, seconds=3)).hold()
+async def test_partners_wait_for_a_faulty_agent_and_the_data_say_so(tmp_path: Path, kind: str) -> None:
+    (await model.faulty(tmp_path, kind, seconds=3)).hold()
 
 
 @pytest.mark.slow
 async def test_an_agent_that_takes_its_process_along_ends_no_game(tmp_path: Path) -> None:
-    (await model.troubled(tmp_path, "Dying", seconds=15)).hold()
+    (await model.faulty(tmp_path, "Dying", seconds=15)).hold()
 
 
 @pytest.mark.slow

@@ -18,9 +18,9 @@ RING = load_layout("coordination_ring")
 POSSIBLE = possible_interactions(RING)
 
 
-def network(form, eyes="columns", seed=0, intentions=None):
+def network(form, encoder="columns", seed=0, intentions=None):
     torch.manual_seed(seed)
-    made = PredictorNetwork(RING, PredictorConfig(form=form, eyes=eyes, look_back=6), intentions)
+    made = PredictorNetwork(RING, PredictorConfig(form=form, eyes=encoder, look_back=6), intentions)
     with torch.no_grad():
         for parameter in made.parameters():
             parameter += 0.05 * torch.randn_like(parameter)
@@ -55,7 +55,9 @@ def step_by_step(predictor, observations, actions):
 def in_one_piece(made, observations, actions):
     """(games, timesteps, 3, 6): the network as training calls it."""
     games, timesteps = observations.shape[:2]
-    features = made.eyes(torch.from_numpy(observations.reshape(-1, *observations.shape[2:]))).view(games, timesteps, -1)
+    features = made.encoder(torch.from_numpy(observations.reshape(-1, *observations.shape[2:]))).view(
+        games, timesteps, -1
+    )
     if made.config.form == "stream":
         return made(features, torch.from_numpy(one_hot(actions))).softmax(-1).numpy()
     answers = []
@@ -71,10 +73,10 @@ def in_one_piece(made, observations, actions):
 
 
 @pytest.mark.parametrize("form", ["stream", "window"])
-@pytest.mark.parametrize("eyes", ["columns", "cnn"])
-def test_timestep_by_timestep_equals_one_piece(form, eyes):
+@pytest.mark.parametrize("encoder", ["columns", "cnn"])
+def test_timestep_by_timestep_equals_one_piece(form, encoder):
     observations, actions = played(5, 25)
-    made = network(form, eyes)
+    made = network(form, encoder)
     expected = in_one_piece(made, observations, actions)
     assert np.abs(step_by_step(at_work(made), observations, actions) - expected).max() < 1e-4
     assert expected.std(axis=1).max() > 0.01
@@ -132,7 +134,9 @@ def test_saved_predictor_answers_as_before_and_knows_its_accuracy(tmp_path):
 def said_in_one_piece(made, observations, actions):
     """The two likeliest classes, their probabilities and median timesteps of the last state: (games, 2, 3)."""
     games, timesteps = observations.shape[:2]
-    features = made.eyes(torch.from_numpy(observations.reshape(-1, *observations.shape[2:]))).view(games, timesteps, -1)
+    features = made.encoder(torch.from_numpy(observations.reshape(-1, *observations.shape[2:]))).view(
+        games, timesteps, -1
+    )
     if made.config.form == "stream":
         tokens = made.tokens_of_all_layers(features, torch.from_numpy(one_hot(actions)))[:, -1]
     else:

@@ -314,7 +314,7 @@ def same(one, other):
     )
 
 
-async def test_after_late_answers_a_game_is_foretold_as_if_nothing_had_happened(serving):
+async def test_after_late_answers_a_game_is_predicted_as_if_nothing_had_happened(serving):
     models = (["sp"], ["sp_predictor_stream"])
     server, undisturbed = await serving(*models), await serving(*models)
     game, other = Game("a", seed=4), Game("b", seed=5)

@@ -162,7 +162,7 @@ def try_route(server: Any, route: str, role: str) -> None:
         assert server.person not in answer.text, f"{role} at {route}"
     else:
         if (route, role) == ("POST /s/{name}/withdraw", "participant"):
-            server.fill()  # they are gone, as they wished
+            server.fill()  # they are gone, as they asked
         assert answer.status_code not in (401, 403) or route == "POST /admin/login", f"{role} at {route}: {answer.text}"
 
 

@@ -230,7 +230,7 @@ def test_tokens_are_stored_as_hashes_only(secure: LiveServer) -> None:
 
 
 def test_fields_that_no_page_has_change_nothing(secure: LiveServer) -> None:
-    wishes = {
+    extra_fields = {
         "condition": "none",
         "seed": "1",
         "status": "completed",
@@ -239,7 +239,7 @@ def test_fields_that_no_page_has_change_nothing(secure: LiveServer) -> None:
         "completion_code": "X",
     }
     with secure_client(secure) as client:
-        answer = client.post("/s/short/consent", data=form_of(client.get("/s/short")) | {"box_0": "yes"} | wishes)
+        answer = client.post("/s/short/consent", data=form_of(client.get("/s/short")) | {"box_0": "yes"} | extra_fields)
     token = answer.headers["set-cookie"].partition("=")[2].partition(";")[0]
     query = select(participants).where(participants.c.token_hash == hashlib.sha256(token.encode()).hexdigest())
     row = secure.app.state.services.web.database.read_now(lambda connection: connection.execute(query).one())
@@ -280,7 +280,7 @@ def test_the_database_is_not_waited_for_without_end() -> None:
 
 
 def test_the_log_holds_no_secret_and_no_line_of_somebody_else(tmp_path: Path) -> None:
-    """A real server, a participant who plays, a wrong password, trouble with a line break in it; then its whole log."""
+    """A real server, a player, a wrong password, a browser error with a line break in it; then its whole log."""
     with RealServer(tmp_path, speed=20.0, study=SHORT_GAMES) as server:
         client = RecordingClient(server.url)
 

@@ -79,15 +79,15 @@ def test_a_network_in_the_form_for_gpus_creates_nothing_on_the_cpu(kind: str) ->
 
 
 @pytest.mark.parametrize("form", ["stream", "window"])
-@pytest.mark.parametrize("eyes", ["columns", "cnn"])
-def test_a_predictor_creates_nothing_on_the_cpu(form: str, eyes: str) -> None:
-    network = PredictorNetwork(RING, PredictorConfig(form=form, eyes=eyes)).to("meta")
-    features = torch.zeros(2, 10, network.eyes.size, device="meta")
+@pytest.mark.parametrize("encoder", ["columns", "cnn"])
+def test_a_predictor_creates_nothing_on_the_cpu(form: str, encoder: str) -> None:
+    network = PredictorNetwork(RING, PredictorConfig(form=form, eyes=encoder)).to("meta")
+    features = torch.zeros(2, 10, network.encoder.size, device="meta")
     actions = torch.zeros(2, 10, 12, device="meta")
     present = torch.ones(2, 10, dtype=torch.bool, device="meta") if form == "window" else None
     assert network(features, actions, present).shape[-2:] == (3, 6)
     seen = torch.zeros(4, RING.width, RING.height, 26, dtype=torch.int8, device="meta")
-    assert network.eyes(seen).shape == (4, network.eyes.size)
+    assert network.encoder(seen).shape == (4, network.encoder.size)
 
 
 def test_threads_step_the_same_games_as_environments_of_their_own() -> None:

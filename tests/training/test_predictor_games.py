@@ -136,13 +136,13 @@ def test_a_changed_shard_is_refused(tmp_path):
         read_shard(tmp_path, "sp_0", manifest["shards"]["sp_0"]["sha256"])
 
 
-def test_features_are_what_the_eyes_make_of_the_observation(games):
-    eyes = Encoder(RING, PredictorConfig())
-    episodes = episodes_of(games, RING, eyes)
+def test_features_are_what_the_encoder_makes_of_the_observation(games):
+    encoder = Encoder(RING, PredictorConfig())
+    episodes = episodes_of(games, RING, encoder)
     for game, t in ((0, 0), (1, 30), (3, 59)):
         state = [games[name][game : game + 1, t].copy() for name in ("players", "contents")]
         seen = Kitchens(RING, *state, games["timestep"][game : game + 1, t].astype(np.int32)).encode()
-        expected = eyes(torch.from_numpy(seen[:, games["seat"][game]]))[0]
+        expected = encoder(torch.from_numpy(seen[:, games["seat"][game]]))[0]
         assert torch.allclose(episodes.features[game, t].float(), expected, atol=1e-3)
 
 
@@ -181,10 +181,10 @@ def test_a_window_shows_ten_actions_with_the_current_one_hidden(games):
 
 def test_a_split_without_partners_says_so(tmp_path):
     collect(tmp_path, RING, planner(), [uniform(f"sp_{k}") for k in range(3)], SMALL)
-    eyes = Encoder(RING, PredictorConfig())
-    assert len(load_episodes(tmp_path, "test", RING, eyes)) == 4
+    encoder = Encoder(RING, PredictorConfig())
+    assert len(load_episodes(tmp_path, "test", RING, encoder)) == 4
     with pytest.raises(ValueError, match="kept for nobody"):
-        load_episodes(tmp_path, "nobody", RING, eyes)
+        load_episodes(tmp_path, "nobody", RING, encoder)
 
 
 def test_a_noisy_agent_does_anything_in_a_share_of_its_timesteps():

@@ -106,7 +106,7 @@ def test_metrics_are_written_as_training_goes_on(stream):
 def test_accuracy_of_a_network_is_what_counting_gives(games):
     torch.manual_seed(0)
     network = PredictorNetwork(RING, PredictorConfig(form="stream", **TINY)).eval()
-    episodes = load_episodes(games, TEST, RING, network.eyes)
+    episodes = load_episodes(games, TEST, RING, network.encoder)
     said = logits(network, episodes).argmax(-1).numpy()
     right = counted = 0
     for episode in range(len(episodes)):
@@ -120,7 +120,7 @@ def test_accuracy_of_a_network_is_what_counting_gives(games):
 
 def test_baselines_are_what_they_say(games):
     network = PredictorNetwork(RING, PredictorConfig(form="stream", **TINY))
-    episodes = load_episodes(games, TEST, RING, network.eyes)
+    episodes = load_episodes(games, TEST, RING, network.encoder)
     result = evaluate(network, episodes, frequent_action=4)
     assert result.frequent.steps[0] == pytest.approx((episodes.own == 4).mean())
     repeated = np.concatenate([episodes.own[:, :1] == 0, episodes.own[:, 1:] == episodes.own[:, :-1]], 1)
@@ -145,7 +145,7 @@ def test_temperature_makes_confidence_honest():
 
 def test_a_bundled_predictor_says_on_its_card_what_it_does(stream, games, tmp_path):
     network = stream[0]
-    test = load_episodes(games, TEST, RING, network.eyes)
+    test = load_episodes(games, TEST, RING, network.encoder)
     result = write_predictor(tmp_path / "p", network, RING, target(), test, {"seed": 0})
     card = (tmp_path / "p" / "card.md").read_text()
     assert f"{100 * result.accuracy.mean:.1f}" in card

@@ -20,7 +20,7 @@ def _chain(runs: Path, done: list[str], **changed: Any) -> Graph:
 
     def action(work: Work) -> None:
         if work.task.settings.get("fails"):
-            raise RuntimeError("as wished")
+            raise RuntimeError("as asked")
         done.append(work.task.name)
         work.report(0.5)
         texts = [(folder / "made").read_text() for folder in work.inputs.values()]
@@ -59,7 +59,7 @@ def test_a_task_that_failed_is_done_again_with_what_depends_on_it(tmp_path: Path
     done: list[str] = []
     broken = _chain(tmp_path, done, b={"fails": True})
     broken.run("x/a")
-    with pytest.raises(RuntimeError, match="as wished"):
+    with pytest.raises(RuntimeError, match="as asked"):
         broken.run("x/b")
     assert broken.ready("x/b")
     assert not broken.ready("x/c")

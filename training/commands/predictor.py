@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -108,20 +108,22 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.publish
         else arguments.out or folder.path / "predictor"
     )
-    how = {
-        "updates": f"{trainer.update} of {training.updates}, {stopped}" if stopped else trainer.update,
-        "training games": len(trainer.train),
-        "seed": training.seed,
-        "begun with": begun or "nothing",
-        **partners_met(collected),
-        "settings": settings,
-    }
-    result = write_predictor(out, trained, layout, target, load_episodes(games, TEST, layout, trained.eyes), how)
+    how = {**_how(trainer, stopped), "begun with": begun or "nothing", **partners_met(collected), "settings": settings}
+    result = write_predictor(out, trained, layout, target, load_episodes(games, TEST, layout, trained.encoder), how)
     print(f"{out}: {result.accuracy.mean:.1%} on partners never seen (ceiling of step 1: {result.ceiling:.1%})")
     if not arguments.no_intentions and not stopped:
         add_with_progress(out, games, intention_settings(arguments.preset), out)
     _say_what_to_do(arguments, out, stopped, f"{trainer.update} of {training.updates} updates")
     return 1 if stopped == INTERRUPTED else 0
+
+
+def _how(trainer: "PredictorTrainer", stopped: str) -> dict[str, Any]:
+    """Return what the card says of the training itself."""
+    return {
+        "updates": f"{trainer.update} of {trainer.config.updates}, {stopped}" if stopped else trainer.update,
+        "training games": len(trainer.train),
+        "seed": trainer.config.seed,
+    }
 
 
 def _say_what_to_do(arguments: argparse.Namespace, out: Path, stopped: str, done: str) -> None:

@@ -103,7 +103,7 @@ def _train(layout: Layout, agent: str, configs: Configs, publish: bool, work: Wo
     trained = train_predictor(trainer, run, lambda share, _: work.report(share))
     counts = {"updates": trainer.update, "training games": len(trainer.train)}
     how = {**counts, **partners_met(read_manifest(games)), **work.task.settings}
-    test = load_episodes(games, TEST, layout, trained.eyes)
+    test = load_episodes(games, TEST, layout, trained.encoder)
     published = [predictor_folder(layout, agent, network.form)] if publish else []
     for folder in (work.folder / "predictor", *published):
         write_predictor(folder, trained, layout, _target(work, layout, agent), test, how)

@@ -49,9 +49,9 @@ class Watching:
         try:
             choice = json.loads(text)
         except RecursionError:  # brackets in brackets
-            raise ValueError("a wish is an object") from None
+            raise ValueError("a choice of boards is an object") from None
         if not isinstance(choice, dict):
-            raise ValueError("a wish is an object")
+            raise ValueError("a choice of boards is an object")
         shown = choice.get("show", self.shown)
         if not isinstance(shown, list) or not all(isinstance(one, str) for one in shown):
             raise ValueError("show is a list of episodes")

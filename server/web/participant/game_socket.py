@@ -200,7 +200,7 @@ class Sockets:
         )
         if not bucket.spend(now):
             return
-        log.info("trouble in a browser: %r", text)
+        log.info("error in a browser: %r", text)
         if self._report is not None:
             await self._report(participant, text)
 

@@ -4,7 +4,8 @@
 /** @import { State } from '../board/state.js' */
 
 import { Renderer } from '../board/renderer.js';
-import { apply, boardState, tickOf } from '../board/state.js';
+import { apply } from '../board/state.js';
+import { boardState, tickOf } from '../board/still-board.js';
 
 export class BoardThumbnail {
   /**

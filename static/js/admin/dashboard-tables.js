@@ -25,7 +25,7 @@ export function showTables(figures, page) {
   showAccuracy(figures.accuracy);
   showMachine(figures);
   showPeople(figures.people, page);
-  showClientErrors(figures.troubles, page.study);
+  showClientErrors(figures.client_errors, page.study);
 }
 
 /** @type {(id: string, value: string | number, unit?: string) => void} */
@@ -233,7 +233,8 @@ function personFlags(row, card) {
   if (row.excluded) flags.push(['excluded', 'bad']);
   if (drop) flags.push([`${drop} to drop`, 'bad']);
   if (look) flags.push([`${look} to review`, 'warn']);
-  if (row.troubles) flags.push([`${row.troubles} browser error${row.troubles === 1 ? '' : 's'}`, 'warn']);
+  if (row.client_errors)
+    flags.push([`${row.client_errors} browser error${row.client_errors === 1 ? '' : 's'}`, 'warn']);
   return flags.map(([text, level]) => make('span', { className: `flag ${level}`, text }));
 }
 
@@ -250,5 +251,7 @@ function showClientErrors(rows, study) {
     const time = make('time', { text: new Date(at).toLocaleTimeString() });
     return make('li', { className: 'warn' }, make('div', {}, make('b', {}, link), ` ${text}`), time);
   });
-  place('troubles').replaceChildren(...(items.length ? items : [make('li', { className: 'none', text: 'None.' })]));
+  place('client-errors').replaceChildren(
+    ...(items.length ? items : [make('li', { className: 'none', text: 'None.' })]),
+  );
 }

@@ -7,7 +7,7 @@
 import { SOUTH, cellsOf } from '../board/kitchen.js';
 import { Renderer, pixelRatio } from '../board/renderer.js';
 import { blank } from '../board/sprites.js';
-import { boardState } from '../board/state.js';
+import { boardState } from '../board/still-board.js';
 
 const SVG = 'http://www.w3.org/2000/svg';
 const MAX_CELL = 72; // CSS pixels

@@ -64,7 +64,7 @@ declare namespace Researcher {
     seen_s: number;
     minutes: number;
     arm: string;
-    troubles: number;
+    client_errors: number;
     excluded: boolean;
     quality: { drop?: number; look?: number };
   }
@@ -110,7 +110,7 @@ declare namespace Researcher {
     here: number;
     simulated: number;
     people: Person[];
-    troubles: ClientError[];
+    client_errors: ClientError[];
     alerts: Alert[];
   }
 

@@ -3,6 +3,7 @@
 
 /** @import { Catalogue } from '../browser/texts.js' */
 /** @import { Cell, Grid, Player } from './kitchen.js' */
+/** @import { State } from './state.js' */
 
 import { ITEMS, STEP, cellsOf, isFloor } from './kitchen.js';
 
@@ -133,6 +134,17 @@ function walkedBack(cell, before) {
 export function intentionWords({ kind, x, y, item }, grid, text) {
   const place = placeName(grid, x, y, text);
   return text(`intention.${kind}`, { place, item: text(`intention.item.${item ?? 'unknown'}`) });
+}
+
+/**
+ * Return what the partner is predicted to do next, in words; '' for nothing.
+ * @param {State} state
+ * @param {Catalogue} text
+ */
+export function partnersIntention({ intention, game }, text) {
+  if (!intention || !game) return '';
+  const partner = text(game.partner === 'human' ? 'partner_human' : 'partner');
+  return text('say.intention', { partner, words: intentionWords(intention, game.grid, text) });
 }
 
 /**

@@ -5,7 +5,8 @@
 
 import { NO_INTENTION } from './intention.js';
 import { EAST, INTERACT, NORTH, STAY, STEP, WEST } from './kitchen.js';
-import { apply, boardState, tickOf } from './state.js';
+import { apply } from './state.js';
+import { boardState, tickOf } from './still-board.js';
 
 export const GRID = ['XXPXXXX', 'X     D', 'O     X', 'X     S', 'XXXXXXX'];
 /** What the watched chef does. It uses every kind of mark: walk, turn, use, wait. */

@@ -14,14 +14,15 @@ import { BubblePlacer } from './bubble-place.js';
 import { CELL, contactShadow, paintBackground } from './background.js';
 import { drawChef, drawTag } from './chef.js';
 import { drawArrow } from './draw-arrows.js';
+import { drawHighlight } from './draw-highlight.js';
 import { bubbleShapes, drawBadge, drawBubble, drawStationNumbers, drawWay } from './draw-intention.js';
 import { drawIcon } from './draw-marks.js';
+import { drawCookingRing, potSprite } from './draw-pots.js';
 import { Effects, drawPotEffects } from './effects.js';
 import { events, witnessed } from './events.js';
 import { intentionWords } from './intention.js';
 import { COOK_TIME, ITEMS, inView } from './kitchen.js';
 import { FADE_MS, eased, isStale } from './marks.js';
-import { colour } from './sprites.js';
 import { facing, isInView, isStarted, place, progress } from './state.js';
 import { drawVeil, outlineView, withinView } from './view.js';
 
@@ -30,7 +31,6 @@ const MAX_RATIO = 2;
 const LANDING_MS = 160; // how long an item that was put down comes to rest
 const BUBBLE_PX = 12; // CSS pixels: the smallest letters of the bubble next to a chef
 const BUBBLE_LETTERS = 9.5; // 1/64 cell: the same on large boards
-const RING = { x: 51, y: 15, radius: 8.4, disc: 13.4, width: 5.6 };
 
 export class Renderer {
   /**
@@ -134,7 +134,7 @@ export class Renderer {
     const marks = this.#marks(state, now, reduced);
     const style = this.#markStyle(state, now, reduced);
     this.#drawOnFloor(state, marks, style, now, reduced);
-    if (this.highlight) this.#drawHighlight(this.highlight, now, reduced);
+    if (this.highlight) drawHighlight(context, this.highlight, now, reduced);
     this.#drawChefs(state, now, reduced);
     for (const mark of marks) drawIcon(context, mark, style);
     this.#drawBubble(state, style, now, reduced);
@@ -168,32 +168,8 @@ export class Renderer {
     if (alive) drawPotEffects(this.context, pot, now);
     if (cooking < COOK_TIME) {
       const glide = alive ? Math.min(1, (now - state.arrivedMs) / state.game.tick_ms) : 0;
-      this.#drawRing(x * CELL + RING.x, y * CELL + RING.y, Math.min(1, (cooking + glide) / COOK_TIME));
+      drawCookingRing(this.context, x, y, Math.min(1, (cooking + glide) / COOK_TIME));
     }
-  }
-
-  /** @type {(x: number, y: number, part: number) => void} */
-  #drawRing(x, y, part) {
-    const context = this.context;
-    /** @type {(radius: number, to: number) => void} */
-    const arc = (radius, to) => {
-      context.beginPath();
-      context.arc(x, y, radius, -Math.PI / 2, -Math.PI / 2 + 2 * Math.PI * to);
-    };
-    arc(RING.disc, 1);
-    context.fillStyle = '#fff';
-    context.fill();
-    context.strokeStyle = colour('--outline-dark');
-    context.lineWidth = 1.6;
-    context.stroke();
-    context.lineWidth = RING.width;
-    context.lineCap = 'butt';
-    arc(RING.radius, 1);
-    context.strokeStyle = '#e9e2d3';
-    context.stroke();
-    arc(RING.radius, part);
-    context.strokeStyle = colour('--accent');
-    context.stroke();
   }
 
   /** @type {(state: StartedState, now: number, reduced: boolean) => void} */
@@ -261,21 +237,6 @@ export class Renderer {
     return { ...style, shown, size: this.tagScale };
   }
 
-  /** @type {(cell: Cell, now: number, reduced: boolean) => void} */
-  #drawHighlight([x, y], now, reduced) {
-    const context = this.context;
-    const beat = reduced ? 0 : 1.5 * Math.sin(now / 260);
-    for (const [paint, width] of /** @type {const} */ ([
-      ['#ffffff', 7],
-      [colour('--accent'), 4],
-    ])) {
-      context.strokeStyle = paint;
-      context.lineWidth = width;
-      rounded(context, x * CELL + 4.5 - beat, y * CELL + 3.5 - beat, CELL - 9 + 2 * beat, CELL - 7 + 2 * beat);
-      context.stroke();
-    }
-  }
-
   /** @type {(state: StartedState, now: number, reduced: boolean) => void} */
   #drawChefs(state, now, reduced) {
     const chefs = state.current.players
@@ -318,33 +279,6 @@ export class Renderer {
 /** Return how many pixels of a board make one CSS pixel. */
 export function pixelRatio() {
   return Math.min(MAX_RATIO, window.devicePixelRatio || 1);
-}
-
-/** @param {Pot} pot */
-function potSprite([, , onions, cooking]) {
-  if (cooking >= COOK_TIME) return 'pot-ready';
-  if (cooking >= 0) return 'pot-cooking';
-  return onions ? `pot-${onions}` : 'pot-empty';
-}
-
-/**
- * Trace a rectangle with round corners. `roundRect` is missing in browsers of 2022.
- * @type {(context: CanvasRenderingContext2D, left: number, top: number, width: number, height: number) => void}
- */
-function rounded(context, left, top, width, height) {
-  const corners = [
-    [left + width, top],
-    [left + width, top + height],
-    [left, top + height],
-    [left, top],
-  ];
-  context.beginPath();
-  context.moveTo(left + width / 2, top);
-  corners.forEach(([x, y], k) => {
-    const [nextX, nextY] = corners[(k + 1) % 4];
-    context.arcTo(x, y, (x + nextX) / 2, (y + nextY) / 2, 12);
-  });
-  context.closePath();
 }
 
 /**

@@ -5,7 +5,8 @@
 import { SPRITES } from '../browser/addresses.js';
 import { Renderer } from './renderer.js';
 import { Sprites } from './sprites.js';
-import { apply, boardState, defaults, tickOf } from './state.js';
+import { apply, defaults } from './state.js';
+import { boardState, tickOf } from './still-board.js';
 
 /** @type {Wire.Tick['intention']} */
 const NOTHING = [8, -1, -1, 95];

@@ -48,8 +48,6 @@ export const GLIDE_MAX_MS = 180;
  */
 
 /** @typedef {State & { game: Wire.Welcome, current: Wire.KitchenState }} StartedState */
-/** @typedef {Pick<Wire.Welcome, 'grid' | 'seat' | 'watched_seat' | 'tick_ms' | 'horizon'>} StillPart */
-/** @typedef {StillPart & Partial<Wire.Welcome>} Still what never changes in a game */
 
 /**
  * Return the state before anything has come from the server.
@@ -63,38 +61,6 @@ export function defaults() {
     ...{ partnerSeen: true, partnerSeenBefore: true, unknown: [], asked: true },
     ...{ countdown: null, pause: null, lesson: null, lessons: [], ended: null, notice: null, turn: null, applied: -1 },
   };
-}
-
-/**
- * Return the state of a board that is drawn without a connection: a replay, a thumbnail, an introduction.
- * @param {Still} still
- * @param {Wire.KitchenState} kitchen
- * @param {number} now in ms
- * @returns {State}
- */
-export function boardState(still, kitchen, now) {
-  /** @type {Wire.Welcome} */
-  const welcome = {
-    ...{ type: 'welcome', protocol: 0, episode: '', kind: 'episode', number: 0, episodes: 0, layout: '', title: '' },
-    ...{ steps: 3, shows_predictions: true, resumed: false, partner: 'agent', show: 'always', view_radius: 0 },
-    ...{ partner_seen: true, unknown: [], asked: true, display: 'actions' },
-    ...still,
-    state: kitchen,
-    endless: !still.horizon,
-  };
-  return { ...apply(defaults(), welcome, now), phase: 'playing' };
-}
-
-/**
- * Return the frame of a board that is drawn without a connection.
- * @param {Pick<Wire.Tick, 'state' | 'prediction'> & Partial<Wire.Tick>} part
- * @returns {Wire.Tick}
- */
-export function tickOf(part) {
-  /** @type {Wire.Tick['intention']} */
-  const intention = [8, -1, -1, 95];
-  const seen = { partner_seen: true, unknown: [], asked: true, intention, pad: '' };
-  return { type: 'tick', actions: [4, 4], applied: -1, late: false, ...seen, ...part };
 }
 
 /**

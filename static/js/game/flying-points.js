@@ -1,6 +1,11 @@
 // Lets the points of a served soup fly from the hatch to the score, around the board so that they hide none of it.
 
+/** @import { BoardEvent } from '../board/events.js' */
 /** @import { Grid } from '../board/kitchen.js' */
+/** @import { State } from '../board/state.js' */
+
+import { isStarted } from '../board/state.js';
+import { find } from '../browser/dom.js';
 
 /** @typedef {[x: number, y: number]} Point in CSS pixels of the window */
 /** @typedef {{ left: number, top: number, right: number, bottom: number }} Box */
@@ -52,19 +57,21 @@ function fly(page, way, points) {
 }
 
 /**
- * Let the points of the soups that were just served fly.
+ * Let the points of the soups that were just served fly from their hatches to the score.
  * @param {HTMLElement} page
- * @param {HTMLElement} score
  * @param {HTMLCanvasElement} canvas
- * @param {{ x: number, y: number }[]} hatches where they were served
- * @param {{ grid: Grid, points: number }} served points: of all of them
+ * @param {State} state
+ * @param {BoardEvent[]} happened in the last timestep
  */
-export function flyPoints(page, score, canvas, hatches, { grid, points }) {
-  if (!hatches.length || points <= 0 || typeof page.animate !== 'function') return;
-  const { left, top, width, height } = score.getBoundingClientRect();
+export function flyDeliveries(page, canvas, state, happened) {
+  if (!isStarted(state) || typeof page.animate !== 'function') return;
+  const hatches = happened.filter(({ kind }) => kind === 'delivery');
+  const points = state.current.score - (state.previous?.score ?? 0);
+  if (!hatches.length || points <= 0) return;
+  const { left, top, width, height } = find('#score', HTMLElement, page).getBoundingClientRect();
   const board = canvas.getBoundingClientRect();
   for (const hatch of hatches) {
-    const way = flight(hatch, grid, board, [left + width / 2, top + height / 2]);
+    const way = flight(hatch, state.game.grid, board, [left + width / 2, top + height / 2]);
     fly(page, way, Math.round(points / hatches.length));
   }
 }

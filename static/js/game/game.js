@@ -1,6 +1,5 @@
 // The game page: creates its parts and connects them. The page provides two JSON blocks: #game-config and #texts.
 
-/** @import { BoardEvent } from '../board/events.js' */
 /** @import { State } from '../board/state.js' */
 /** @import { Change } from './input.js' */
 /** @import { FinalLink } from './connection.js' */
@@ -8,7 +7,7 @@
 /** @import { BoardBox } from './tutorial-coach.js' */
 
 import { drawLegend } from '../board/draw-marks.js';
-import { intentionWords } from '../board/intention.js';
+import { partnersIntention } from '../board/intention.js';
 import { Renderer } from '../board/renderer.js';
 import { Sprites } from '../board/sprites.js';
 import { apply, applyLink, applyTurn, defaults, secondsLeft } from '../board/state.js';
@@ -20,17 +19,17 @@ import { chooseDialog } from './choose-dialog.js';
 import { reportClientErrors } from './client-errors.js';
 import { Connection, tabName } from './connection.js';
 import { Dialogs } from './dialogs.js';
-import { flyPoints } from './flying-points.js';
+import { flyDeliveries } from './flying-points.js';
 import { Hud } from './hud.js';
 import { InputPacer, Keys } from './input.js';
-import { keyCaps, showKeyCaps } from './key-caps.js';
-import { KeyboardLayout } from './key-names.js';
 import { listenToKeyboard, watchPresence } from './keyboard.js';
-import { KeysDialog, storedBindings } from './keys-dialog.js';
+import { storedBindings } from './keys-dialog.js';
 import { MarksControl } from './marks-control.js';
 import { MarksHelp } from './marks-help.js';
 import { away, input, ready } from './messages.js';
 import { ResearcherNotice } from './notice.js';
+import { OwnKeys } from './own-keys.js';
+import { reloadOnce } from './reload-once.js';
 import { Sound } from './sound.js';
 import { listenTouch } from './touch.js';
 import { TutorialCoach } from './tutorial-coach.js';
@@ -40,7 +39,6 @@ document.documentElement.dataset.runs = 'yes';
 const REST_MS = 1500; // a game that stands still is drawn for this long after the last change
 const STILL_MS = 100; // with reduced motion, an unchanged game is drawn again after this time
 const DIALOG_MS = 200;
-const RELOAD_LOOP_MS = 10_000;
 const BOARD_FRAME = 6; // CSS pixels around the board
 
 /** @type {{ socket: string, sprites: string, lessons?: string[], away_s: number, ready_page: boolean,
@@ -49,25 +47,22 @@ const config = jsonBlock('game-config');
 const text = catalogue(jsonBlock('texts'));
 const page = find('.game', HTMLElement);
 const stage = find('.stage', HTMLElement, page);
-const keysDialogElement = find('#keys-dialog', HTMLDialogElement);
 const still = matchMedia('(prefers-reduced-motion: reduce)');
 
 /** @type {State} */
 let state = { ...defaults(), linkSinceMs: performance.now() };
-let bindings = storedBindings();
 let seq = 0;
 /** Whether the server has been told that the participant is away. */
 let leftPage = false;
 /** @type {string | null} the episode that was started on this page: after a lost connection it resumes by itself */
 let startedEpisode = null;
-let changedMs = 0;
-let drawnMs = 0;
-let dialogMs = 0;
+let [changedMs, drawnMs, dialogMs] = [0, 0, 0];
 /** @type {BoardBox | null} */
 let board = null;
 
-const layout = new KeyboardLayout();
-const keys = new Keys(bindings);
+const keys = new Keys(storedBindings());
+const ownKeys = new OwnKeys(page, keys, text, keysChanged);
+const lessonKeyCaps = () => ownKeys.caps();
 const pacer = new InputPacer(press);
 /** @param {Change} change */
 const changed = (change) => pacer.change(change);
@@ -151,30 +146,14 @@ function receive(message) {
 function tick(now) {
   pacer.tick();
   const happened = renderer.applyEvents(state, now);
-  pointsFly(happened);
+  renderer.effects.pointsFly = !still.matches;
+  if (!still.matches) flyDeliveries(page, renderer.canvas, state, happened);
   announcer.happened(happened, state);
   announcer.time(secondsLeft(state));
-  announcer.intention(partnersIntention());
+  announcer.intention(partnersIntention(state, text));
   for (const { kind, seat } of happened) {
     if (seat === undefined || seat === state.game?.seat || kind === 'delivery') sound.play(kind);
   }
-}
-
-/** @param {BoardEvent[]} happened */
-function pointsFly(happened) {
-  renderer.effects.pointsFly = !still.matches;
-  if (still.matches || !state.game || !state.current) return;
-  const hatches = happened.filter(({ kind }) => kind === 'delivery');
-  const points = state.current.score - (state.previous?.score ?? 0);
-  const score = find('#score', HTMLElement, page);
-  flyPoints(page, score, renderer.canvas, hatches, { grid: state.game.grid, points });
-}
-
-/** What the partner is predicted to do next, in words; '' for nothing. */
-function partnersIntention() {
-  if (!state.intention || !state.game) return '';
-  const partner = text(state.game.partner === 'human' ? 'partner_human' : 'partner');
-  return text('say.intention', { partner, words: intentionWords(state.intention, state.game.grid, text) });
 }
 
 /** @param {FinalLink | 'lost'} link */
@@ -206,15 +185,6 @@ function start() {
   startedEpisode = state.game.episode;
   leftPage = false;
   stage.focus({ preventScroll: true });
-}
-
-/** The participant's step is another page now: load it. Twice in a row would be an endless loop. */
-function reloadOnce() {
-  const last = Number(session.getItem('kitchenmind.left') ?? 0);
-  session.setItem('kitchenmind.left', Date.now());
-  if (Date.now() - last < RELOAD_LOOP_MS) return 'closed';
-  location.reload();
-  return 'connecting';
 }
 
 /** @param {Change} change */
@@ -251,15 +221,10 @@ function back() {
   if (leftPage && state.phase !== 'ended') start();
 }
 
-function lessonKeyCaps() {
-  return keyCaps(bindings, text, layout);
-}
-
 function keysChanged() {
   coach.rewrite();
   marksControl.rewrite();
   if (state.game) change(state);
-  showKeyCaps(page, bindings, text, layout);
 }
 
 /** Fit the board into the stage. */
@@ -315,27 +280,12 @@ function listenToKeys() {
   });
 }
 
-function offerOtherKeys() {
-  const dialog = new KeysDialog(keysDialogElement, text, layout, (next) => {
-    bindings = next;
-    keys.bind(next);
-    keysChanged();
-  });
-  find('#change-keys', HTMLElement, page).addEventListener('click', () => dialog.open());
-  for (const each of findAll('dialog', HTMLDialogElement)) each.addEventListener('close', backToGame);
-  document.addEventListener('keydown', (event) => layout.learn(event));
-  layout.changed = () => {
-    keysChanged();
-    dialog.refresh();
-  };
-  layout.ask();
-}
-
 async function begin() {
   listenToKeys();
-  offerOtherKeys();
+  ownKeys.offer();
+  for (const each of findAll('dialog', HTMLDialogElement)) each.addEventListener('close', backToGame);
   find('#sound', HTMLElement, page).addEventListener('click', backToGame);
-  keysChanged();
+  ownKeys.show();
   await renderer.sprites.load();
   new ResizeObserver(fit).observe(stage);
   for (const place of findAll('[data-mark]', HTMLElement, page)) drawLegend(place);

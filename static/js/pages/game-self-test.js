@@ -8,7 +8,8 @@
 import { drawLegend } from '../board/draw-marks.js';
 import { Renderer } from '../board/renderer.js';
 import { Sprites, blank } from '../board/sprites.js';
-import { apply, applyLink, applyTurn, defaults, isStarted, secondsLeft, tickOf } from '../board/state.js';
+import { apply, applyLink, applyTurn, defaults, isStarted, secondsLeft } from '../board/state.js';
+import { tickOf } from '../board/still-board.js';
 import { session } from '../browser/storage.js';
 import { catalogue } from '../browser/texts.js';
 import { Announcer } from '../game/announcer.js';
@@ -27,6 +28,8 @@ import { MarksControl } from '../game/marks-control.js';
 import { MarksHelp } from '../game/marks-help.js';
 import { parse } from '../game/messages.js';
 import { readingMs } from '../game/notice.js';
+import { OwnKeys } from '../game/own-keys.js';
+import { reloadOnce } from '../game/reload-once.js';
 import { showBowls } from '../game/result.js';
 import { Sound } from '../game/sound.js';
 import { listenTouch } from '../game/touch.js';
@@ -59,7 +62,9 @@ const MODULES = [
   reportClientErrors,
   MarksControl,
   MarksHelp,
+  OwnKeys,
   flight,
+  reloadOnce,
   showBowls,
 ];
 

@@ -4,7 +4,7 @@
 
 import { make, percent } from '../admin/elements.js';
 import { intentionOf, intentionWords } from '../board/intention.js';
-import { tickOf } from '../board/state.js';
+import { tickOf } from '../board/still-board.js';
 
 export const SIGNS = ['↑', '↓', '→', '←', '○', '◆'];
 export const NAMES = ['up', 'down', 'right', 'left', 'wait', 'use'];

@@ -6,7 +6,8 @@
 import { listen } from '../admin/live-socket.js';
 import { Renderer } from '../board/renderer.js';
 import { Sprites } from '../board/sprites.js';
-import { apply, boardState } from '../board/state.js';
+import { apply } from '../board/state.js';
+import { boardState } from '../board/still-board.js';
 import { SPRITES } from '../browser/addresses.js';
 import { find, findAll } from '../browser/dom.js';
 import { catalogue, jsonBlock } from '../browser/texts.js';

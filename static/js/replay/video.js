@@ -6,7 +6,8 @@
 
 import { Renderer, pixelRatio } from '../board/renderer.js';
 import { Sprites } from '../board/sprites.js';
-import { apply, boardState } from '../board/state.js';
+import { apply } from '../board/state.js';
+import { boardState } from '../board/still-board.js';
 import { SPRITES } from '../browser/addresses.js';
 import { context2d } from '../browser/dom.js';
 import { frameOf } from './details.js';

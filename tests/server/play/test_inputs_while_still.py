@@ -6,55 +6,53 @@ from collections.abc import Sequence
 from overcooked.constants import EAST, NORTH
 from server.play import messages as m
 from server.play.recorder import InputRecord, RecorderDown
-from tests.server.play.test_games import House, house, until
 from tests.support.live_fakes import QuietConnection, make_spec
-
-__all__ = ["house"]
-
-
-def outcomes(house: House) -> list[tuple[int, str]]:
-    return [(record.seq, record.outcome) for record in house.recorder.inputs_of.get("e1", [])]
+from tests.support.running_games import RunningGames, until
 
 
-async def test_taps_during_a_pause_are_stored_before_it_ends(house: House) -> None:
-    house.specs["e1"] = make_spec(horizon=400)  # not over before the pause, on a busy machine either
-    connection = await house.play()
-    game = house.games.get("e1")
+def outcomes(running: RunningGames) -> list[tuple[int, str]]:
+    return [(record.seq, record.outcome) for record in running.recorder.inputs_of.get("e1", [])]
+
+
+async def test_taps_during_a_pause_are_stored_before_it_ends(running: RunningGames) -> None:
+    running.specs["e1"] = make_spec(horizon=400)  # not over before the pause, on a busy machine either
+    connection = await running.play()
+    game = running.games.get("e1")
     assert game is not None
-    await until(lambda: house.ticks() > 3)
+    await until(lambda: running.ticks() > 3)
     game.receive(0, connection, m.Away("blur"))
     await until(lambda: not game.busy)
     game.receive(0, connection, m.Input(0, None, EAST, 1.0))
     game.receive(0, connection, m.Input(0, None, EAST, 1.0))
-    await until(lambda: len(outcomes(house)) == 2)
+    await until(lambda: len(outcomes(running)) == 2)
     assert game.session.phase == "paused"
-    assert outcomes(house) == [(0, "stood_still"), (0, "repeated")]
+    assert outcomes(running) == [(0, "stood_still"), (0, "repeated")]
 
 
-async def test_taps_before_the_start_are_stored_too_and_none_twice(house: House) -> None:
+async def test_taps_before_the_start_are_stored_too_and_none_twice(running: RunningGames) -> None:
     connection = QuietConnection()
-    game = await house.games.join("e1", 0, connection)
+    game = await running.games.join("e1", 0, connection)
     game.receive(0, connection, m.Input(0, None, NORTH, 1.0))
-    await until(lambda: outcomes(house) == [(0, "stood_still")])
+    await until(lambda: outcomes(running) == [(0, "stood_still")])
     game.receive(0, connection, m.Ready())
     await until(lambda: connection.closed)
-    with_ticks = [record for tick in house.recorder.ticks_of["e1"].values() for record in tick.inputs]
+    with_ticks = [record for tick in running.recorder.ticks_of["e1"].values() for record in tick.inputs]
     assert with_ticks == []
-    assert outcomes(house) == [(0, "stood_still")]
+    assert outcomes(running) == [(0, "stood_still")]
 
 
-async def test_inputs_wait_for_a_database_that_is_away(house: House) -> None:
+async def test_inputs_wait_for_a_database_that_is_away(running: RunningGames) -> None:
     connection = QuietConnection()
-    game = await house.games.join("e1", 0, connection)
+    game = await running.games.join("e1", 0, connection)
     refused = asyncio.Event()
-    take = house.recorder.inputs
+    take = running.recorder.inputs
 
     async def refuse(episode: str, records: Sequence[InputRecord]) -> None:
-        house.recorder.inputs = take  # type: ignore[method-assign]
+        running.recorder.inputs = take  # type: ignore[method-assign]
         refused.set()
         raise RecorderDown("not now")
 
-    house.recorder.inputs = refuse  # type: ignore[method-assign]
+    running.recorder.inputs = refuse  # type: ignore[method-assign]
     game.receive(0, connection, m.Input(0, None, NORTH, 1.0))
     await asyncio.wait_for(refused.wait(), 10)
-    await until(lambda: outcomes(house) == [(0, "stood_still")])
+    await until(lambda: outcomes(running) == [(0, "stood_still")])

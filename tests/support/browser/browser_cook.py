@@ -79,7 +79,7 @@ class BrowserCook:
             assert time.monotonic() < deadline, f"the game got stuck at timestep {self.timesteps[-1:]}"
             self.page.wait_for_timeout(LOOK_MS)
             if time.monotonic() - self._heard > SILENCE_S:
-                self._go_on()
+                self._push_shown_button()
             pending = time.monotonic() - self._pressed < PRESS_AGAIN_S
             if self._fresh and not pending and self._applied >= self._sent and self._kitchen is not None:
                 self._act(self._kitchen)
@@ -95,7 +95,7 @@ class BrowserCook:
     def _press(self, action: int) -> None:
         self.page.keyboard.press(KEYS[action])
 
-    def _go_on(self) -> None:
+    def _push_shown_button(self) -> None:
         """Push the button that the page shows, if any. A slow machine can lose the line at any moment, so that the
         start becomes a pause: a button that has gone by the time it is pushed is none to wait for."""
         for name in BUTTONS:

@@ -15,8 +15,12 @@ DISABLED_FEATURES = (
     "TcpPortRandomizationWin,OptimizationHints,NetworkTimeServiceQuerying,AimEnabled,PreconnectToSearch,"
     "WebUIOmniboxPopup,WebUIOmniboxAimPopup,SpareRendererForSitePerProcess"
 )
+# A page of a test lives for a second: scripts compiled for speed would never earn back what compiling them takes. The
+# process for graphics draws in software, and as a thread it takes no messages between processes for each picture.
 CHROMIUM_ARGUMENTS = [
     f"--disable-features={DISABLED_FEATURES}",
+    "--js-flags=--max-lazy --no-opt --no-maglev",
+    "--in-process-gpu",
     "--no-sandbox",
     "--disable-gpu",
     "--no-first-run",

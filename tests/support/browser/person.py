@@ -44,19 +44,19 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
 
 
 class Person:
-    """Somebody at a browser, with an eye on its console and on where it asks."""
+    """Somebody at a browser, whose console and requests are recorded."""
 
     def __init__(self, site: Site, context: BrowserContext) -> None:
         self.site, self.page = site, context.new_page()
-        self.troubles: list[str] = []
+        self.errors: list[str] = []
         self.asked: list[str] = []
-        self.page.on("pageerror", lambda error: self.troubles.append(str(error)))
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
         self.page.on("console", lambda line: self._heard(line.type, line.text))
         self.page.on("request", lambda request: self.asked.append(request.url))
 
     def _heard(self, kind: str, words: str) -> None:
         if kind in ("error", "warning") and "status of 4" not in words:
-            self.troubles.append(words)
+            self.errors.append(words)
 
     @property
     def me(self) -> Participant:
@@ -86,7 +86,7 @@ def person(site: Site, chromium: Browser) -> Iterator[Person]:
     somebody = Person(site, context)
     yield somebody
     context.close()
-    assert somebody.troubles == []
+    assert somebody.errors == []
     assert [url for url in somebody.asked if not url.startswith((site.url, "blob:", "data:"))] == []
 
 

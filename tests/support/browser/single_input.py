@@ -26,7 +26,7 @@ class KeyboardOnly:
         self.page, self.cook = page, KeyCook(page)
         self.unseen: list[str] = []
 
-    def go_on(self) -> None:
+    def fill_and_leave(self) -> None:
         """Fill in what the page asks and press what leads on."""
         done: set[str] = set()
         with self.page.expect_navigation():
@@ -93,7 +93,7 @@ class TouchOnly:
         self.page, self.cook = page, FingerCook(page)
         self.small: list[str] = []
 
-    def go_on(self) -> None:
+    def fill_and_leave(self) -> None:
         page = self.page
         boxes = page.locator("main input[type=checkbox], main input[type=radio]").all()
         for question in dict.fromkeys(box.get_attribute("name") for box in boxes):
@@ -152,5 +152,5 @@ def walk(person: "KeyboardOnly | TouchOnly", url: str, seconds: float = 150.0) -
             person.play()
         else:
             titles.append(page.title())
-            person.go_on()
+            person.fill_and_leave()
     return [*titles, page.title()]

@@ -19,11 +19,11 @@ from tests.support.live_server import LiveServer
 ROOT = Path(__file__).parents[3]
 
 
-async def troubled(folder: Path, model: str, seconds: float, games: int = 3) -> FaultResult:
-    """All partners are played by `model` of troubled_models."""
+async def faulty(folder: Path, model: str, seconds: float, games: int = 3) -> FaultResult:
+    """All partners are played by `model` of faulty_models."""
     study = LONG_STUDY.replace(
         "agents: [{name: planner, predictor: sp_predictor_stream}]",
-        f'agents: [{{name: mine, model: "tests.support.faults.troubled_models:{model}", predictor: random}}]',
+        f'agents: [{{name: mine, model: "tests.support.faults.faulty_models:{model}", predictor: random}}]',
     )
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
     with (

@@ -95,7 +95,7 @@ def test_a_replay_has_every_input_at_its_timestep_with_what_became_of_it(site: S
     ]
 
 
-def test_the_accuracy_of_a_replay_counts_what_was_done_in_the_timestep_foretold(site: Site) -> None:
+def test_the_accuracy_of_a_replay_counts_what_was_done_in_the_timestep_predicted(site: Site) -> None:
     episode = played(site, timesteps=12)
     researcher = signed_in(site, "act")
     researcher.get("/admin")

@@ -102,7 +102,7 @@ async def test_lost_socket_pauses_and_hello_brings_the_same_timestep_back(served
         assert (await hear(socket, "paused"))["reason"] == "lost"
 
 
-async def test_trouble_in_the_browser_reaches_the_researcher(served: Served) -> None:
+async def test_an_error_in_the_browser_reaches_the_researcher(served: Served) -> None:
     async with served.connect() as socket:
         await say(socket, type="trouble", text="TypeError: x is undefined")
         async with asyncio.timeout(5):

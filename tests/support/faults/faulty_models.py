@@ -1,4 +1,4 @@
-"""Agents in trouble, loaded by module and class as a researcher's own would be; well while they are tried."""
+"""Faulty agents, loaded by module and class as a researcher's own would be; well while they are tried."""
 
 import os
 import time

@@ -1,0 +1,1 @@
+from tests.support.running_games import running as running

@@ -1,0 +1,102 @@
+"""Games whose models or database fail: they wait, and lose and repeat nothing."""
+
+import asyncio
+
+from server.play import messages as m
+from server.play.recorder import TickRecord
+from tests.support.live_fakes import make_spec
+from tests.support.running_games import RunningGames, until
+
+
+async def test_broken_models_leave_the_game_running_with_a_waiting_partner(running: RunningGames) -> None:
+    running.models.broken = True
+    connection = await running.play()
+    await until(lambda: connection.closed)
+    assert all(record.late for record in list(running.recorder.ticks_of["e1"].values())[:-1])
+
+
+async def test_database_that_is_away_pauses_the_game_and_it_goes_on_by_itself(running: RunningGames) -> None:
+    connection = await running.play()
+    await until(lambda: running.ticks() > 5)
+    running.recorder.down = True
+    await until(lambda: connection.of(m.Paused))
+    (paused,) = connection.of(m.Paused)
+    assert isinstance(paused, m.Paused)
+    assert (paused.reason, paused.left_s) == ("database", 0.0)
+    frames, stored = len(connection.of(m.Tick)), running.ticks()
+    assert frames == stored
+    await asyncio.sleep(0.2)
+    assert (len(connection.of(m.Tick)), running.ticks()) == (frames, stored)
+    running.recorder.down = False
+    await until(lambda: connection.closed)
+    assert running.ticks() == 41
+    (pause,) = running.recorder.pauses.values()
+    assert pause.reason == "database"
+    assert pause.duration_ms is not None
+    assert pause.duration_ms > 0
+
+
+async def test_database_away_at_the_start_delays_the_start(running: RunningGames) -> None:
+    running.recorder.down = True
+    connection = await running.play()
+    await asyncio.sleep(0.1)
+    assert not connection.of(m.Tick)
+    running.recorder.down = False
+    await until(lambda: connection.closed)
+    assert running.ticks() == 41
+
+
+async def test_database_away_at_the_end_delays_the_end(running: RunningGames) -> None:
+    running.specs["e1"] = make_spec(horizon=5)
+    connection = await running.play()
+    ticks = running.recorder.ticks
+
+    async def then_down(records: list[object]) -> None:
+        await ticks(records)  # type: ignore[arg-type]
+        running.recorder.down = running.ticks() == 6
+
+    running.recorder.ticks = then_down  # type: ignore[method-assign, assignment]
+    await until(lambda: running.ticks() == 6)
+    await asyncio.sleep(0.1)
+    assert not connection.of(m.Ended)
+    running.recorder.ticks = ticks  # type: ignore[method-assign]
+    running.recorder.down = False
+    await until(lambda: connection.closed)
+    assert connection.of(m.Ended)
+
+
+async def test_last_timestep_that_could_not_be_stored_at_once_is_not_shown_while_the_game_is_said_to_stand(
+    running: RunningGames,
+) -> None:
+    running.specs["e1"] = make_spec(horizon=5)
+    connection = await running.play()
+    ticks = running.recorder.ticks
+
+    async def not_the_last(records: list[TickRecord]) -> None:
+        running.recorder.down = records[-1].timestep == 5
+        await ticks(records)
+
+    running.recorder.ticks = not_the_last  # type: ignore[method-assign, assignment]
+    await until(lambda: connection.of(m.Paused))
+    assert running.ticks() == 5
+    running.recorder.ticks = ticks  # type: ignore[method-assign]
+    running.recorder.down = False
+    await until(lambda: connection.closed)
+    assert [type(message) for message in connection.sent[-4:]] == [m.Paused, m.Countdown, m.Tick, m.Ended]
+
+
+async def test_tick_that_is_refused_ends_only_its_own_game(running: RunningGames) -> None:
+    running.specs["e2"] = make_spec(seed=2)
+    good, bad = await running.play("e1"), await running.play("e2")
+    ticks = running.recorder.ticks
+
+    async def refuse(records: list[object]) -> None:
+        if any(record.episode == "e2" and record.timestep > 3 for record in records):  # type: ignore[attr-defined]
+            raise ValueError("another tick is stored already")
+        await ticks(records)  # type: ignore[arg-type]
+
+    running.recorder.ticks = refuse  # type: ignore[method-assign, assignment]
+    await until(lambda: good.closed and bad.closed)
+    assert running.ticks("e1") == 41
+    assert running.recorder.results["e1"].status == "done"
+    assert (running.recorder.results["e2"].status, running.recorder.results["e2"].reason) == ("aborted", "error")
