@@ -46,8 +46,8 @@ def page(chromium: Browser, server: RealServer, password: str) -> Iterator[Page]
     opened = context.new_page()
     opened.set_default_timeout(PATIENCE_MS)
     expect.set_options(timeout=PATIENCE_MS)
-    troubles: list[str] = []
-    opened.on("pageerror", lambda error: troubles.append(str(error)))
+    errors: list[str] = []
+    opened.on("pageerror", lambda error: errors.append(str(error)))
     opened.goto(f"{server.url}/admin")
     opened.fill("[name=name]", "mara")
     opened.fill("[name=password]", password)
@@ -56,7 +56,7 @@ def page(chromium: Browser, server: RealServer, password: str) -> Iterator[Page]
     open_editor(opened, f"{server.url}/admin/kitchens/new")
     yield opened
     context.close()
-    assert troubles == []
+    assert errors == []
 
 
 def open_editor(page: Page, url: str) -> None:

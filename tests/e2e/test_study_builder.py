@@ -38,11 +38,11 @@ def password(server: RealServer) -> str:
     return found.group(1)
 
 
-def signed_in(context: BrowserContext, server: RealServer, password: str, troubles: list[str]) -> Page:
+def signed_in(context: BrowserContext, server: RealServer, password: str, errors: list[str]) -> Page:
     page = context.new_page()
     page.set_default_timeout(PATIENCE_MS)
     expect.set_options(timeout=PATIENCE_MS)
-    page.on("pageerror", lambda error: troubles.append(str(error)))
+    page.on("pageerror", lambda error: errors.append(str(error)))
     page.goto(f"{server.url}/admin/drafts")
     if page.locator("[name=password]").count():
         page.fill("[name=name]", "mara")
@@ -56,16 +56,16 @@ def signed_in(context: BrowserContext, server: RealServer, password: str, troubl
 def new_page(chromium: Browser, server: RealServer, password: str) -> Iterator[NewPage]:
     """Each page is of a browser of its own; errors of a script fail the test."""
     contexts: list[BrowserContext] = []
-    troubles: list[str] = []
+    errors: list[str] = []
 
     def opened() -> Page:
         contexts.append(chromium.new_context(viewport={"width": 1366, "height": 768}))
-        return signed_in(contexts[-1], server, password, troubles)
+        return signed_in(contexts[-1], server, password, errors)
 
     yield opened
     for context in contexts:
         context.close()
-    assert troubles == []
+    assert errors == []
 
 
 def begin(page: Page, name: str, template: str = "quick_look") -> int:
@@ -224,10 +224,10 @@ def chromium_pids(profile: Path) -> list[int]:
 def test_what_was_typed_is_there_after_the_browser_was_killed(
     chromium: Browser, server: RealServer, password: str, tmp_path: Path
 ) -> None:
-    kind, troubles = chromium.browser_type, []  # type: ignore[var-annotated]
+    kind, errors = chromium.browser_type, []  # type: ignore[var-annotated]
     profile = tmp_path / "profile"
     context = kind.launch_persistent_context(profile, executable_path=installed_chromium(), args=CHROMIUM_ARGUMENTS)
-    page = signed_in(context, server, password, troubles)
+    page = signed_in(context, server, password, errors)
     draft = begin(page, "killed")
     field = at(page, "title").locator("input").first
     field.press("End")
@@ -237,7 +237,7 @@ def test_what_was_typed_is_there_after_the_browser_was_killed(
     for pid in chromium_pids(profile):
         os.kill(pid, signal.SIGKILL)
     assert "The study killed and more words" in stored(server, draft)
-    assert troubles == []
+    assert errors == []
 
 
 def test_without_a_connection_the_text_is_kept_in_the_browser(new_page: NewPage, server: RealServer) -> None:
