@@ -273,6 +273,6 @@ class Loop:
                 self._unstored.discard(game)
                 if game.session.over:  # its last timestep is about to be shown: it no longer stands still
                     game.tell_countdown(0)
+                elif game.episode not in lost:
+                    game.release(DATABASE)  # first: its timestep comes after the word that it goes on
                 self._settle(game, lost)
-                if game.episode not in lost:
-                    game.release(DATABASE)

@@ -14,7 +14,7 @@ from tests.support.running_games import SPEED, RunningGames, until
 
 
 async def test_restart_goes_on_where_the_last_stored_tick_left_it(running: RunningGames) -> None:
-    running.specs["e1"] = make_spec(horizon=200)
+    running.specs["e1"] = make_spec(horizon=400)
     connection = await running.play()
     await until(lambda: running.ticks() > 10)
     await running.games.stop()
@@ -27,7 +27,7 @@ async def test_restart_goes_on_where_the_last_stored_tick_left_it(running: Runni
     assert isinstance(welcome, m.Welcome)
     assert (welcome.state.t, welcome.resumed) == (stood, True)
     await until(lambda: again.closed)
-    assert running.ticks() == 201
+    assert running.ticks() == 401
     assert [pause.reason for pause in running.recorder.pauses.values()] == ["server", "server"]
     assert all(pause.duration_ms is not None for pause in running.recorder.pauses.values())
 
