@@ -140,7 +140,7 @@ def card(folder: RunFolder, name: str, skill: int, mode: Mode, facts: dict[str, 
         "",
         "Points are per episode of 400 timesteps; self-play and held-out figures are in the mode above, weights as",
         "stored (16 bits).",
-        "The grid is in config.json. Of the five only Coordination Ring is the published one.",
+        "The grid is in config.json.",
     ]
     return "\n".join(lines)
 

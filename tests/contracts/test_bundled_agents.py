@@ -15,6 +15,16 @@ WANTED = {
     "matrix": 200,
     "clear_division": 260,
 }
+# Of the four other classic kitchens. In Forced Coordination and Counter Circuit two planners do as well, or better.
+WANTED_OF_CLASSIC = {
+    "cramped_room": 200,
+    "asymmetric_advantages": 400,
+    "forced_coordination": 180,
+    "counter_circuit": 140,
+}
+
+
+ALL = {**WANTED, **WANTED_OF_CLASSIC}
 
 
 @pytest.mark.parametrize("name", WANTED)
@@ -28,14 +38,22 @@ def test_the_sp_agent_cooks_well_with_itself_and_better_than_two_planners(name: 
     assert agent.longest_jam < 60
 
 
-@pytest.mark.parametrize("name", [name for name in WANTED if (WEIGHTS / name / "fcp").is_dir()])
+@pytest.mark.parametrize("name", WANTED_OF_CLASSIC)
+def test_the_sp_agents_of_the_classic_kitchens_cook_well_with_themselves(name: str) -> None:
+    layout = load_layout(name)
+    agent = with_itself(layout, EvaluatedAgent(*load_agent("sp", layout)), episodes=6)
+    assert agent.scores.mean() >= WANTED_OF_CLASSIC[name]
+    assert agent.longest_jam < 60
+
+
+@pytest.mark.parametrize("name", [name for name in ALL if (WEIGHTS / name / "fcp").is_dir()])
 def test_the_fcp_agent_scores_at_least_half_of_sp_with_itself(name: str) -> None:
     layout = load_layout(name)
     sp, fcp = (with_itself(layout, EvaluatedAgent(*load_agent(who, layout)), episodes=6) for who in ("sp", "fcp"))
     assert fcp.scores.mean() >= 0.5 * sp.scores.mean()
 
 
-@pytest.mark.parametrize("name", WANTED)
+@pytest.mark.parametrize("name", ALL)
 def test_every_bundled_checkpoint_is_whole_and_belongs_to_its_kitchen(name: str) -> None:
     folders = [config.parent for config in (WEIGHTS / name).rglob("config.json")]
     assert folders
@@ -47,4 +65,4 @@ def test_every_bundled_checkpoint_is_whole_and_belongs_to_its_kitchen(name: str)
 
 def test_all_weights_together_stay_small() -> None:
     total = sum(path.stat().st_size for path in WEIGHTS.rglob("*") if path.is_file())
-    assert total <= 60e6
+    assert total <= 90e6
