@@ -84,7 +84,9 @@ def _run(words: list[str]) -> int:
         if error.name is None or (_ROOT / error.name.split(".")[0]).exists():
             raise
         is_checkout = (_ROOT / "pyproject.toml").is_file()
-        remedy = "make setup" if is_checkout else "pip install 'kitchenmind[training,analysis]'"
+        package = VERBS[verb][0].partition(".")[0]
+        extra = f"[{package}]" if package in ("training", "analysis") else ""
+        remedy = "make setup" if is_checkout else f"pip install 'kitchenmind{extra}'"
         print(f"kitchenmind {verb} needs the Python package {error.name}: run `{remedy}`.", file=sys.stderr)
         return 2
     except KeyboardInterrupt:

@@ -7,10 +7,12 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import kitchenmind
+from kitchenmind import command_line
 from server.commands import admin
 
 ROOT = Path(__file__).parent.parent
@@ -63,6 +65,23 @@ def test_missing_package_is_named_with_its_remedy(
     message = capsys.readouterr().err
     assert "a_package_that_nobody_installed" in message
     assert "make setup" in message
+
+
+def test_outside_a_checkout_the_remedy_names_only_what_the_verb_needs(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "analysis").mkdir()
+    (tmp_path / "server").mkdir()
+    monkeypatch.setattr(command_line, "_ROOT", tmp_path)
+    for module, extra in (("analysis.needing", "kitchenmind[analysis]"), ("server.needing", "kitchenmind")):
+        monkeypatch.setitem(kitchenmind.VERBS, "bake", (module, "bakes"))
+        monkeypatch.setitem(sys.modules, module, SimpleNamespace(add_arguments=_needs_a_package))
+        assert kitchenmind.main(["bake"]) == 2
+        assert f"run `pip install '{extra}'`" in capsys.readouterr().err
+
+
+def _needs_a_package(_parser: object) -> None:
+    raise ModuleNotFoundError(name="a_package_that_nobody_installed")
 
 
 @pytest.mark.parametrize(
