@@ -89,7 +89,8 @@ class AgentServer:
 
     def wait(self) -> None:
         """Serve until the thread ends, or Ctrl+C."""
-        self._thread.join()
+        while self._thread.is_alive():
+            self._thread.join(1.0)  # not for ever: a Ctrl+C that comes just before the wait would not end it
 
     def close(self) -> None:
         """Stop answering."""

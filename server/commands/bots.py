@@ -21,7 +21,12 @@ MOST = 2000
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("number", type=int, metavar="N", help="number of participants")
-    parser.add_argument("--study", type=Path, metavar="FILE", help="the study file (studies/quick_look.yaml)")
+    parser.add_argument(
+        "--study",
+        type=Path,
+        metavar="FILE",
+        help="the study file (studies/quick_look.yaml); with --url also the name of a study that the server offers",
+    )
     parser.add_argument("--url", help="a server that is running; without it, the command starts one")
     parser.add_argument(
         "--database", metavar="URL", help="keep the data here, sqlite:///path; with --url: the server's own database"
@@ -159,8 +164,8 @@ def _group(arguments: argparse.Namespace, study_file: Path) -> "BotGroup":
     from server.study.loader import StudyError
     from server.study_check import missing_problems
 
-    if arguments.url and not arguments.study:
-        offered = offered_study(arguments.url)
+    if arguments.url and (not arguments.study or _is_name(arguments.study)):
+        offered = offered_study(arguments.url, arguments.study and arguments.study.name)
         return BotGroup(
             arguments.number, offered, None, arguments.dropout, arguments.seed, secret=_secret(), cook=arguments.cook
         )
@@ -195,8 +200,14 @@ def _with_kitchens(study: Path, folder: Path) -> tuple[Path, dict[str, str]]:
     return copy, {"KITCHENMIND_MODELS_FOLDER": str(file.folder)}
 
 
-def offered_study(url: str) -> str:
-    """The first study that a server offers. Raises ValueError where there is no server, or no study."""
+def _is_name(study: Path) -> bool:
+    """Whether these words are a study's name and no file: a study that was made in the dashboard has none."""
+    return study.name == str(study) and not study.suffix and not study.exists()
+
+
+def offered_study(url: str, wanted: str | None = None) -> str:
+    """The study of this name that a server offers, or the first. Raises ValueError where there is no server, or no such
+    study."""
     import re
 
     import httpx
@@ -205,10 +216,12 @@ def offered_study(url: str) -> str:
         page = httpx.get(url, headers={"Accept": "text/html"}, follow_redirects=True, timeout=10)
     except httpx.HTTPError as error:
         raise ValueError(f"there is no server at {url} ({error}). Start it with `kitchenmind serve`.") from None
-    found = re.search(r'href="[^"?]*/s/([a-z][a-z0-9_-]*)', page.text)
-    if found is None:
+    offered = list(dict.fromkeys(re.findall(r'href="[^"?]*/s/([a-z][a-z0-9_-]*)', page.text)))
+    if not offered:
         raise ValueError(f"{url} offers no study. Name it with --study FILE.")
-    return found.group(1)
+    if wanted is not None and wanted not in offered:
+        raise ValueError(f"{url} offers no study {wanted!r}. It offers {', '.join(offered)}; or name a file.")
+    return wanted or offered[0]
 
 
 def _walk(arguments: argparse.Namespace, group: "BotGroup", url: str, database_url: str | None) -> "GroupOutcome":

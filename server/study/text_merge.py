@@ -45,15 +45,15 @@ def merged(base: str, theirs: str, mine: str) -> list[str | TextConflict]:
     for group in _groups(sorted(edits, key=lambda edit: (edit.start, edit.is_in_place, edit.end))):
         start, end = group[0].start, max(edit.end for edit in group)
         _append(parts, "".join(lines[done:start]))
-        hers = _applied(lines, (start, end), [edit for edit in group if not edit.is_mine])
-        his = _applied(lines, (start, end), [edit for edit in group if edit.is_mine])
+        theirs_here = _applied(lines, (start, end), [edit for edit in group if not edit.is_mine])
+        mine_here = _applied(lines, (start, end), [edit for edit in group if edit.is_mine])
         unchanged = "".join(lines[start:end])
-        if hers == his or his == unchanged:
-            _append(parts, hers)
-        elif hers == unchanged:
-            _append(parts, his)
+        if theirs_here == mine_here or mine_here == unchanged:
+            _append(parts, theirs_here)
+        elif theirs_here == unchanged:
+            _append(parts, mine_here)
         else:
-            parts.append(TextConflict(hers, his))
+            parts.append(TextConflict(theirs_here, mine_here))
         done = end
     _append(parts, "".join(lines[done:]))
     return parts

@@ -76,6 +76,18 @@ def test_every_bundled_study_is_walked_to_its_end(study: Path, all_bundled: OwnS
     assert outcome.episodes == number * episodes_of(plan)
 
 
+def test_a_study_that_a_server_offers_needs_only_its_name(
+    all_bundled: OwnServer, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["--url", all_bundled.url, "--database", all_bundled.database]
+    code, outcome = simulated("1", "--study", "intentions", *words)
+    assert (code, outcome["completed"], outcome["violations"]) == (0, 1, [])
+    assert kitchenmind.main(["bots", "1", "--study", "nothing_there", *words]) == 2
+    told = capsys.readouterr().err
+    assert "offers no study 'nothing_there'. It offers" in told
+    assert "quick_look" in told
+
+
 def test_the_data_of_all_of_them_can_be_exported(all_bundled: OwnServer, tmp_path: Path) -> None:
     exported = command_line.run("export", "--database", all_bundled.database, "--out", str(tmp_path / "export"))
     assert exported.returncode == 0, exported.stderr
