@@ -274,5 +274,5 @@ class Loop:
                 if game.session.over:  # its last timestep is about to be shown: it no longer stands still
                     game.tell_countdown(0)
                 elif game.episode not in lost:
-                    game.release(DATABASE)  # first: its timestep comes after the word that it goes on
+                    game.release(DATABASE)  # first: the countdown comes before its timestep
                 self._settle(game, lost)
