@@ -116,7 +116,8 @@ clean:
 	@$(PIP) --editable ".[training,analysis,test]"
 	@touch $@
 
-# Once, and not by every worker of the tests at the same time: the bytecode of all that they import, and the kernels.
+# Once, and not by every worker of the tests at the same time: the bytecode of all that they import, and the kernels. What
+# fails here fails again in the tests, which say it.
 .venv/.compiled: .venv/.test
 	@echo "Compiling what the tests load (half a minute, once) ..."
 	@$(BIN)/python -m pytest --collect-only > /dev/null 2>&1 & \
