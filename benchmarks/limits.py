@@ -1,6 +1,6 @@
-"""How often anybody could predict an agent of Coordination Ring who knew both agents' minds, but not their dice.
+"""The accuracy of an observer who knows the action probabilities of both agents, but not their random draws.
 
-    python benchmarks/limits.py [--partner human_bc] [--states 6000] [--json]
+    python benchmarks/limits.py [--layout coordination_ring] [--partner human_bc] [--states 6000] [--json]
 
 All courses that the next timesteps may take are followed with their probabilities: the likeliest action's is how
 often the best prediction is right. A predictor that knows neither agent stays below.
@@ -80,13 +80,14 @@ def limits(layout: Layout, agent: str, partner: str, states: int) -> list[float]
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--layout", default="coordination_ring")
     parser.add_argument("--partner", default="human_bc")
     parser.add_argument("--states", type=int, default=6000)
     parser.add_argument("--json", action="store_true", help="a list of {agent, partner, steps, mean}")
     arguments = parser.parse_args()
     rows = []
     for agent in ("sp", "fcp"):
-        steps = limits(load_layout("coordination_ring"), agent, arguments.partner, arguments.states)
+        steps = limits(load_layout(arguments.layout), agent, arguments.partner, arguments.states)
         mean = round(sum(steps) / STEPS, 1)
         rows.append({"agent": agent, "partner": arguments.partner, "steps": steps, "mean": mean})
     if arguments.json:

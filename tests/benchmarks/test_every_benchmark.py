@@ -16,6 +16,7 @@ ROOT = Path(__file__).parent.parent.parent
 QUICK = {
     "agent_modes": ["--quick"],
     "classic_kitchens": ["--quick"],
+    "classic_predictors": ["--quick"],
     "browser": ["--seconds", "1", "--json"],
     "results": ["--quick"],
     "dashboard": ["--games", "4", "--window-s", "2", "--turns", "1", "--json"],

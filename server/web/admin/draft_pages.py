@@ -32,10 +32,9 @@ LONGEST_TITLE: Final = 200
 TEMPLATES: Final = {
     "external_predictor": ("The published study", "Three conditions, five kitchens, two agents, ten rounds."),
     "quick_look": ("A quick look", "A short study of some minutes, to try things out."),
-    "classic": (
+    "classic_kitchens": (
         "The classic kitchens",
-        "The published design in the five kitchens of overcooked_ai. Its two agents have no predictors there: "
-        "no marks, or random ones.",
+        "The published design in the five kitchens of overcooked_ai: three conditions, two agents, ten rounds.",
     ),
     "trust": ("Trust", "Right or misleading marks; Trust in Automation and NASA-TLX after six rounds; a debriefing."),
     "two_people": ("Two people", "Two participants cook with each other."),
