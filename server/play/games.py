@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import time
 from collections.abc import Awaitable, Callable, Coroutine, Iterator
 from typing import Any, Final, Literal, Protocol
 
@@ -98,8 +99,9 @@ class Games:
 
     async def _until_stored(self, game: Game) -> None:
         """Return when the state can be shown: not before it is stored. The start state can be shown at once."""
+        until = time.monotonic() + STOP_WITHIN_S
         while game.busy and game.session.phase != "ended" and game.session.simulation.timestep:
-            if game.unstored is not None:
+            if game.unstored is not None or time.monotonic() > until:
                 raise RecorderDown("the newest timestep is not stored yet")
             await asyncio.sleep(_LOOK_AGAIN_S)
 

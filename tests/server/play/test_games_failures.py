@@ -158,3 +158,16 @@ async def test_tick_that_is_refused_ends_only_its_own_game(running: RunningGames
     assert running.ticks("e1") == 41
     assert running.recorder.results["e1"].status == "done"
     assert (running.recorder.results["e2"].status, running.recorder.results["e2"].reason) == ("aborted", "error")
+
+
+async def test_a_frame_that_cannot_be_sent_ends_only_its_own_game(running: RunningGames) -> None:
+    running.specs = {name: make_spec(tick_ms=40) for name in ("e1", "e2")}  # one slot for both
+    good, bad = await running.play("e1"), await running.play("e2")
+    await until(lambda: running.ticks("e1") > 3 and running.ticks("e2") > 3)
+    game = running.games.get("e2")
+    assert game is not None
+    game.session.tick_message = lambda _: 1 / 0  # type: ignore[method-assign, assignment, return-value]
+    await until(lambda: good.closed and bad.closed)
+    assert running.ticks("e1") == 41
+    assert running.recorder.results["e1"].status == "done"
+    assert (running.recorder.results["e2"].status, running.recorder.results["e2"].reason) == ("aborted", "error")
