@@ -13,10 +13,12 @@ from weakref import WeakKeyDictionary
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from uvicorn.server import ServerState
+from websockets.frames import Frame
 from websockets.http11 import Request
 from websockets.protocol import State
 
 from server.play.close_codes import CloseCode
+from server.play.token_bucket import TokenBucket
 from server.web.participant.direct_frames import EXTENSION, DirectFrames
 
 log = logging.getLogger(__name__)
@@ -97,18 +99,32 @@ class PatientProtocol(H11Protocol):
 
 
 class QuietProtocol(WebSocketsSansIOProtocol):
-    """uvicorn's websocket, which by itself writes a traceback into the log for every text frame that is not UTF-8. And
-    with `DirectFrames` for the application."""
+    """uvicorn's websocket, which by itself writes a traceback into the log for every text frame that is not UTF-8, and
+    takes any number of frames that are no message: pings, pongs, pieces of a message without an end. And with
+    `DirectFrames` for the application."""
 
     def __init__(self, **parts: Any) -> None:
         super().__init__(**parts)
         self._direct = DirectFrames(self._write_now)
+        self._no_messages = TokenBucket(self.loop.time())  # what browsers hardly ever send has the limits of messages
 
     def handle_connect(self, event: Request) -> None:
         super().handle_connect(event)
         if not self.close_sent:
             extensions: dict[str, Any] = self.scope["extensions"]
             extensions[EXTENSION] = self._direct
+
+    def handle_ping(self) -> None:
+        if self._is_let_in():
+            super().handle_ping()
+
+    def handle_pong(self, event: Frame) -> None:
+        if self._is_let_in():
+            super().handle_pong(event)
+
+    def handle_cont(self, event: Frame) -> None:
+        if self._is_let_in():
+            super().handle_cont(event)
 
     def send_receive_event_to_app(self) -> None:
         if self.curr_msg_data_type == "text" and not self.close_sent:
@@ -117,12 +133,30 @@ class QuietProtocol(WebSocketsSansIOProtocol):
             except UnicodeDecodeError:
                 log.info("a websocket sent a text frame that is not UTF-8: it is closed with 1007")
                 self.frames = []
-                self.conn.send_close(CloseCode.NOT_UTF8, "a text frame is UTF-8")
-                return self.handle_parser_exception()
+                return self._close(CloseCode.NOT_UTF8, "a text frame is UTF-8")
             if self.queue.empty() and self._direct.take(text):
                 self.frames = []
                 return None
         return super().send_receive_event_to_app()
+
+    def _is_let_in(self) -> bool:
+        """Whether a frame that is no message by itself is taken; too many of them close the socket."""
+        if self.close_sent:
+            return False
+        if not self._no_messages.spend(self.loop.time()):
+            self._close(CloseCode.REFUSED, "too many control frames or pieces of messages")
+            return False
+        return True
+
+    def _close(self, code: CloseCode, reason: str) -> None:
+        """Close as for the application, which is told; nothing if the peer has closed already."""
+        if self.conn.state is not State.OPEN:
+            return
+        self.queue.put_nowait({"type": "websocket.disconnect", "code": code, "reason": reason})
+        self.conn.send_close(code, reason)
+        self.transport.write(b"".join(self.conn.data_to_send()))
+        self.close_sent = True
+        self.close_timer = self.loop.call_later(self.close_timeout, self.transport.close)
 
     def _write_now(self, text: bytes) -> bool:
         if not self.writable.is_set() or self.transport.is_closing() or self.conn.state is not State.OPEN:

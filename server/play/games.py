@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import time
 from collections.abc import Awaitable, Callable, Coroutine, Iterator
 from typing import Any, Final, Literal, Protocol
 
@@ -10,7 +11,7 @@ from server.play.clock import Clock
 from server.play.close_codes import CloseCode
 from server.play.game import Connection, Game
 from server.play.loop import Loop
-from server.play.recorder import EpisodeRecord, EpisodeResult, GamesLost, Recorder
+from server.play.recorder import EpisodeRecord, EpisodeResult, GamesLost, Recorder, RecorderDown
 from server.play.session import Session
 
 log = logging.getLogger(__name__)
@@ -19,6 +20,7 @@ AfterEnd = Callable[[EpisodeRecord, EpisodeResult], Awaitable[None]]
 KEEP_EVERY_S: Final = 0.25
 FORGET_AFTER_S: Final = 120.0  # a game that waits for nobody in particular is taken up again from the database
 STOP_WITHIN_S: Final = 5.0
+_LOOK_AGAIN_S: Final = 0.002
 
 
 class NoGame(Exception):
@@ -75,23 +77,33 @@ class Games:
         return self._games.get(episode)
 
     async def join(self, episode: str, person: int, connection: Connection) -> Game:
-        """A page said Hello. Raises NoGame; and what `load` and the re-simulation raise."""
+        """A page said Hello. Raises NoGame, RecorderDown; and what `load` and the re-simulation raise."""
         if self.stopping:
             raise NoGame("the server is going down")
         game = self._games.get(episode)
-        if game is not None and self._owners is not None and not await self._owners.still_mine(episode):
-            self.let_go(game)
-            game = None
+        if game is not None and self._owners is not None:
+            if not await self._owners.still_mine(episode):
+                self.let_go(game)
+            game = self._games.get(episode)  # meanwhile it may also have been forgotten
         if game is None:
             opening = self._opening.get(episode)
             if opening is None:
                 opening = self._opening[episode] = asyncio.create_task(self._open(episode))
                 opening.add_done_callback(lambda _: self._opening.pop(episode, None))
             game = await asyncio.shield(opening)
+        await self._until_stored(game)
         if game.session.phase == "ended":
             raise NoGame(f"episode {episode} is over")
         game.join(person, connection)
         return game
+
+    async def _until_stored(self, game: Game) -> None:
+        """Return when the state can be shown: not before it is stored. The start state can be shown at once."""
+        until = time.monotonic() + STOP_WITHIN_S
+        while game.busy and game.session.phase != "ended" and game.session.simulation.timestep:
+            if game.unstored is not None or time.monotonic() > until:
+                raise RecorderDown("the newest timestep is not stored yet")
+            await asyncio.sleep(_LOOK_AGAIN_S)
 
     async def _open(self, episode: str) -> Game:
         record = await self._load(episode)
@@ -152,6 +164,8 @@ class Games:
         game.dismiss_all()
 
     def _forget(self, game: Game) -> None:
+        if self._games.get(game.episode) is not game:
+            return  # it was taken up here again in the meantime
         self._models.forget(game.episode)
         self._games.pop(game.episode, None)
         self._records.pop(game.episode, None)

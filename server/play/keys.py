@@ -102,6 +102,8 @@ class Keys:
         asks = self.marks_key is not None and self.marks_key.put(keys.marks)
         if asks:
             self._marks.append(press)
+            if len(self._marks) > MAX_SETTLED:  # while the game stands still, nothing else takes them away
+                self._drop(self._marks.pop(0), REPLACED)
         if not (changed or counts or asks):
             self._settle(press, UNCHANGED if keys.tap is None else STOOD_STILL)
         return True

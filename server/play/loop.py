@@ -219,11 +219,14 @@ class Loop:
         return ()
 
     def _settle(self, game: Game, lost: Collection[str]) -> None:
-        if game.episode in lost:
-            game.busy = False
-            self._lost(game)
-        else:
-            self._stored(game)
+        try:
+            if game.episode in lost:
+                game.busy = False
+                self._lost(game)
+            else:
+                self._stored(game)
+        except Exception as error:  # noqa: BLE001 - as above
+            self._broken(game, error)
 
     def _stored(self, game: Game) -> None:
         """The state is durable: only now anybody sees it."""

@@ -1,6 +1,6 @@
 """Why a game stands still, since when, and how long it may. Times are seconds of the caller's clock."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from server.play.episode_spec import PauseLimits
 from server.play.recorder import AWAY_REASONS
@@ -42,6 +42,8 @@ class PauseReasons:
 
     def release(self, holder: Holder, now: float) -> None:
         held = self._held.pop(holder, None)
+        if held is not None and holder == DATABASE:  # nobody could come back without it: their time begins now
+            self._held = {one: replace(hold, since=now) for one, hold in self._held.items()}
         if held is not None and held.reason in AWAY_REASONS:
             self._away_s += max(SHORTEST_S, now - held.since)
 

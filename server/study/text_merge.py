@@ -3,6 +3,9 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from difflib import SequenceMatcher
+from typing import Final
+
+_LONGEST_EXACT: Final = 500  # lines; beyond, lines that are everywhere say nothing: with them it could take minutes
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,8 @@ def merged(base: str, theirs: str, mine: str) -> list[str | TextConflict]:
 
 def _edits(base: Sequence[str], text: str, is_mine: bool) -> Iterator[_Edit]:
     lines = text.splitlines(keepends=True)
-    for kind, start, end, first, last in SequenceMatcher(None, base, lines, autojunk=False).get_opcodes():
+    matcher = SequenceMatcher(None, base, lines, autojunk=len(lines) > _LONGEST_EXACT)
+    for kind, start, end, first, last in matcher.get_opcodes():
         if kind == "replace" and end - start == last - first:
             for place, line in zip(range(start, end), lines[first:last], strict=True):
                 yield _Edit(place, place + 1, (line,), is_mine)

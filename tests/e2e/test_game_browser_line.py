@@ -28,7 +28,7 @@ def test_a_lost_line_comes_back_by_itself_at_the_same_timestep(
         first, second = server.of(Hello)
         assert second.tab == first.tab
         assert (first.last_timestep, second.last_timestep) == (-1, 120)
-        server.send(Paused("lost", 20.0), Countdown(3))
+        server.send(Paused("lost", 20.0), Countdown(1))
         page.wait_for_selector("#count:visible")
         server.send(tick(kitchen(t=121)))
         expect(page.locator("[data-timestep='121'][data-view=none]")).to_be_visible()

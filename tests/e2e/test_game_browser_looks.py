@@ -166,7 +166,7 @@ def test_a_browser_that_cannot_make_sound_plays_on(chromium: Browser, server: Fa
         page.evaluate("document.querySelector('#sound').click()")
         page.click("#start-button")
         server.wait_for(lambda server: bool(server.of(Ready)))
-        server.send(Countdown(2.0))
+        server.send(Countdown(1.0))
         page.wait_for_selector("#count:visible")
         server.send(tick(kitchen(t=195, **MOMENT)))
         page.wait_for_selector("#count", state="hidden")

@@ -161,7 +161,7 @@ def test_the_time_left_comes_from_the_timestep(blank: Page) -> None:
 def test_the_state_shown_during_the_countdown_does_not_start_the_game(blank: Page) -> None:
     outgoing: list[messages.Outgoing] = [welcome(), messages.Countdown(3), tick(kitchen(t=0))]
     assert states(blank, outgoing, "return s.phase") == "countdown"
-    assert states(blank, [*outgoing, tick(kitchen(t=1))], "return s.phase") == "playing"
+    assert states(blank, [*outgoing, tick(kitchen(t=1))], "return s.phase", [0, 0, 0, 3200]) == "playing"
 
 
 def test_a_timestep_that_was_being_made_when_the_game_paused_does_not_end_the_pause(blank: Page) -> None:
@@ -169,7 +169,17 @@ def test_a_timestep_that_was_being_made_when_the_game_paused_does_not_end_the_pa
     body = "return [s.phase, s.current.t, s.pause?.reason, s.pause?.fresh]"
     assert states(blank, came_back, body) == ["paused", 13, "lost", True]
     assert states(blank, [*came_back, messages.Paused("lost", 59.0)], body) == ["paused", 13, "lost", True]
-    assert states(blank, [*came_back, messages.Countdown(3), tick(kitchen(t=14))], "return s.phase") == "playing"
+    goes_on = [*came_back, messages.Countdown(3), tick(kitchen(t=14))]
+    assert states(blank, goes_on, "return s.phase", [0, 0, 0, 0, 3200]) == "playing"
+
+
+def test_a_timestep_that_was_still_to_be_stored_does_not_cut_the_countdown_short(blank: Page) -> None:
+    """After a database that was away, and after `ready` in the middle of a commit, it follows on the countdown."""
+    goes_on = [welcome(resumed=True), messages.Paused("database", 0.0), messages.Countdown(3), tick(kitchen(t=13))]
+    body = "return [s.phase, s.current.t, s.countdown?.seconds]"
+    assert states(blank, goes_on, body, [0, 0, 1000, 1010]) == ["countdown", 13, 3]
+    started = [*goes_on, tick(kitchen(t=14))]
+    assert states(blank, started, body, [0, 0, 1000, 1010, 4200]) == ["playing", 14, None]
 
 
 def keys(page: Page, body: str) -> Any:

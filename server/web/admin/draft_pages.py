@@ -179,10 +179,14 @@ async def earlier(request: Request, number: int, admin: OwnDep, web: WebDep, dra
     shown = next((row for row in rows if row.id == number), None)
     if shown is None:
         raise HTTPException(404, "there is no such text in the history of this draft")
-    lines = difflib.unified_diff(draft.source.splitlines(), shown.source.splitlines(), n=2, lineterm="")
+    lines = await asyncio.to_thread(_difference, draft.source, shown.source)
     page = AdminPage(request, admin)
-    context: dict[str, Any] = {"draft": draft, "rows": rows, "shown": shown, "lines": list(lines)[2:]}
+    context: dict[str, Any] = {"draft": draft, "rows": rows, "shown": shown, "lines": lines}
     return page.render("draft_history.html", tab="drafts", **context)
+
+
+def _difference(newest: str, earlier: str) -> list[str]:
+    return list(difflib.unified_diff(newest.splitlines(), earlier.splitlines(), n=2, lineterm=""))[2:]
 
 
 @router.post("/{draft}/restore")

@@ -157,7 +157,8 @@ class Sockets:
             if len(self._client_errors) > _BUCKETS_KEPT:
                 self._client_errors = {who: one for who, one in self._client_errors.items() if not one.is_full(now)}
             if len(self._buckets) > _BUCKETS_KEPT:
-                self._buckets = {mine.player.participant: self._buckets[mine.player.participant] for mine in self._open}
+                here = {mine.player.participant for mine in self._open}
+                self._buckets = {who: one for who, one in self._buckets.items() if who in here}
 
     async def _read(self, socket: WebSocket, mine: PlayerSocket) -> None:
         clock = self._games.clock

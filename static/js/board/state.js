@@ -159,7 +159,7 @@ function applyTick(state, message, now) {
   if (!isStarted(state)) return state;
   const { grid, watched_seat: watched } = state.game;
   const players = message.state.players;
-  const phase = phaseAfter(state, message);
+  const phase = phaseAfter(state, message, now);
   const drawn = marks(message.prediction, players[watched], players[1 - watched], grid);
   const ahead = drawn.flatMap((mark) => (mark.kind === 'move' ? [cellAfter(mark)] : []));
   const intention = intentionOf(message.intention, players[watched], players[1 - watched], grid, ahead);
@@ -188,15 +188,17 @@ function applyTick(state, message, now) {
 }
 
 /**
- * Only a countdown starts a game. The state that is shown during it comes as a tick too, and so does a timestep that
- * was being made when the game was paused.
+ * Only the end of a countdown starts a game. The state that is shown during it comes as a tick too, and so does a
+ * timestep that was being made when the game was paused: soon, while the first one comes when the countdown is over.
  * @param {StartedState} state
  * @param {Wire.Tick} message
+ * @param {number} now
  * @returns {Phase}
  */
-function phaseAfter(state, message) {
-  if (state.phase === 'ended' || state.phase === 'paused') return state.phase;
-  return state.phase === 'countdown' && message.state.t <= state.current.t ? 'countdown' : 'playing';
+function phaseAfter({ phase, countdown, current }, message, now) {
+  if (phase === 'ended' || phase === 'paused') return phase;
+  const isEarly = countdown !== null && now - countdown.sinceMs < countdown.seconds * 500;
+  return phase === 'countdown' && (isEarly || message.state.t <= current.t) ? 'countdown' : 'playing';
 }
 
 /**

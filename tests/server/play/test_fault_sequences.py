@@ -18,7 +18,7 @@ from server.play.clock import Clock
 from server.play.episode_spec import PauseLimits
 from server.play.game import Game
 from server.play.games import Games, NoGame
-from server.play.recorder import EpisodeRecord
+from server.play.recorder import EpisodeRecord, RecorderDown
 from server.play.session import Session
 from tests.support.live_fakes import MemoryRecorder, QuietConnection, RuleModels, make_spec
 
@@ -106,6 +106,8 @@ class Faults(RuleBasedStateMachine):
                 tab.game = await self.games.join("e1", 0, tab)
             except NoGame:
                 tab.close(4004, "")
+            except RecorderDown:
+                tab.close(1013, "")
             await settle()
 
         self.runner.run(join())
@@ -218,6 +220,8 @@ class Faults(RuleBasedStateMachine):
                 if isinstance(message, m.Tick):
                     assert message.state.t in stored
                     assert message.prediction == stored[message.state.t].displayed
+                if isinstance(message, m.Welcome):
+                    assert message.state.t in stored or message.state.t == 0
                 if isinstance(message, m.Ended):
                     assert "e1" in self.recorder.results
 

@@ -2,9 +2,12 @@
 
 import asyncio
 
+import pytest
+
 from server.play import messages as m
-from server.play.recorder import TickRecord
-from tests.support.live_fakes import make_spec
+from server.play.episode_spec import PauseLimits
+from server.play.recorder import RecorderDown, TickRecord
+from tests.support.live_fakes import QuietConnection, make_spec
 from tests.support.running_games import RunningGames, until
 
 
@@ -34,6 +37,61 @@ async def test_database_that_is_away_pauses_the_game_and_it_goes_on_by_itself(ru
     assert pause.reason == "database"
     assert pause.duration_ms is not None
     assert pause.duration_ms > 0
+
+
+async def test_a_page_that_comes_in_the_middle_of_a_commit_sees_what_is_stored(running: RunningGames) -> None:
+    first = await running.play()
+    await until(lambda: running.ticks() > 5)
+    ticks, may_go_on = running.recorder.ticks, asyncio.Event()
+
+    async def slowly(records: list[TickRecord]) -> None:
+        await may_go_on.wait()
+        await ticks(records)
+
+    running.recorder.ticks = slowly  # type: ignore[method-assign, assignment]
+    game = running.games.get("e1")
+    assert game is not None
+    await until(lambda: game.busy)
+    second = QuietConnection("tab-0002")
+    joining = asyncio.create_task(running.games.join("e1", 0, second))
+    await asyncio.sleep(0.05)
+    assert not second.sent
+    may_go_on.set()
+    await joining
+    (welcome,) = second.of(m.Welcome)
+    assert isinstance(welcome, m.Welcome)
+    assert welcome.state.t == running.ticks() - 1
+    assert welcome.resumed
+    assert first.of(m.Superseded)
+
+
+async def test_a_page_that_comes_while_the_database_is_away_is_asked_to_come_back(running: RunningGames) -> None:
+    connection = await running.play()
+    await until(lambda: running.ticks() > 5)
+    running.recorder.down = True
+    await until(lambda: connection.of(m.Paused))
+    with pytest.raises(RecorderDown):
+        await running.games.join("e1", 0, QuietConnection("tab-0002"))
+
+
+async def test_nobody_loses_a_game_because_they_could_not_come_back_while_the_database_was_away() -> None:
+    running = RunningGames(speed=100.0)
+    running.specs["e1"] = make_spec(pause=PauseLimits(each_s=60.0, episode_s=120.0))
+    connection = await running.play()
+    await until(lambda: running.ticks() > 5)
+    running.recorder.down = True
+    await until(lambda: connection.of(m.Paused))
+    game = running.games.get("e1")
+    assert game is not None
+    game.leave(0, connection)
+    await asyncio.sleep(0.8)  # longer than an absence may last, on this clock
+    running.recorder.down = False
+    await until(lambda: not game.busy)
+    await asyncio.sleep(0.3)  # so long that absences were looked at
+    back = await running.play(tab="tab-0002")
+    await until(lambda: back.closed)
+    assert running.recorder.results["e1"].status == "done"
+    await running.games.stop()
 
 
 async def test_database_away_at_the_start_delays_the_start(running: RunningGames) -> None:
@@ -96,6 +154,19 @@ async def test_tick_that_is_refused_ends_only_its_own_game(running: RunningGames
         await ticks(records)  # type: ignore[arg-type]
 
     running.recorder.ticks = refuse  # type: ignore[method-assign, assignment]
+    await until(lambda: good.closed and bad.closed)
+    assert running.ticks("e1") == 41
+    assert running.recorder.results["e1"].status == "done"
+    assert (running.recorder.results["e2"].status, running.recorder.results["e2"].reason) == ("aborted", "error")
+
+
+async def test_a_frame_that_cannot_be_sent_ends_only_its_own_game(running: RunningGames) -> None:
+    running.specs = {name: make_spec(tick_ms=40) for name in ("e1", "e2")}  # one slot for both
+    good, bad = await running.play("e1"), await running.play("e2")
+    await until(lambda: running.ticks("e1") > 3 and running.ticks("e2") > 3)
+    game = running.games.get("e2")
+    assert game is not None
+    game.session.tick_message = lambda _: 1 / 0  # type: ignore[method-assign, assignment, return-value]
     await until(lambda: good.closed and bad.closed)
     assert running.ticks("e1") == 41
     assert running.recorder.results["e1"].status == "done"

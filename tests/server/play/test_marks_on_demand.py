@@ -3,7 +3,7 @@
 import pytest
 
 from models.protocols import Decision
-from server.play.keys import Keys
+from server.play.keys import MAX_SETTLED, Keys
 from server.play.marks import NOTHING_SHOWN
 from server.play.marks_key import MarksKey
 from server.play.messages import Input
@@ -144,3 +144,12 @@ def test_a_use_that_the_pause_forgets_is_stored_as_forgotten() -> None:
     keys.clear()
     keys.take(1)
     assert [(one.marks, one.outcome) for one in keys.take_settled("e1", 0)] == [(True, "forgotten")]
+
+
+def test_presses_of_the_marks_key_do_not_pile_up_while_the_game_stands_still() -> None:
+    keys = Keys(marks_key=MarksKey("toggle"))
+    for seq in range(MAX_SETTLED + 10):
+        keys.press(Input(seq, None, None, 0.0, seq % 2 == 0), 0.0, taps_count=False)
+    assert {one.outcome for one in keys.take_settled("e1", 0)} == {"replaced"}
+    keys.take(1)
+    assert {one.outcome for one in keys.take_settled("e1", 0)} == {"marks"}

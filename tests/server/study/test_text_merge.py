@@ -81,3 +81,8 @@ def test_every_line_that_somebody_added_is_in_the_text_or_in_a_conflict(
     parts = merged(base, with_lines(hers), with_lines(his))
     found = "".join(part if isinstance(part, str) else part.theirs + part.mine for part in parts)
     assert all(found.count(line) >= (hers + his).count(line) for line in {*hers, *his})
+
+
+def test_long_texts_of_few_different_lines_do_not_keep_the_server_busy() -> None:
+    parts = merged("a\nb\n" * 4000, "b\na\n" * 4000, "a\na\nb\n" * 3000)
+    assert "".join(part if isinstance(part, str) else part.mine for part in parts) == "a\na\nb\n" * 3000

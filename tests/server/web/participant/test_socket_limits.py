@@ -17,6 +17,8 @@ from tests.support.served_sockets import HELLO, Served, close_code, hear, play, 
 
 # Half a megabyte of small messages, masked with zeros.
 FLOOD = 30_000 * (bytes([0x81, 0x80 | 10, 0, 0, 0, 0]) + b'{"type":1}')
+NOTHING = bytes([0x80, 0, 0, 0, 0])  # the rest of an empty frame
+PINGS, PONGS, PIECES = (count * (bytes([first]) + NOTHING) for count, first in ((500, 0x89), (500, 0x8A), (500, 0x00)))
 
 
 BAD = [
@@ -60,15 +62,18 @@ async def test_binary_frames_close_with_1003(served: Served) -> None:
         assert await close_code(socket) == 1003
 
 
+@pytest.mark.parametrize(("then", "code"), [(b"", 1007), (bytes([0x88]) + NOTHING, 1005)], ids=["goes on", "closes"])
 async def test_a_text_frame_that_is_not_utf8_closes_with_1007_without_a_traceback_in_the_log(
-    served: Served, caplog: pytest.LogCaptureFixture
+    served: Served, caplog: pytest.LogCaptureFixture, then: bytes, code: int
 ) -> None:
+    """A peer that closes in the same moment gets its own close back."""
     caplog.set_level(logging.DEBUG)
     async with served.connect() as socket:
-        socket.transport.write(bytes([0x81, 0x80 | 2, 0, 0, 0, 0, 0xFF, 0xFE]))  # past the library, which would refuse
+        wrong = bytes([0x81, 0x80 | 2, 0, 0, 0, 0, 0xFF, 0xFE])
+        socket.transport.write(wrong + then)  # past the library, which would refuse
         async with asyncio.timeout(10):
             await socket.wait_closed()
-        assert socket.close_code == 1007
+        assert socket.close_code == code
     assert [record for record in caplog.records if record.exc_info] == []
     assert "not UTF-8" in caplog.text
 
@@ -97,6 +102,14 @@ async def test_flood_as_a_browser_writes_it_closes_with_1008_too(served: Served)
         await play(socket)
         for seq in range(2000):
             await socket.send(f'{{"type":"input","seq":{seq},"held":null,"tap":null,"client_ms":1}}')
+        assert await close_code(socket) == 1008
+
+
+@pytest.mark.parametrize("flood", [PINGS, PONGS, bytes([0x01]) + NOTHING + PIECES], ids=["pings", "pongs", "pieces"])
+async def test_flood_of_frames_that_are_no_messages_closes_with_1008(served: Served, flood: bytes) -> None:
+    async with served.connect() as socket:
+        await play(socket)
+        socket.transport.write(flood)
         assert await close_code(socket) == 1008
 
 
