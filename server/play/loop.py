@@ -170,7 +170,7 @@ class Loop:
             game.busy = True
         decisions, models_ms = await self._ask(begun)
         made: list[tuple[Game, TickRecord]] = []
-        unix_ms = round(self.clock.wall().timestamp() * 1000, 3)
+        unix_ms = self.clock.unix_ms()
         for game, questions in begun:
             mine, decisions = decisions[: len(questions)], decisions[len(questions) :]
             try:

@@ -61,7 +61,7 @@ class Simulation:
         self._cells = start.contents.tobytes()  # (width, height)
         self._done = _NO_ACTIONS  # the joint action that led to the current state
         self._last_actions: tuple[int, int] | None = None
-        self._past = (bytearray(self._chefs), bytearray(self._cells), bytearray(self._done))  # all states, one by one
+        self._past = bytearray(self._chefs + self._cells + self._done)  # of all states, one after the other
         self._pots = [(x, y, x * layout.height + y) for x, y in layout.pots.tolist()]  # the last: its place in `_cells`
         self._counters = [(x, y, x * layout.height + y) for x, y in layout.counters.tolist()]
 
@@ -74,8 +74,7 @@ class Simulation:
         self.timestep += 1
         self._chefs_before, self._chefs, self._cells = self._chefs, chefs, cells
         self._last_actions, self._done = actions, bytes(actions)
-        for past, row in zip(self._past, (chefs, cells, self._done), strict=True):
-            past += row
+        self._past += chefs + cells + self._done
         for seat, row in enumerate(_ROWS):
             self.stuck[seat] = self.stuck[seat] + 1 if chefs[row] == self._chefs_before[row] else 0
         first, second = events
@@ -123,18 +122,17 @@ class Simulation:
 
     def history(self, seat: int) -> Callable[[int], History]:
         """Look back from the current state as the chef in `seat`; stays valid when the game continues."""
-        reached, now = self.timestep + 1, (self._chefs, self._cells, self._done)
+        reached, chefs, cells, done = self.timestep + 1, self._chefs, self._cells, self._done
 
         def last(count: int) -> History:
             if count == 1:
-                chefs, cells, done = now
-            else:
-                since = max(0, reached - count)
-                chefs, cells, done = (
-                    bytes(past[len(row) * since : len(row) * reached])
-                    for past, row in zip(self._past, now, strict=True)
-                )
-            return History(chefs, cells, _own_first(done, seat))
+                return History(chefs, cells, _own_first(done, seat))
+            size, to_cells, to_done = len(chefs + cells + done), len(chefs), len(chefs + cells)
+            some = bytes(self._past[size * max(0, reached - count) : size * reached])
+            rows = np.frombuffer(some, np.int8).reshape(-1, size)
+            parts = (rows[:, :to_cells], rows[:, to_cells:to_done], rows[:, to_done:])
+            all_chefs, all_cells, all_done = (part.tobytes() for part in parts)
+            return History(all_chefs, all_cells, _own_first(all_done, seat))
 
         return last
 
