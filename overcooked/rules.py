@@ -45,7 +45,7 @@ from overcooked.constants import (
     Y,
 )
 
-__all__ = ["advance", "step", "step_game"]
+__all__ = ["step", "step_game"]
 
 
 @inlined_kernel
@@ -202,22 +202,3 @@ def step(tiles, pots, counters, players, contents, timestep, actions, events):
             tiles, pots, counters, players[game], contents[game], actions[game, 0], actions[game, 1], events[game]
         )
         timestep[game] += 1
-
-
-@kernel
-def advance(tiles, pots, counters, players, contents, timesteps, actions, now, first_action, second_action, events):
-    """One timestep of one game whose states are kept: state `now` from the one before it.
-
-    `players` (states, 2, 4), `contents` (states, width, height), `timesteps` (states,), `actions` (states, 2), `events`
-    (2,) int32 out.
-    """
-    for k in range(2):
-        for field in range(players.shape[2]):
-            players[now, k, field] = players[now - 1, k, field]
-    for x in range(contents.shape[1]):
-        for y in range(contents.shape[2]):
-            contents[now, x, y] = contents[now - 1, x, y]
-    timesteps[now] = now
-    actions[now, 0] = first_action
-    actions[now, 1] = second_action
-    step_game(tiles, pots, counters, players[now], contents[now], first_action, second_action, events)

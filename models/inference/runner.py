@@ -215,8 +215,9 @@ class ModelServer:
         for k, agent, predictor in parts:
             question = questions[k]
             key = _key(question.game, question.seat)
-            self._seats.setdefault(question.game, set()).add(question.seat)
             missing = 1 if predictor is None else worker.missing(key, question.timestep)
+            if not missing:
+                self._seats.setdefault(question.game, set()).add(question.seat)
             history = question.history(missing or worker.memory)
             rows.append(
                 Row(

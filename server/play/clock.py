@@ -25,6 +25,10 @@ class Clock:
         """UTC, for records; never used to measure."""
         return datetime.now(UTC)
 
+    def unix_ms(self) -> float:
+        """`wall`, in milliseconds since 1970."""
+        return round(time.time() * 1000, 3)
+
     async def sleep(self, seconds: float) -> None:
         """Real seconds, whatever the speed: for what waits for machines."""
         await asyncio.sleep(seconds)

@@ -87,7 +87,7 @@ class Game:
         match message:
             case messages.Input():
                 if person in self.session.keys:
-                    unix_ms = round(self.clock.wall().timestamp() * 1000, 3)
+                    unix_ms = self.clock.unix_ms()
                     self.session.key(person, message, self.clock.now(), connection.tab, unix_ms)
             case messages.Ready():
                 self._ready(person, connection)

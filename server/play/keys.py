@@ -1,6 +1,5 @@
 """What a person's keys mean: which action they decide at the next tick. Knows neither clock nor socket."""
 
-from dataclasses import dataclass
 from operator import attrgetter
 from typing import Final
 
@@ -35,8 +34,7 @@ class InputArrival(Struct, frozen=True, gc=False):
     game_ms: float | None = None  # since the episode's first tick deadline; None while the game stands still
 
 
-@dataclass(eq=False)
-class Press:
+class Press(Struct, eq=False, gc=False):
     """One Input and what became of it."""
 
     number: int  # 1, 2, ... in the order of arrival
@@ -49,10 +47,6 @@ class Press:
     @property
     def seq(self) -> int:
         return self.keys.seq
-
-    @property
-    def client_ms(self) -> float:
-        return self.keys.client_ms
 
 
 _UNKNOWN = InputArrival()
@@ -155,7 +149,8 @@ class Keys:
         if not self._settled:
             return []
         settled, self._settled = self._settled, []
-        settled.sort(key=attrgetter("number"))
+        if len(settled) > 1:
+            settled.sort(key=attrgetter("number"))
         return [_record(episode, seat, press) for press in settled]
 
     def _waits(self, press: Press) -> bool:
@@ -183,7 +178,7 @@ def _record(episode: str, seat: int, press: Press) -> InputRecord:
         seq=press.seq,
         held=press.keys.held,
         tap=press.keys.tap,
-        client_ms=press.client_ms,
+        client_ms=press.keys.client_ms,
         received_unix_ms=press.arrival.unix_ms,
         received_ms=press.arrival.game_ms,
         timestep=press.timestep,

@@ -2,6 +2,7 @@
 
 import time
 from collections import deque
+from collections.abc import Iterable
 from typing import Final
 
 LATELY_S: Final = 60.0
@@ -17,6 +18,11 @@ class Lateness:
     def add(self, late_ms: float, at: float | None = None) -> None:
         """A tick began now, or at this moment of `time.monotonic()`."""
         self._ticks.append((time.monotonic() if at is None else at, late_ms))
+
+    def add_batch(self, late_ms: Iterable[float]) -> None:
+        """Ticks that begin now, together."""
+        now = time.monotonic()
+        self._ticks.extend([(now, late) for late in late_ms])
 
     def last(self, within_s: float = LATELY_S, most: int = _KEPT) -> list[float]:
         """The lateness in ms of at most so many ticks, sorted; empty where none was made in this time."""

@@ -10,12 +10,14 @@ from collections.abc import Callable, Collection, Coroutine, Sequence
 from typing import Any, Final
 
 from models.protocols import Decision, Models, Question
+from overcooked.layout import Layout
 from server.play.clock import Clock
 from server.play.game import Game
 from server.play.lateness import Lateness
 from server.play.pause_reasons import DATABASE
 from server.play.recorder import GamesLost, Recorder, RecorderDown, TickRecord
 from server.play.session import COUNTDOWN_S, Session
+from server.play.simulation import step_together
 from server.play.slots import Slot, between_batches, slots_of
 
 log = logging.getLogger(__name__)
@@ -143,14 +145,23 @@ class Loop:
             game.session.start_at(slot.first_after(self.clock.now()))
 
     async def _play(self, games: Sequence[Game], now: float) -> None:
-        begun = []
-        moment = time.monotonic()
+        self.lateness.add_batch([(now - game.session.next_deadline) * 1000 for game in games])
+        due: dict[Layout, list[tuple[Game, tuple[int, int]]]] = {}
         for game in games:
-            self.lateness.add((now - game.session.next_deadline) * 1000, moment)
             try:
-                begun.append((game, game.session.begin_tick(now)))
+                due.setdefault(game.session.simulation.layout, []).append((game, game.session.decide(now)))
             except Exception as error:  # noqa: BLE001 - a fault in one game must not reach the others
                 self._broken(game, error)
+        begun: list[tuple[Game, list[Question]]] = []
+        for together in due.values():
+            steps = step_together(
+                [game.session.simulation for game, _ in together], [actions for _, actions in together]
+            )
+            for (game, _), step in zip(together, steps, strict=True):
+                try:
+                    begun.append((game, game.session.follow(step)))
+                except Exception as error:  # noqa: BLE001 - as above
+                    self._broken(game, error)
         await self._finish(begun)
 
     async def _finish(self, begun: Sequence[tuple[Game, list[Question]]]) -> None:
@@ -159,7 +170,7 @@ class Loop:
             game.busy = True
         decisions, models_ms = await self._ask(begun)
         made: list[tuple[Game, TickRecord]] = []
-        unix_ms = round(self.clock.wall().timestamp() * 1000, 3)
+        unix_ms = self.clock.unix_ms()
         for game, questions in begun:
             mine, decisions = decisions[: len(questions)], decisions[len(questions) :]
             try:

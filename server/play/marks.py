@@ -46,9 +46,9 @@ def hidden(displayed: Displayed) -> Displayed:
     return tuple((NOTHING_SHOWN, opacity) for _, opacity in displayed)
 
 
-def _opacities(spec: EpisodeSpec, prediction: Sequence[Sequence[float]]) -> list[int]:
+def _opacities(spec: EpisodeSpec, prediction: Sequence[Sequence[float]]) -> Sequence[int]:
     """With confidence a step fades with its largest probability, in all conditions alike: bytes tell nothing."""
     plain = OPACITIES[: spec.steps_shown]
     if not (spec.confidence_opacity and prediction):
-        return list(plain)
+        return plain
     return [max(_FAINTEST, round(most * max(row))) for most, row in zip(plain, prediction, strict=False)]

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime
+from functools import lru_cache
 from typing import Final, Literal, cast
 
 from models.protocols import Decision, Question
@@ -21,6 +22,7 @@ from server.play.tutorial import Tutor
 Phase = Literal["waiting", "countdown", "running", "paused", "ended"]
 VIEWER: Final = -1  # the "seat" of a participant who watches two agents
 COUNTDOWN_S: Final = 3
+_layout = lru_cache(maxsize=256)(parse_layout)  # one object for all games in a kitchen: they are stepped together
 _STILL: Final = SimulatedStep((STAY, STAY), (0, 0), (0, 0), (0, 0))
 
 
@@ -36,7 +38,7 @@ class Session:
         self.episode, self.spec, self.tick_s = record.episode, spec, spec.tick_ms / 1000
         self.people: tuple[int, ...] = spec.human_seats or (VIEWER,)
         self.keys = {seat: Keys(record.inputs.get(seat), marks_key(record, seat)) for seat in spec.human_seats}
-        self.simulation = Simulation(parse_layout(record.spec.grid, spec.layout), spec.horizon)
+        self.simulation = Simulation(_layout(spec.grid, spec.layout), spec.horizon)
         lessons = tuple(key for key in spec.lessons if key != "marks" or spec.shown != "nothing")
         self.tutor = Tutor(lessons, self.people[0]) if lessons and spec.human_seats else None
         self.frames = Frames(record, self.simulation)
@@ -159,13 +161,19 @@ class Session:
         return self._asked
 
     def begin_tick(self, now: float) -> list[Question]:
-        """Play the timestep that is due: the newest keys, the partner's decided action, the rules.
+        """Play the timestep that is due; returns what the models are asked about the new state."""
+        return self.follow(self.simulation.step(self.decide(now)))
 
-        Returns what the models are asked about the new state; nothing when the episode is over with it.
-        """
+    def decide(self, now: float) -> tuple[int, int]:
+        """The joint action of the timestep that is due: the newest keys, the partner's decided action."""
         self._late_ms = max(0.0, (now - self.next_deadline) * 1000)
         self.phase, self.stored = "running", False
-        self._step = self.simulation.step(self._joint_action())
+        return self._joint_action()
+
+    def follow(self, step: SimulatedStep) -> list[Question]:
+        """The simulation has made this step. Returns what the models are asked about the new state; nothing when the
+        episode is over with it."""
+        self._step = step
         self.next_deadline = self._zero + (self.simulation.timestep + 1) * self.tick_s
         self.frames.watch()
         if self.tutor is not None:

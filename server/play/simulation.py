@@ -1,6 +1,6 @@
 """The states of one episode so far, by the rules alone: stepped, hashed, drawn, and looked back at. Knows no time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +15,10 @@ from overcooked.score import shaped_reward, sparse_reward
 from overcooked.state import Kitchens, state_hash
 from server.play.messages import KitchenState
 
-_ENDLESS_CAPACITY = 512
 _NOTHING = (0, 0)
 _ROWS = (slice(0, 4), slice(4, 8))  # of each chef in the bytes of both: x, y, facing, held
+_CHEFS_SIZE = 8  # bytes of both chefs
+_NO_ACTIONS = b"\xff\xff"  # -1 for both: what led to the start state
 
 
 class SimulatedStep(Struct, frozen=True, gc=False):
@@ -56,33 +57,27 @@ class Simulation:
         self.soups = 0
         self.stuck = [0, 0]  # timesteps since the chef's own cell, facing or hand last changed
         start = Kitchens.start(layout)
-        capacity = (horizon or _ENDLESS_CAPACITY) + 1
-        self._players = np.zeros((capacity, *start.players.shape[1:]), np.int8)  # (timesteps, 2, 4)
-        self._contents = np.zeros((capacity, *start.contents.shape[1:]), np.int8)  # (timesteps, width, height)
-        self._actions = np.full((capacity, PLAYERS), -1, np.int8)  # that led to each state
-        self._timesteps = np.zeros(capacity, np.int32)
-        self._players[0] = start.players[0]
-        self._chefs = self._chefs_before = self._players[0].tobytes()  # the rows of both chefs, now and a timestep ago
-        self._cells = self._contents[0].tobytes()  # [x][y]
+        self._chefs = self._chefs_before = start.players.tobytes()  # (2, 4): the rows of both chefs, now and before
+        self._cells = start.contents.tobytes()  # (width, height)
+        self._done = _NO_ACTIONS  # the joint action that led to the current state
         self._last_actions: tuple[int, int] | None = None
-        self._events = np.zeros(PLAYERS, np.int32)
+        self._past = bytearray(self._chefs + self._cells + self._done)  # of all states, one after the other
         self._pots = [(x, y, x * layout.height + y) for x, y in layout.pots.tolist()]  # the last: its place in `_cells`
         self._counters = [(x, y, x * layout.height + y) for x, y in layout.counters.tolist()]
 
     def step(self, actions: tuple[int, int]) -> SimulatedStep:
         """Play one timestep with both chefs' actions (0-5)."""
-        now = self.timestep + 1
-        if now == len(self._timesteps):
-            self._grow()
-        layout, events = self.layout, self._events
-        states = (self._players, self._contents, self._timesteps, self._actions)
-        rules.advance(layout.tiles, layout.pots, layout.counters, *states, now, *actions, events)
-        self.timestep = now
-        self._chefs_before, self._chefs, self._last_actions = self._chefs, self._players[now].tobytes(), actions
-        self._cells = self._contents[now].tobytes()
+        return step_together([self], [actions])[0]
+
+    def _follow(self, chefs: bytes, cells: bytes, actions: tuple[int, int], events: Sequence[int]) -> SimulatedStep:
+        """Take the state that the rules made of the current one."""
+        self.timestep += 1
+        self._chefs_before, self._chefs, self._cells = self._chefs, chefs, cells
+        self._last_actions, self._done = actions, bytes(actions)
+        self._past += chefs + cells + self._done
         for seat, row in enumerate(_ROWS):
-            self.stuck[seat] = self.stuck[seat] + 1 if self._chefs[row] == self._chefs_before[row] else 0
-        first, second = events.tolist()
+            self.stuck[seat] = self.stuck[seat] + 1 if chefs[row] == self._chefs_before[row] else 0
+        first, second = events
         if not (first or second):
             return SimulatedStep(actions, _NOTHING, _NOTHING, _NOTHING)
         rewards = (sparse_reward(first), sparse_reward(second))
@@ -90,24 +85,14 @@ class Simulation:
         self.soups += bool(first & SOUP_DELIVERY) + bool(second & SOUP_DELIVERY)
         return SimulatedStep(actions, rewards, (shaped_reward(first), shaped_reward(second)), (first, second))
 
-    def _grow(self) -> None:
-        size = len(self._timesteps)
-        self._players, self._contents, self._actions, self._timesteps = (
-            np.concatenate((array, np.zeros_like(array)))[: 2 * size]
-            for array in (self._players, self._contents, self._actions, self._timesteps)
-        )
-
     def moment(self) -> Moment:
         """The current state, to imagine what follows."""
-        here = slice(self.timestep, self.timestep + 1)
-        return Moment(self._players[here].copy(), self._contents[here].copy())
+        return Moment(self.players()[None].copy(), self.contents()[None].copy())
 
     def imagine(self, moment: Moment, actions: tuple[int, int]) -> Moment:
         """The state that would follow. The episode stays as it is."""
         after = Moment(moment.players.copy(), moment.contents.copy())
-        layout, timestep, done = self.layout, self._timesteps[:1].copy(), np.array([actions], np.int8)
-        state = (after.players, after.contents, timestep)
-        rules.step(layout.tiles, layout.pots, layout.counters, *state, done, self._events[None].copy())
+        _play(self.layout, after.players, after.contents, [actions])
         return after
 
     @property
@@ -121,13 +106,11 @@ class Simulation:
 
     def players(self) -> NDArray[np.int8]:
         """(2, 4): x, y, facing, held."""
-        players: NDArray[np.int8] = self._players[self.timestep]
-        return players
+        return np.frombuffer(self._chefs, np.int8).reshape(PLAYERS, -1)
 
     def contents(self) -> NDArray[np.int8]:
         """(width, height): items on counters, contents of pots."""
-        contents: NDArray[np.int8] = self._contents[self.timestep]
-        return contents
+        return np.frombuffer(self._cells, np.int8).reshape(self.layout.width, self.layout.height)
 
     def pot_contents(self) -> list[int]:
         return [self._cells[place] for _, _, place in self._pots]
@@ -139,14 +122,17 @@ class Simulation:
 
     def history(self, seat: int) -> Callable[[int], History]:
         """Look back from the current state as the chef in `seat`; stays valid when the game continues."""
-        timestep, chefs, cells = self.timestep, self._chefs, self._cells
+        reached, chefs, cells, done = self.timestep + 1, self._chefs, self._cells, self._done
 
         def last(count: int) -> History:
-            rows = slice(max(0, timestep + 1 - count), timestep + 1)
-            actions = self._actions[rows] if seat == 0 else self._actions[rows, ::-1]
             if count == 1:
-                return History(chefs, cells, actions.tobytes())
-            return History(self._players[rows].tobytes(), self._contents[rows].tobytes(), actions.tobytes())
+                return History(chefs, cells, _own_first(done, seat))
+            size, to_cells, to_done = len(chefs + cells + done), len(chefs), len(chefs + cells)
+            some = bytes(self._past[size * max(0, reached - count) : size * reached])
+            rows = np.frombuffer(some, np.int8).reshape(-1, size)
+            parts = (rows[:, :to_cells], rows[:, to_cells:to_done], rows[:, to_done:])
+            all_chefs, all_cells, all_done = (part.tobytes() for part in parts)
+            return History(all_chefs, all_cells, _own_first(all_done, seat))
 
         return last
 
@@ -164,3 +150,42 @@ class Simulation:
         first, second = _ROWS
         players = (tuple(self._chefs[first]), tuple(self._chefs[second]))
         return KitchenState(self.timestep, players, tuple(counters), tuple(pots), self.score, self.soups)
+
+
+def step_together(simulations: Sequence[Simulation], actions: Sequence[tuple[int, int]]) -> list[SimulatedStep]:
+    """Play one timestep of several games in the same kitchen: one call of the rules, which costs as much as for one."""
+    layout = simulations[0].layout
+    shape = (len(simulations), layout.width, layout.height)
+    players = _joined([one._chefs for one in simulations]).reshape(-1, PLAYERS, _CHEFS_SIZE // PLAYERS)
+    contents = _joined([one._cells for one in simulations]).reshape(shape)
+    events = _play(layout, players, contents, actions)
+    chefs, cells, size = players.tobytes(), contents.tobytes(), layout.width * layout.height
+    steps = []
+    for k, one in enumerate(simulations):
+        its_chefs, its_cells = chefs[k * _CHEFS_SIZE : (k + 1) * _CHEFS_SIZE], cells[k * size : (k + 1) * size]
+        steps.append(one._follow(its_chefs, its_cells, actions[k], events[k]))
+    return steps
+
+
+def _play(
+    layout: Layout, players: NDArray[np.int8], contents: NDArray[np.int8], actions: Sequence[tuple[int, int]]
+) -> list[list[int]]:
+    """The rules, in place; returns the bits of every game's events."""
+    timesteps, events = np.zeros(len(actions), np.int32), np.zeros((len(actions), PLAYERS), np.int32)
+    done = np.array(actions, np.int8)
+    rules.step(layout.tiles, layout.pots, layout.counters, players, contents, timesteps, done, events)
+    bits: list[list[int]] = events.tolist()
+    return bits
+
+
+def _joined(states: list[bytes]) -> NDArray[np.int8]:
+    return np.frombuffer(bytearray().join(states), np.int8)
+
+
+def _own_first(done: bytes, seat: int) -> bytes:
+    """Joint actions (states, 2) as the chef in `seat` sees them."""
+    if seat == 0:
+        return done
+    swapped = bytearray(done)
+    swapped[::PLAYERS], swapped[1::PLAYERS] = done[1::PLAYERS], done[::PLAYERS]
+    return bytes(swapped)

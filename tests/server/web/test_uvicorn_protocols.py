@@ -16,7 +16,14 @@ REMEDY = (
     "uvicorn or websockets has changed: go through server/uvicorn_protocols.py. Without the extension in "
     "`handle_connect`, all frames and keys pass through ASGI."
 )
-OVERRIDDEN = {"handle_connect", "handle_cont", "handle_ping", "handle_pong", "send_receive_event_to_app"}
+OVERRIDDEN = {
+    "data_received",
+    "handle_connect",
+    "handle_cont",
+    "handle_ping",
+    "handle_pong",
+    "send_receive_event_to_app",
+}
 READ = {
     *("transport", "writable", "queue", "frames", "curr_msg_data_type"),
     *("loop", "conn", "close_sent", "close_timer", "close_timeout"),

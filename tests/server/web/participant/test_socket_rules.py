@@ -207,6 +207,48 @@ async def test_keys_keep_their_order_however_a_page_writes_them(served: Served) 
     assert "repeated" not in {one.outcome for one in stored}
 
 
+def _frame(text: str, first_byte: int = 0x81) -> bytes:
+    """A frame as a browser masks it, here with zeros."""
+    return bytes([first_byte, 0x80 | len(text), 0, 0, 0, 0]) + text.encode()
+
+
+def _tap(seq: int) -> str:
+    return f'{{"type":"input","seq":{seq},"held":null,"tap":5,"client_ms":1}}'
+
+
+async def test_keys_count_once_however_the_network_cuts_their_frames(served: Served) -> None:
+    """Whole ones are read at once; from the first that is cut on, the websocket library reads."""
+    async with served.connect() as socket:
+        await play(socket)
+        frames = [_frame(_tap(seq)) for seq in range(1, 7)]
+        pieces = [b"".join(frames[:2]), frames[2] + frames[3][:2], frames[3][2:9], frames[3][9:] + frames[4], frames[5]]
+        for piece in pieces:
+            socket.transport.write(piece)
+            await asyncio.sleep(0.02)
+        while (await hear(socket, "tick"))["applied"] < 6:
+            pass
+    stored = [one for records in served.recorder.ticks_of.values() for tick in records.values() for one in tick.inputs]
+    assert {"repeated", "forgotten"}.isdisjoint(one.outcome for one in stored)
+    assert [one.seq for one in sorted(stored, key=lambda one: one.number)] == list(range(1, len(stored) + 1))
+
+
+async def test_a_key_in_the_middle_of_another_message_closes_with_1002(served: Served) -> None:
+    async with served.connect() as socket:
+        await play(socket)
+        socket.transport.write(_frame(_tap(1)) + _frame("{", first_byte=0x01) + _frame(_tap(2)))
+        assert await close_code(socket) == 1002
+
+
+async def test_a_ping_of_the_page_is_answered_between_keys(served: Served) -> None:
+    async with served.connect() as socket:
+        await play(socket)
+        pong = await socket.ping("beat")
+        await socket.send(_tap(1))
+        await asyncio.wait_for(pong, 10)
+        while (await hear(socket, "tick"))["applied"] < 1:
+            pass
+
+
 async def test_database_away_at_the_handshake_asks_the_page_to_come_back(served: Served) -> None:
     served.database_down = True
     async with served.connect() as socket:
