@@ -45,7 +45,7 @@ class Stock:
     )  # (condition, position) -> screened out for it
     failed_a_check: int = 0  # completed participants who failed an attention check
     simulated: bool = False  # all of these are bots
-    beside: Counts = field(default_factory=dict)  # bots in a study of people
+    apart: Counts = field(default_factory=dict)  # bots in a study of people
 
 
 def stock(connection: Connection, group: Group) -> Stock:
@@ -68,7 +68,7 @@ def arms_of(study: Study, held: Stock, names: Mapping[str, str], blind: bool) ->
     for condition in study.conditions:
         mine, bots = (
             {key: count for key, count in counts.items() if key[0] == condition.name}
-            for counts in (held.counts, held.beside)
+            for counts in (held.counts, held.apart)
         )
         by_status = {status: _sum(mine, status) for status in ("completed", "active", *GONE)}
         excluded = held.excluded.get(condition.name, 0)
