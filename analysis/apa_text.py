@@ -37,7 +37,9 @@ def findings(analysis: Analysis) -> list[str]:
     effects = select(analysis.rows, section=SECTION, question="")
     has_blocks = any(row.note.startswith(WITHIN) for row in select(effects, test="anova"))
     # With blocks, conditions are orders of blocks, whose comparison nobody asks for first.
-    reward = next(iter(factorial_sentences(effects)), "") if has_blocks else _reward_finding(analysis)
+    reward = (
+        next(iter(factorial_sentences(effects, analysis.subjects)), "") if has_blocks else _reward_finding(analysis)
+    )
     found = [reward, _layouts_finding(analysis), _accuracy_finding(analysis)]
     return [line for line in found if line] or ["There is too little data for a comparison yet."]
 
@@ -49,7 +51,8 @@ def _reward_finding(analysis: Analysis) -> str:
         return f"The conditions could not be compared by reward: {note(tried[0])}." if tried else ""
     sure = [agent(row.agent) for row in tests if significant(row)]
     values = ", ".join(f"{agent(row.agent)} <i>p</i> {p_equals(row.p_adjusted)}" for row in tests)
-    how = f"(Kruskal-Wallis, conditions permuted over people, {_corrected_for(tests)}{values}; {_size(analysis)})"
+    over = analysis.subjects.people
+    how = f"(Kruskal-Wallis, conditions permuted over {over}, {_corrected_for(tests)}{values}; {_size(analysis)})"
     if not sure:
         return f"No difference in reward between the conditions was found {how}."
     if len(sure) < len(tests):
@@ -64,7 +67,8 @@ def _corrected_for(tests: Sequence[Result]) -> str:
 
 def _size(analysis: Analysis) -> str:
     """860 episodes of 87 people."""
-    return f"{analysis.episodes.height} episodes of {analysis.episodes['participant'].n_unique()} people"
+    number_of_people = analysis.episodes["participant"].n_unique()
+    return f"{analysis.episodes.height} episodes of {number_of_people} {analysis.subjects.people}"
 
 
 def _main_tests(analysis: Analysis) -> list[Result]:
@@ -80,7 +84,7 @@ def _layouts_finding(analysis: Analysis) -> str:
     if not tests or analysis.contrast is None:
         return ""
     first, second = (condition(name) for name in analysis.contrast)
-    how = f"(t-tests over people, Benjamini-Hochberg over {len(tests)})"
+    how = f"(t-tests over {analysis.subjects.people}, Benjamini-Hochberg over {len(tests)})"
     more, less = raised(tests), lowered(tests)
     if not more and not less:
         text = f"Reward does not differ significantly between {first} and {second} in any layout {how}."
@@ -112,7 +116,7 @@ def _accuracy_finding(analysis: Analysis) -> str:
     if not lives:
         return ""
     live = 100 * sum(row.estimate for row in lives) / len(lives)
-    text = f"The predictor is right {number(live, 1)} % of the time with people"
+    text = f"The predictor is right {number(live, 1)} % of the time with {analysis.subjects.people}"
     offline = select(analysis.rows, section="accuracy", test="offline", layout="all", step=0)
     if len(offline) == len(lives):
         gap = live - 100 * sum(row.estimate for row in offline) / len(offline)
@@ -122,22 +126,15 @@ def _accuracy_finding(analysis: Analysis) -> str:
 
 def sentences(analysis: Analysis) -> list[str]:
     """Sentences for a results section."""
-    made = [
-        _excluded(analysis),
-        _kruskal(analysis),
-        _pairwise(analysis),
-        _mixed(analysis),
-        *_questionnaire(analysis),
-        _accuracy_sentence(analysis),
-    ]
-    return [text for text in made if text]
+    reward = (_excluded(analysis), _kruskal(analysis), _pairwise(analysis), _mixed(analysis))
+    return [text for text in (*reward, *_questionnaire(analysis), _accuracy_sentence(analysis)) if text]
 
 
-REASONS = {  # steps of the flow, in words
-    "of_incomplete": "of participants who did not finish the study",
+REASONS = {  # steps of the flow, in words; {}: participants
+    "of_incomplete": "of {} who did not finish the study",
     "unfinished": "not played to the end",
     "removed": "removed by the researcher",
-    "of_excluded": "of participants whom the researcher excluded",
+    "of_excluded": "of {} whom the researcher excluded",
 }
 
 
@@ -148,14 +145,15 @@ def _excluded(analysis: Analysis) -> str:
     people = next(row.n for row in select(analysis.rows, test="analysed", condition="all", unit="people"))
     if not begun:
         return ""
-    text = f"The analysis is of {left} episodes of {people} participants."
+    who = analysis.subjects
+    text = f"The analysis is of {left} episodes of {people} {who.participants}."
     if left == begun:
         return text
     parts = []
     for step, reason in REASONS.items():
         count = sum(row.n for row in counts if row.test == step)
         number_of = "" if count == begun - left else f"{word(count)} "
-        parts += [f"{number_of}{reason} ({100 * count / begun:.1f} %)"] if count else []
+        parts += [f"{number_of}{reason.format(who.participants)} ({100 * count / begun:.1f} %)"] if count else []
     were = "was" if begun - left == 1 else "were"
     return f"{text} Of {begun} episodes begun, {word(begun - left)} {were} left out: {listed(parts)}."
 
@@ -164,20 +162,21 @@ def _kruskal(analysis: Analysis) -> str:
     tests = with_p(select(analysis.rows, section="reward", test="kruskal_wallis_people"))
     if not tests:
         return ""
+    who = analysis.subjects
     people = {row.agent: row.n for row in tests}
     sure, other = ([row for row in tests if significant(row) is way] for way in (True, False))
     ways = (("differed", sure), ("did not differ significantly", other))
     parts = [f"{verb} {_agents_p(rows)}" for verb, rows in ways if rows]
     published = [
         f"with the {agent(row.agent)} agent {statistic(row)}, ε² = {number(row.effect)}, "
-        f"{row.n} episodes of {people[row.agent]} people"
+        f"{row.n} episodes of {people[row.agent]} {who.people}"
         for row in with_p(select(analysis.rows, section="reward", test="kruskal_wallis"))
     ]
     correction = f", corrected over {len(tests)} agents" if len(tests) > 1 else ""
     return (
         f"Between the {word(len(analysis.conditions))} conditions rewards {listed(parts)} (Kruskal-Wallis with "
-        f"conditions permuted over people{correction}). The published test, which treats the episodes of a person as "
-        f"independent, gives: {'; '.join(published)}."
+        f"conditions permuted over {who.people}{correction}). The published test, which treats the episodes of a "
+        f"{who.person} as independent, gives: {'; '.join(published)}."
     )
 
 
@@ -191,7 +190,7 @@ def _pairwise(analysis: Analysis) -> str:
         return ""
     first, second = (condition(name) for name in analysis.contrast)
     count = f"{len(tests)} t-tests" if len(tests) > 1 else "one t-test"
-    how = f"After Benjamini-Hochberg correction over {count} over people, "
+    how = f"After Benjamini-Hochberg correction over {count} over {analysis.subjects.people}, "
     more, less = raised(tests), lowered(tests)
     if not more and not less:
         estimates = span([row.estimate for row in tests], 1)
@@ -224,8 +223,8 @@ def _mixed(analysis: Analysis) -> str:
         estimate = f"estimate {number(row.estimate, 1)} points"
         result = f"did not differ significantly between {first} and {second} ({estimate}, {inside})"
     return (
-        "In a mixed model with participants as random effect and agent and layout as fixed effects, the reward "
-        f"{result}.{_depends(analysis)}"
+        f"In a mixed model with {analysis.subjects.participants} as random effect and agent and layout as fixed "
+        f"effects, the reward {result}.{_depends(analysis)}"
     )
 
 
@@ -236,7 +235,7 @@ def _depends(analysis: Analysis) -> str:
         for row in with_p(select(analysis.rows, section="reward", test=f"contrast_by_{column}")):
             verb = "depended" if significant(row) else "did not depend significantly"
             made.append(f"{verb} on the {column} (<i>p</i> {p_equals(row.p_adjusted)})")
-    how = "conditions permuted over people" + (", corrected over both" if len(made) > 1 else "")
+    how = f"conditions permuted over {analysis.subjects.people}" + (", corrected over both" if len(made) > 1 else "")
     return f" The difference {listed(made)}; {how}." if made else ""
 
 
@@ -246,12 +245,14 @@ def _questionnaire(analysis: Analysis) -> list[str]:
     tested = with_p(tests)
     if not tested:
         return []
+    who = analysis.subjects
     where = listed([layout(name) for name in analysis.questionnaire_layouts])
     sure = sum(significant(row) for row in tested)
     count = word(sure) if sure else "none"
     made = [
-        f"Answers about {where} were averaged for each person and compared by {len(tested)} t-tests over people, with "
-        f"Benjamini-Hochberg correction over all of them; {count} of {len(tested)} differed significantly."
+        f"Answers about {where} were averaged for each {who.person} and compared by {len(tested)} t-tests over "
+        f"{who.people}, with Benjamini-Hochberg correction over all of them; {count} of {len(tested)} differed "
+        "significantly."
     ]
     for key, contrast in dict.fromkeys((row.question, row.contrast) for row in tested):
         rows = select(tested, question=key, contrast=contrast)
@@ -285,4 +286,5 @@ def _accuracy_sentence(analysis: Analysis) -> str:
         low, high = (number(100 * bound, 1) for bound in (row.estimate_low, row.estimate_high))
         bounds = "" if math.isnan(row.estimate_low) else f" (95 % CI [{low}, {high}])"
         parts.append(f"{number(100 * row.estimate, 1)} % of the {agent(row.agent)} agent’s actions{bounds}")
-    return f"In the games with people the predictor foresaw {listed(parts)}, mean of the three steps." if parts else ""
+    games = f"In the games with {analysis.subjects.people}"
+    return f"{games} the predictor foresaw {listed(parts)}, mean of the three steps." if parts else ""

@@ -70,11 +70,11 @@ def declaration_of(export: Export) -> Declaration:
     others = [number for number in played if found[number] != newest]
     if not others:
         return Declaration(newest, smallest)
-    people = sum(export.versions[number] for number in others)
+    people = f"{sum(export.versions[number] for number in others)} {export.subjects.participants}"
     what = "another primary test" if any(found[number] for number in others) else "no primary test"
     names = ", ".join(str(number) for number in others)
     warning = (
-        f"{people} participants took part under version {names} of the study file, which declares {what}. "
+        f"{people} took part under version {names} of the study file, which declares {what}. "
         "The declaration below was not made before their data."
     )
     return Declaration(newest, smallest, warning)

@@ -9,6 +9,7 @@ from analysis.formatting import number, p_equals
 from analysis.groups import ALL
 from analysis.phrases import ALPHA, condition, layout, note, question, statistic
 from analysis.results import Result, select
+from analysis.simulated import PEOPLE, Subjects
 
 
 def outcome(equivalence: Result, difference: Result) -> str:
@@ -25,12 +26,12 @@ def pairs_of_rows(rows: Sequence[Result]) -> list[tuple[Result, Result]]:
     return list(zip(*tests, strict=True))
 
 
-def equivalence_sentences(rows: Sequence[Result]) -> list[str]:
+def equivalence_sentences(rows: Sequence[Result], who: Subjects = PEOPLE) -> list[str]:
     """Return a sentence for each claim of equivalence, as HTML."""
-    return [_sentence(*pair) for pair in pairs_of_rows(rows)]
+    return [_sentence(*pair, who) for pair in pairs_of_rows(rows)]
 
 
-def _sentence(row: Result, difference: Result) -> str:
+def _sentence(row: Result, difference: Result, who: Subjects) -> str:
     subject = _subject(row)
     first, second = (condition(name) for name in row.contrast.split(" - "))
     found = outcome(row, difference)
@@ -40,7 +41,7 @@ def _sentence(row: Result, difference: Result) -> str:
     bound = f"{number(row.effect, decimals)} points, the smallest effect of interest"
     low, high = (number(value, decimals) for value in (row.estimate_low, row.estimate_high))
     estimate = f"difference {formatting.signed(row.estimate, decimals)}, 90 % CI [{low}, {high}]"
-    equal = f"two one-sided Welch tests over people, {statistic(row)}, {row.n} people"
+    equal = f"two one-sided Welch tests over {who.people}, {statistic(row)}, {row.n} {who.people}"
     other = f"test of a difference: <i>p</i> {p_equals(difference.p)}"
     words = {
         "equivalent": f"{first} and {second} were equivalent within ±{bound}",

@@ -73,8 +73,10 @@ def versions_notice(export: Export) -> str:
     """That several versions of the study are analysed together, and how to choose one; empty if it is one."""
     if len(export.versions) < 2:
         return ""
+    who = export.subjects
     parts = [
-        f"version {version} ({count} participant{'s' * (count != 1)})" for version, count in export.versions.items()
+        f"version {version} ({count} {who.participant if count == 1 else who.participants})"
+        for version, count in export.versions.items()
     ]
     return (
         f"This data set holds several versions of the study, analysed together: {listed(parts)}. "

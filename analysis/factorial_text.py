@@ -12,6 +12,7 @@ from analysis.factorial_within import WITHIN
 from analysis.formatting import listed, number, p_equals
 from analysis.phrases import question, significant, statistic, with_p
 from analysis.results import Result, select
+from analysis.simulated import PEOPLE, Subjects
 
 
 def effect_title(term: str) -> str:
@@ -20,13 +21,13 @@ def effect_title(term: str) -> str:
     return words[:1].upper() + words[1:]
 
 
-def factorial_sentences(rows: Sequence[Result]) -> list[str]:
+def factorial_sentences(rows: Sequence[Result], who: Subjects = PEOPLE) -> list[str]:
     """Return a sentence for each outcome, and one for each outcome with an interaction, as HTML."""
     made = []
     tests = with_p(select(rows, section=SECTION, test="anova"))
     for outcome in dict.fromkeys(row.question for row in tests):
         found = [row for row in tests if row.question == outcome]
-        made += [_effects(outcome, found), *_simple(outcome, found, rows)]
+        made += [_effects(outcome, found, who), *_simple(outcome, found, rows, who)]
     return made
 
 
@@ -34,21 +35,21 @@ def _name(outcome: str) -> str:
     return f"“{question(outcome)}”" if outcome else "reward"
 
 
-def _effects(outcome: str, tests: Sequence[Result]) -> str:
+def _effects(outcome: str, tests: Sequence[Result], who: Subjects) -> str:
     """One sentence: which effects were found, each with its test."""
     parts = [f"{_term(row)} ({_numbers(row)})" for row in tests]
     return (
-        f"In a factorial analysis of variance of {_name(outcome)} over {tests[0].n} people ({_method(tests)}), there "
-        f"was {listed(parts)}."
+        f"In a factorial analysis of variance of {_name(outcome)} over {tests[0].n} {who.people} "
+        f"({_method(tests, who)}), there was {listed(parts)}."
     )
 
 
-def _method(tests: Sequence[Result]) -> str:
+def _method(tests: Sequence[Result], who: Subjects) -> str:
     within = [row.contrast for row in tests if row.note.startswith(WITHIN) and BY not in row.contrast]
     if not within:
         return "type III sums of squares, sum coding"
     names = listed([str(escape(name.replace("_", " "))) for name in within])
-    return f"{names} within people, with the orders of the blocks averaged"
+    return f"{names} within {who.people}, with the orders of the blocks averaged"
 
 
 def _term(row: Result) -> str:
@@ -64,7 +65,7 @@ def _numbers(row: Result) -> str:
     return f"{statistic(row)}{corrected}, partial η² = {number(row.effect, 3)}, 90 % CI [{low}, {high}]"
 
 
-def _simple(outcome: str, tests: Sequence[Result], rows: Sequence[Result]) -> list[str]:
+def _simple(outcome: str, tests: Sequence[Result], rows: Sequence[Result], who: Subjects) -> list[str]:
     """Only after an interaction: elsewhere there is nothing to take apart."""
     if not any(significant(row) and BY in row.contrast for row in tests):
         return []
@@ -73,7 +74,7 @@ def _simple(outcome: str, tests: Sequence[Result], rows: Sequence[Result]) -> li
         f"(corrected <i>p</i> {p_equals(row.p_adjusted)}{_g(row)})"
         for row in with_p(select(rows, section=SIMPLE, question=outcome))
     ]
-    return [f"As factors interacted in {_name(outcome)}, simple effects over people: {'; '.join(parts)}."]
+    return [f"As factors interacted in {_name(outcome)}, simple effects over {who.people}: {'; '.join(parts)}."]
 
 
 def _g(row: Result) -> str:

@@ -11,6 +11,7 @@ from analysis.formatting import listed, number
 from analysis.phrases import condition, note, statistic
 from analysis.primary import SECTION, level_of, look_at
 from analysis.results import Result, select
+from analysis.simulated import PEOPLE, Subjects
 
 TITLES = {
     "welch": "Welch’s t-test",
@@ -26,31 +27,31 @@ NO_PRIMARY = (
 SECONDARY = "Every other test in this report is secondary or exploratory."
 
 
-def primary_lines(declaration: Declaration, rows: Sequence[Result]) -> list[str]:
+def primary_lines(declaration: Declaration, rows: Sequence[Result], who: Subjects = PEOPLE) -> list[str]:
     """Return the lines of the box as HTML: what was declared, the result, and what everything else is."""
     declared = declaration.primary
     if declared is None:
         return [*_warning(declaration), NO_PRIMARY]
-    lines = [f"Declared: {declaration_words(declared)}.", *_look(declared, rows), primary_sentence(declaration, rows)]
-    return [*_warning(declaration), *lines, SECONDARY]
+    lines = [f"Declared: {declaration_words(declared, who)}.", *_look(declared, rows, who)]
+    return [*_warning(declaration), *lines, primary_sentence(declaration, rows, who), SECONDARY]
 
 
-def _look(declared: DeclaredTest, rows: Sequence[Result]) -> list[str]:
+def _look(declared: DeclaredTest, rows: Sequence[Result], who: Subjects) -> list[str]:
     """Which of the declared looks this is, and the boundary."""
     found = select(rows, section=SECTION)
     if not declared.looks or not found:
         return []
     kind = {"obrien_fleming": "O’Brien-Fleming-type", "pocock": "Pocock-type"}[declared.spending]
-    plan = f"looks at {listed([str(look) for look in declared.looks])} people, {kind} spending (Lan and DeMets)"
+    plan = f"looks at {listed([str(look) for look in declared.looks])} {who.people}, {kind} spending (Lan and DeMets)"
     row, look = found[0], look_at(declared, found[0].n)
     if look is None:
-        return [f"Declared {plan}. With {row.n} people, no look is due: the primary test is not computed."]
+        return [f"Declared {plan}. With {row.n} {who.people}, no look is due: the primary test is not computed."]
     letter = {"two_sided": "|z|", "greater": "z", "less": "−z"}[declared.direction]
     crossed = "is crossed" if row.p < look.nominal_alpha else "is not crossed"
     crossed = "The test could not be computed." if math.isnan(row.p) else f"It {crossed}."
     end = "This is the last look." if look.number == look.of else "No other test may decide whether the study stops."
     return [
-        f"Declared {plan}. This is look {look.number} of {look.of}, at {look.people} people: the boundary is "
+        f"Declared {plan}. This is look {look.number} of {look.of}, at {look.people} {who.people}: the boundary is "
         f"{letter} = {number(look.boundary, 3)}, a nominal level of {_level(look.nominal_alpha)}. {crossed} {end}"
     ]
 
@@ -63,10 +64,10 @@ def _warning(declaration: Declaration) -> list[str]:
     return [f"<b>{escape(declaration.warning)}</b>"] if declaration.warning else []
 
 
-def declaration_words(declared: DeclaredTest) -> str:
+def declaration_words(declared: DeclaredTest, who: Subjects = PEOPLE) -> str:
     """Return the declaration as HTML: test, measure, where, comparison, direction and level."""
     return (
-        f"{TITLES[declared.test]} over people of {measure_words(declared)} (each person’s mean over "
+        f"{TITLES[declared.test]} over {who.people} of {measure_words(declared)} (each {who.person}’s mean over "
         f"{_where(declared)}), {compared_words(declared)}, {DIRECTIONS[declared.direction]}, α = {declared.alpha:g}"
     )
 
@@ -93,7 +94,7 @@ def _where(declared: DeclaredTest) -> str:
     return str(escape(f"{layouts} with {agents}" if agents else f"{layouts} and agents"))
 
 
-def primary_sentence(declaration: Declaration, rows: Sequence[Result]) -> str:
+def primary_sentence(declaration: Declaration, rows: Sequence[Result], who: Subjects = PEOPLE) -> str:
     """Return the result of the primary test as a sentence to paste; empty if none was declared."""
     declared = declaration.primary
     found = select(rows, section=SECTION)
@@ -104,10 +105,11 @@ def primary_sentence(declaration: Declaration, rows: Sequence[Result]) -> str:
         return f"The primary test is not computed {note(row)}."
     if math.isnan(row.p):
         return f"The primary test could not be computed: {note(row)}."
+    numbers = f"{_numbers(row)}, {row.n} {who.people}"
     if declared.effect:
-        return f"In the primary test, {_effect(declared, row)} ({_numbers(row)})."
+        return f"In the primary test, {_effect(declared, row)} ({numbers})."
     first, second = (condition(name) for name in declared.comparison)
-    return f"In the primary test, {measure_words(declared)} {_outcome(declared, row, first, second)} ({_numbers(row)})."
+    return f"In the primary test, {measure_words(declared)} {_outcome(declared, row, first, second)} ({numbers})."
 
 
 def _effect(declared: DeclaredTest, row: Result) -> str:
@@ -132,15 +134,15 @@ def _outcome(declared: DeclaredTest, row: Result, first: str, second: str) -> st
 
 
 def _numbers(row: Result) -> str:
-    """Estimate, interval, statistic, effect size and people."""
+    """Estimate, interval, statistic and effect size."""
     decimals = 2 if row.question else 1
     if math.isnan(row.estimate):  # more than one difference
-        return f"{statistic(row)}, {_effect_size(row)}, {row.n} people"
+        return f"{statistic(row)}, {_effect_size(row)}"
     estimate = f"difference {formatting.signed(row.estimate, decimals)}"
     if not math.isnan(row.estimate_low):
         low, high = (number(bound, decimals) for bound in (row.estimate_low, row.estimate_high))
         estimate += f", {100 * row.ci_level:.4g} % CI [{low}, {high}]"
-    return f"{estimate}, {statistic(row)}, {_effect_size(row)}, {row.n} people"
+    return f"{estimate}, {statistic(row)}, {_effect_size(row)}"
 
 
 def _effect_size(row: Result) -> str:

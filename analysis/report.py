@@ -35,8 +35,7 @@ from analysis.compare import repeats
 from analysis.exclusions import versions_notice
 from analysis.factorial_within import within_of
 from analysis.results import Result, select, write_results
-from analysis.sensitivity import POPULATIONS
-from analysis.simulated import is_simulated
+from analysis.sensitivity import populations
 from analysis.spreadsheet import safe_table
 from analysis.study import Analysis, Options, analyse, smallest_condition
 from analysis.table_files import COLUMNS, table_file
@@ -92,7 +91,7 @@ def _draw(analysis: Analysis, folder: Path) -> dict[str, str]:
         made["power"] = figures.power(analysis.powers, smallest_condition(analysis.episodes, conditions))
     if analysis.model.residuals.size:
         made["residuals"] = figures.quantiles(analysis.model.residuals)
-    simulated = _simulated(analysis.export)
+    simulated = analysis.export.is_simulated
     return {name: figure_style.save(figure, folder, name, simulated) for name, figure in made.items()}
 
 
@@ -160,16 +159,17 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
             figures={name: Markup(svg) for name, svg in drawn.items()},  # noqa: S704
             css=Markup((HERE / "report.css").read_text(encoding="utf-8")),  # noqa: S704
             within=within_of(analysis.export),
-            primary=[Markup(text) for text in primary_text.primary_lines(analysis.declaration, analysis.rows)],  # noqa: S704
+            primary=[Markup(text) for text in _primary(analysis)],  # noqa: S704
             findings=[Markup(text) for text in apa_text.findings(analysis)],  # noqa: S704
             sentences=[Markup(text) for text in _sentences(analysis)],  # noqa: S704
             flagged=_flagged(analysis),
-            populations=POPULATIONS,
-            checks=robustness_text.CHECKS,
+            populations=populations(analysis.subjects),
+            checks=robustness_text.checks(analysis.subjects),
             equivalence=equivalence_text.pairs_of_rows(analysis.rows),
             own_grids=[name for name in analysis.layouts if name in LAYOUTS[1:]],
             provenance=_provenance(analysis, options),
-            simulated=_simulated(analysis.export),
+            simulated=analysis.export.is_simulated,
+            who=analysis.subjects,
             left_out=analysis.export.simulated_left_out,
             displays=_displays(analysis.export),
         )
@@ -178,19 +178,20 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
 
 def _sentences(analysis: Analysis) -> list[str]:
     """The primary test first, then everything else."""
-    first = primary_text.primary_sentence(analysis.declaration, analysis.rows)
+    who = analysis.subjects
+    first = primary_text.primary_sentence(analysis.declaration, analysis.rows, who)
     return [
         *([first] if first else []),
-        *factorial_text.factorial_sentences(analysis.rows),
+        *factorial_text.factorial_sentences(analysis.rows, who),
         *apa_text.sentences(analysis),
-        *equivalence_text.equivalence_sentences(analysis.rows),
-        *_exclusion_sentences(analysis),
-        *robustness_text.check_sentences(analysis.contrast, analysis.rows),
+        *equivalence_text.equivalence_sentences(analysis.rows, who),
+        *sensitivity_text.sensitivity_sentences(analysis.declaration, analysis.contrast, analysis.rows, who),
+        *robustness_text.check_sentences(analysis.contrast, analysis.rows, who),
     ]
 
 
-def _exclusion_sentences(analysis: Analysis) -> list[str]:
-    return sensitivity_text.sensitivity_sentences(analysis.declaration, analysis.contrast, analysis.rows)
+def _primary(analysis: Analysis) -> list[str]:
+    return primary_text.primary_lines(analysis.declaration, analysis.rows, analysis.subjects)
 
 
 def _flagged(analysis: Analysis) -> pl.DataFrame:
@@ -208,11 +209,6 @@ def _displays(export: Export) -> list[tuple[str, int, int, int]]:
     return found if any(row[1] for row in found) else []
 
 
-def _simulated(export: Export) -> bool:
-    """True where the participants are simulated, or the export says that it was made up."""
-    return bool(export.about.get("simulated")) or bool(is_simulated(export.participants).any())
-
-
 def _provenance(analysis: Analysis, options: Options) -> dict[str, str]:
     export = analysis.export
     people = analysis.episodes.unique("participant")["condition"]
@@ -220,7 +216,8 @@ def _provenance(analysis: Analysis, options: Options) -> dict[str, str]:
     flow = {row.test: row.n for row in select(analysis.rows, section="exclusions", condition="all", unit="episodes")}
     return {
         "Data set": f"sha256 {fingerprint(export.folder)[:32]}…",
-        "Participants": f"{people.len()} analysed" + (f": {', '.join(arms)}" if arms else ""),
+        export.subjects.participants.capitalize(): f"{people.len()} analysed"
+        + (f": {', '.join(arms)}" if arms else ""),
         "Study": str(export.about.get("title") or export.study),
         "Study version": _version(export),
         "Episodes": f"{flow.get('played', 0)} played, {flow.get('analysed', 0)} analysed",

@@ -9,17 +9,21 @@ from analysis.model_checks import SECTION, SIMPLE
 from analysis.ordinal import SECTION as ORDINAL
 from analysis.phrases import ALPHA, agent, condition, layout, question, significant, with_p
 from analysis.results import Result, select
-
-CHECKS = {
-    "cluster_robust": "with errors robust to clusters of episodes",
-    "random_slopes": "with a random slope of the agent for each person",
-    "with_round": "with the round as covariate",
-}
+from analysis.simulated import PEOPLE, Subjects
 
 
-def check_sentences(contrast: tuple[str, str] | None, rows: Sequence[Result]) -> list[str]:
+def checks(who: Subjects) -> dict[str, str]:
+    """Return each check of the mixed model in words."""
+    return {
+        "cluster_robust": "with errors robust to clusters of episodes",
+        "random_slopes": f"with a random slope of the agent for each {who.person}",
+        "with_round": "with the round as covariate",
+    }
+
+
+def check_sentences(contrast: tuple[str, str] | None, rows: Sequence[Result], who: Subjects = PEOPLE) -> list[str]:
     """Return a sentence for each kind of check that was computed, as HTML."""
-    made = [_models(contrast, rows), _learning(contrast, rows), *_simple(contrast, rows), _ordinal(rows)]
+    made = [_models(contrast, rows, who), _learning(contrast, rows), *_simple(contrast, rows, who), _ordinal(rows)]
     return [text for text in made if text]
 
 
@@ -28,22 +32,22 @@ def _words(contrast: tuple[str, str]) -> str:
     return f"between {first} and {second}"
 
 
-def _models(contrast: tuple[str, str] | None, rows: Sequence[Result]) -> str:
+def _models(contrast: tuple[str, str] | None, rows: Sequence[Result], who: Subjects) -> str:
     """The difference under other assumptions, in addition to that of the mixed model."""
     if contrast is None:
         return ""
-    name = " - ".join(contrast)
+    name, words = " - ".join(contrast), checks(who)
     plain = with_p(select(rows, section="mixed model", test="fixed_effect", contrast=name))
-    checks = with_p([row for test in CHECKS for row in select(rows, section=SECTION, test=test, contrast=name)])
-    if not plain or not checks:
+    found = with_p([row for test in words for row in select(rows, section=SECTION, test=test, contrast=name)])
+    if not plain or not found:
         return ""
     said = listed(
-        [f"{formatting.signed(row.estimate)} {CHECKS[row.test]} (<i>p</i> {p_equals(row.p)})" for row in checks]
+        [f"{formatting.signed(row.estimate)} {words[row.test]} (<i>p</i> {p_equals(row.p)})" for row in found]
     )
-    other = [row for row in checks if _conclusion(row) != _conclusion(plain[0])]
+    other = [row for row in found if _conclusion(row) != _conclusion(plain[0])]
     holds = "the conclusion of the mixed model holds in all of them"
     if other:
-        holds = f"the conclusion of the mixed model does not hold {listed([CHECKS[row.test] for row in other])}"
+        holds = f"the conclusion of the mixed model does not hold {listed([words[row.test] for row in other])}"
     return f"The difference in reward {_words(contrast)} was {said}; {holds}."
 
 
@@ -65,7 +69,7 @@ def _learning(contrast: tuple[str, str] | None, rows: Sequence[Result]) -> str:
     return f"{text}."
 
 
-def _simple(contrast: tuple[str, str] | None, rows: Sequence[Result]) -> list[str]:
+def _simple(contrast: tuple[str, str] | None, rows: Sequence[Result], who: Subjects) -> list[str]:
     """Only where the difference depends on the layout or the agent: elsewhere there is nothing to take apart."""
     made = []
     for column, other in (("layout", "agent"), ("agent", "layout")):
@@ -82,7 +86,7 @@ def _simple(contrast: tuple[str, str] | None, rows: Sequence[Result]) -> list[st
             ]
         )
         made.append(
-            f"As the difference {_words(contrast)} depended on the {column}, simple effects over people: {parts}."
+            f"As the difference {_words(contrast)} depended on the {column}, simple effects over {who.people}: {parts}."
         )
     return made
 

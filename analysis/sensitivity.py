@@ -11,25 +11,30 @@ from analysis import primary
 from analysis.declared import DeclaredTest
 from analysis.groups import computed
 from analysis.results import Result
+from analysis.simulated import Subjects
 from analysis.tables import Export
 
 SECTION = "sensitivity"
 ATTRITION = "attrition"
 FEWEST_EXPECTED = 5  # people in a cell below which chi-square is not trusted
 RESAMPLES = 9999
-POPULATIONS = {
-    "analysed": "as analysed in this report",
-    "assigned": "all who were assigned, every finished episode, exclusions undone",
-    "completed": "all who finished the study, exclusions undone",
-    "no_drop": "as analysed, without people of whom a rule proposes to drop an episode",
-    "no_flag": "as analysed, without people of whom a rule flags an episode",
-}
+
+
+def populations(who: Subjects) -> dict[str, str]:
+    """Return whom the declared test is computed over, in words."""
+    return {
+        "analysed": "as analysed in this report",
+        "assigned": "all who were assigned, every finished episode, exclusions undone",
+        "completed": "all who finished the study, exclusions undone",
+        "no_drop": f"as analysed, without {who.people} of whom a rule proposes to drop an episode",
+        "no_flag": f"as analysed, without {who.people} of whom a rule flags an episode",
+    }
 
 
 def sensitivity_rows(
     declared: DeclaredTest, every: pl.DataFrame, analysed: pl.DataFrame, quality: pl.DataFrame, export: Export
 ) -> list[Result]:
-    """Return the declared test over each of POPULATIONS. `every`: all episodes with their measures; `quality`: their
+    """Return the declared test over each of `populations`. `every`: all episodes with their measures; `quality`: their
     decisions. At an interim look, all have the level of the people analysed; before the first one there are none."""
     finished = every.filter(pl.col("status") == "done")
     completed = export.participants.filter(pl.col("status") == "completed").select("participant")

@@ -12,15 +12,16 @@ from analysis.primary_text import compared_words, measure_words
 from analysis.results import Result, select
 from analysis.robustness import main_test
 from analysis.sensitivity import ATTRITION, SECTION
+from analysis.simulated import PEOPLE, Subjects
 
 
 def sensitivity_sentences(
-    declaration: Declaration, contrast: tuple[str, str] | None, rows: Sequence[Result]
+    declaration: Declaration, contrast: tuple[str, str] | None, rows: Sequence[Result], who: Subjects = PEOPLE
 ) -> list[str]:
     """Return whether the conclusion depends on who is left out, and whether conditions lost people unequally."""
     declared = main_test(declaration, contrast)
     tests = select(rows, section=SECTION)
-    made = [_exclusions(declared, tests)] if declared and tests else []
+    made = [_exclusions(declared, tests, who)] if declared and tests else []
     return [text for text in (*made, _attrition(rows)) if text]
 
 
@@ -36,7 +37,7 @@ def conclusion(row: Result, declared: DeclaredTest) -> str:
     return "higher" if (row.estimate if declared.effect else row.effect) > 0 else "lower"
 
 
-def _exclusions(declared: DeclaredTest, tests: Sequence[Result]) -> str:
+def _exclusions(declared: DeclaredTest, tests: Sequence[Result], who: Subjects) -> str:
     declared = at_this_look(declared, select(tests, test="analysed")[0].n)
     found = {row.test: conclusion(row, declared) for row in tests}
     if not found["analysed"]:
@@ -48,8 +49,8 @@ def _exclusions(declared: DeclaredTest, tests: Sequence[Result]) -> str:
     names = {
         "assigned": "all who were assigned",
         "completed": "all who finished",
-        "no_drop": "only people without an episode that a rule proposes to drop",
-        "no_flag": "only people without a flagged episode",
+        "no_drop": f"only {who.people} without an episode that a rule proposes to drop",
+        "no_flag": f"only {who.people} without a flagged episode",
     }
     asked = [name for name in names if name not in untested]
     values = ", ".join(f"{sizes[name]} with {names[name]}" for name in asked)

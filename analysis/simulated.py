@@ -1,10 +1,27 @@
 """Simulated participants and people: which is which, and never both in one analysis."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import polars as pl
 
 LABEL = "Simulated participants: no evidence about people"
+
+
+@dataclass(frozen=True)
+class Subjects:
+    """Who a data set is about, in words. Every text of a report takes them from here."""
+
+    person: str
+    people: str
+    participant: str
+    participants: str
+    heading: str  # of a column with their number
+
+
+PEOPLE = Subjects("person", "people", "participant", "participants", "People")
+_ONE, _MANY = "simulated participant", "simulated participants"
+SIMULATED = Subjects(_ONE, _MANY, _ONE, _MANY, "Simulated")
 
 
 def is_simulated(table: pl.DataFrame) -> pl.Series:

@@ -31,6 +31,7 @@ from analysis.declared import Declaration, DeclaredTest, declaration_of
 from analysis.groups import ALL, cells
 from analysis.results import Result
 from analysis.robustness import RobustnessInputs, robustness_rows
+from analysis.simulated import Subjects
 from analysis.tables import Export, ExportError
 
 MEASURE = "reward"
@@ -67,6 +68,11 @@ class Analysis:
     rows: tuple[Result, ...]
     declaration: Declaration = field(default_factory=Declaration)
     scores: pl.DataFrame = field(default_factory=pl.DataFrame)  # of published scales, one row a page and subscale
+
+    @property
+    def subjects(self) -> Subjects:
+        """What texts call those who took part."""
+        return self.export.subjects
 
 
 def _primary_rows(declared: DeclaredTest | None, episodes: pl.DataFrame, export: Export) -> list[Result]:

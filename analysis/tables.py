@@ -15,7 +15,7 @@ from typing import Any
 import polars as pl
 import yaml
 
-from analysis.simulated import without_pooling
+from analysis.simulated import PEOPLE, SIMULATED, Subjects, is_simulated, without_pooling
 from analysis.table_files import COLUMNS, read_table
 from analysis.table_files import ExportError as ExportError
 
@@ -55,6 +55,16 @@ class Export:
     reliance: pl.DataFrame = field(default_factory=pl.DataFrame)  # as exported; empty where a study does not mislead
     all_answers: pl.DataFrame = field(default_factory=pl.DataFrame)  # as `answers`, and about the study; with the step
     simulated_left_out: int = 0  # simulated participants, where the export has people, too
+
+    @property
+    def is_simulated(self) -> bool:
+        """True if the participants are simulated, or the export says that it was made up."""
+        return bool(self.about.get("simulated")) or bool(is_simulated(self.participants).any())
+
+    @property
+    def subjects(self) -> Subjects:
+        """What the report calls those who took part."""
+        return SIMULATED if self.is_simulated else PEOPLE
 
     @property
     def versions(self) -> dict[int, int]:

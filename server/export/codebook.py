@@ -40,6 +40,7 @@ PARTICIPANTS = ExportTable(
         PARTICIPANT,
         *STUDY,
         Column("number", "integer", "1 to n in order of consent, including participants who withdrew.", bits=32),
+        Column("allocation_number", "integer", "1 to n among people, or among bots: seed and order follow.", bits=32),
         text("condition", "Arm of the study."),
         text("status", "One of: " + ", ".join(PARTICIPANT_STATUSES) + "."),
         text("language", "Language of the pages (BCP 47)."),

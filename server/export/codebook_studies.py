@@ -9,6 +9,9 @@ STUDIES = ExportTable(
         *STUDY,
         text("sha256", "Hash of the file, which is in studies/."),
         Column("started", "integer", "Participants who ever consented.", bits=32),
+        Column(
+            "simulated_started", "integer", "How many of them are bots (counted since database revision 0016).", bits=32
+        ),
         Column("withdrawn", "integer", "How many of them withdrew; nothing else is stored about these.", bits=32),
         time("created_at", "First seen by the server."),
         time("frozen_at", "First consent."),

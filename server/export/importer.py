@@ -132,6 +132,7 @@ def _studies(connection: Connection, folder: Path) -> dict[tuple[str, int], int]
         source = study_source(folder, manifest.study_file(key, version), row["sha256"])
         values = {"key": key, "version": version, "source": source}
         values |= {name: row[name] for name in ("sha256", "started", "created_at", "frozen_at")}
+        values["simulated_started"] = row["simulated_started"] or 0  # older exports lack it
         new = tables.studies.insert().values(values).returning(tables.studies.c.id)
         found[key, version] = connection.execute(new).scalar_one()
     return found
@@ -148,6 +149,7 @@ def _participants(folder: Path, studies: dict[tuple[str, int], int]) -> Iterator
         for name in ("excluded", "attention_checks", "attention_failed"):
             del row[name]
         row["id"] = plain_name(row.pop("participant"), "the participant")
+        row["allocation_number"] = row["allocation_number"] or row["number"]  # as in a database of that version
         yield row | {"token_hash": f"imported {secrets.token_hex(16)}"}
 
 

@@ -234,10 +234,12 @@ def _name(versions: Sequence[StudyVersion]) -> str:
 
 
 def _description(versions: Sequence[StudyVersion]) -> str:
-    people = sum(study.started for study in versions)
+    consented = sum(study.started for study in versions)
+    bots = sum(study.simulated_started for study in versions)
+    whereof = f" ({bots} of them simulated)" if bots else ""
     return (
         "People cook together with an AI agent in Overcooked while a Theory-of-Mind predictor watches the agent and "
-        f"tells, in some conditions, what it will do next. {people} participants consented."
+        f"tells, in some conditions, what it will do next. {consented} participants consented{whereof}."
     )
 
 

@@ -60,7 +60,7 @@ class Selection:
 def study_rows(chosen: Selection) -> Rows:
     s = studies.c
     gone = select(func.count()).where(withdrawals.c.study_id == s.id).scalar_subquery()
-    query = select(*_STUDY, s.sha256, s.started, gone, s.created_at, s.frozen_at).order_by(s.id)
+    query = select(*_STUDY, s.sha256, s.started, s.simulated_started, gone, s.created_at, s.frozen_at).order_by(s.id)
     return (tuple(row) for row in chosen.rows(query, s.id))
 
 
@@ -77,9 +77,9 @@ def withdrawal_rows(chosen: Selection) -> Rows:
 
 
 def participant_rows(chosen: Selection, wide: tuple[Column, ...]) -> Rows:
-    query = select(_p.id, *_STUDY, _p.number, _p.condition, _p.status, _p.language, _p.simulated, _p.seed, _p.position)
-    query = query.add_columns(_p.started_at, _p.last_seen_at, _p.completed_at, _excluded(None), *attention_counts())
-    query = query.join_from(participants, studies)
+    query = select(_p.id, *_STUDY, _p.number, _p.allocation_number, _p.condition, _p.status, _p.language)
+    query = query.add_columns(_p.simulated, _p.seed, _p.position, _p.started_at, _p.last_seen_at, _p.completed_at)
+    query = query.add_columns(_excluded(None), *attention_counts()).join_from(participants, studies)
     levels = factor_levels.factor_levels(_versions(chosen))
     for row in chosen.rows(query.order_by(*_PARTICIPANT_ORDER), _p.study_id):
         values = dict(_wide_values(chosen, row.id))

@@ -78,17 +78,19 @@ class Dashboard:
     def _read(
         self, connection: Connection, study_ids: tuple[int, ...], study: Study, tab: str, blind: bool
     ) -> dict[str, Any]:
-        held = stock(connection, study_ids)
+        group = overview.group_to_show(connection, study_ids)
+        held = stock(connection, group)
         names = arm_names(study, blind)
-        took = overview.minutes(connection, study_ids)
+        took = overview.minutes(connection, group)
         rows = overview.people(connection, study_ids, tab)
         quality = self.quality.by_person()
         shown = {} if blind else names
         return {
             "people": [self._row(person, shown) | {"quality": quality.get(person.id, {})} for person in rows],
             "tab": tab,
-            "here": overview.here_now(connection, study_ids),
+            "here": overview.here_now(connection, group),
             "simulated": overview.simulated(connection, study_ids),
+            "rehearsal": group.simulated,
             "minutes": [round(_quantile(took, part), 1) for part in (0.25, 0.5, 0.75)] if took else None,
             "arms": arms_of(study, held, names, blind),
             "flow": flow_of(study, held),
@@ -148,7 +150,7 @@ def way_of(studies: Studies, person: Person) -> tuple[StudyStep, ...]:
     study = studies.version(person.study_id)
     if study is None:
         return (StudyStep("unknown", "page", "finish"),)
-    return steps(study, person.condition, person.seed, (person.number - 1) // len(study.conditions))
+    return steps(study, person.condition, person.seed, (person.allocation_number - 1) // len(study.conditions))
 
 
 def step_name(step: StudyStep) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import Connection
 
 from server.store import arrivals, overview
-from server.store.overview import Counts
+from server.store.overview import Counts, Group
 from server.study.definition import Study
 from server.study.steps import PHASES, StudyStep, steps
 
@@ -35,7 +35,7 @@ _UNSUITABLE = {
 
 @dataclass(frozen=True)
 class Stock:
-    """What the flow is counted from."""
+    """What the flow is counted from. Of people, or of bots: bots take no person's place and are never added to them."""
 
     counts: Counts
     arrived: Mapping[tuple[str, str], int]  # (kind, reason) -> browsers
@@ -44,17 +44,21 @@ class Stock:
         default_factory=dict
     )  # (condition, position) -> screened out for it
     failed_a_check: int = 0  # completed participants who failed an attention check
+    simulated: bool = False  # all of these are bots
+    apart: Counts = field(default_factory=dict)  # bots in a study of people
 
 
-def stock(connection: Connection, study_ids: tuple[int, ...]) -> Stock:
+def stock(connection: Connection, group: Group) -> Stock:
     """Read afresh."""
-    arrived = arrivals.of_study(connection, study_ids)
+    bots = Group(group.study_ids, simulated=True)
     return Stock(
-        overview.flow(connection, study_ids),
-        arrived,
-        overview.excluded(connection, study_ids),
-        overview.inattentive(connection, study_ids),
-        overview.failed_a_check(connection, study_ids),
+        overview.flow(connection, group),
+        arrivals.of_study(connection, group.study_ids),
+        overview.excluded(connection, group),
+        overview.inattentive(connection, group),
+        overview.failed_a_check(connection, group),
+        group.simulated,
+        {} if group.simulated else overview.flow(connection, bots),
     )
 
 
@@ -62,7 +66,10 @@ def arms_of(study: Study, held: Stock, names: Mapping[str, str], blind: bool) ->
     """Each condition against its plan; in blind mode in the order of the names that hide them."""
     rows = []
     for condition in study.conditions:
-        mine = {key: count for key, count in held.counts.items() if key[0] == condition.name}
+        mine, bots = (
+            {key: count for key, count in counts.items() if key[0] == condition.name}
+            for counts in (held.counts, held.apart)
+        )
         by_status = {status: _sum(mine, status) for status in ("completed", "active", *GONE)}
         excluded = held.excluded.get(condition.name, 0)
         rows.append(
@@ -77,6 +84,7 @@ def arms_of(study: Study, held: Stock, names: Mapping[str, str], blind: bool) ->
                 "excluded": excluded,
                 "analysable": by_status["completed"] - excluded,
                 "target": condition.quota,
+                "simulated": _sum(bots, "completed") + _sum(bots, "active"),
             }
         )
     return sorted(rows, key=lambda row: str(row["name"])) if blind else rows

@@ -10,6 +10,7 @@ from typing import Any, Final
 from sqlalchemy import Connection, select
 
 from server.monitoring.live_games import LiveGames
+from server.store import overview
 from server.store.tables import participants
 
 SAMPLE_S: Final = 5.0
@@ -49,9 +50,11 @@ def _rounded(values: Sequence[float | None]) -> list[float | None]:
 
 
 def people(connection: Connection, study_ids: Sequence[int]) -> dict[str, list[int]]:
-    """How many had consented and how many had completed at each moment, as columns; at most MOST_POINTS moments."""
+    """How many people (in a rehearsal: bots) had consented and how many had completed at each moment, as columns; at
+    most MOST_POINTS moments."""
     p = participants.c
-    rows = connection.execute(select(p.started_at, p.completed_at).where(p.study_id.in_(study_ids))).all()
+    group = overview.group_to_show(connection, study_ids)
+    rows = connection.execute(select(p.started_at, p.completed_at).where(group.members())).all()
     moments = [(row.started_at, 0) for row in rows] + [(row.completed_at, 1) for row in rows if row.completed_at]
     counts, points = [0, 0], []
     for moment, kind in sorted(moments):

@@ -84,9 +84,9 @@ def has_news(connection: Connection, participant_id: str, extra: Mapping[str, st
 
 
 def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival) -> Participant:
-    """The participant who consents now, in the condition whose turn it is; or the one that the person already is, who
-    continues with the new cookie and the link's newest parameters. Raises StudyFullError, StudyPaused, StudyClosed,
-    AlreadyFinished, KeyError (the study is not open)."""
+    """The participant who consents now, in the condition whose turn it is among people, or among bots; or the one that
+    the person already is, who continues with the new cookie and the link's newest parameters. Raises StudyFullError,
+    StudyPaused, StudyClosed, AlreadyFinished, KeyError (the study is not open)."""
     same_page = participants.by_token(connection, arrival.token)
     if same_page is not None:
         return same_page
@@ -106,10 +106,11 @@ def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival)
         raise StudyPaused(study.name)
     release(connection, study_id, study)
     row = studies.get(connection, study_id)
-    number = row.started if row else 0
+    number = row.enrolled(arrival.simulated) if row else 0
+    taken = held(connection, study_id, study, arrival.simulated)
     new = NewParticipant(
         study_id=study_id,
-        condition=next_condition(study, held(connection, study_id, study), number),
+        condition=next_condition(study, taken, number),
         seed=participant_seed(study, number),
         token=arrival.token,
         language=arrival.language,
@@ -136,10 +137,11 @@ def is_paused(connection: Connection, study: str) -> bool:
     return study in decisions.paused_studies(connection)
 
 
-def held(connection: Connection, study_id: int, study: Study) -> dict[str, Count]:
-    """How many hold a place in each condition. Who consented and then did nothing holds one for `hold_min` only."""
-    found = participants.counts(connection, study_id)
-    silent = participants.silent(connection, (study_id,), _held_since(study))
+def held(connection: Connection, study_id: int, study: Study, simulated: bool = False) -> dict[str, Count]:
+    """How many people (or bots) hold a place in each condition. Bots never take a person's place. Who consented and
+    then did nothing holds one for `hold_min` only."""
+    found = participants.counts(connection, study_id, simulated)
+    silent = participants.silent(connection, (study_id,), _held_since(study), simulated)
     return {
         name: Count(by.get("completed", 0), by.get("active", 0) - silent.get(name, 0)) for name, by in found.items()
     }
@@ -156,7 +158,7 @@ def _place_is_lost(connection: Connection, all_studies: Studies, participant: Pa
     quota = study.condition(participant.condition).quota
     if quota is None or participant.position > 0 or participant.started_at >= _held_since(study):
         return False
-    taken = held(connection, participant.study_id, study)[participant.condition].held
+    taken = held(connection, participant.study_id, study, participant.simulated)[participant.condition].held
     if taken < quota or not participants.is_silent(connection, participant.id):
         return False
     return participants.leave(connection, participant.id, "timed_out")

@@ -88,7 +88,7 @@ class Studies:
         """All steps of the participant."""
         study = self.of(participant)
         # Conditions fill in turn, so counting per condition spreads the rows of a Latin square evenly over each.
-        number = (participant.number - 1) // len(study.conditions)
+        number = (participant.allocation_number - 1) // len(study.conditions)
         return steps(study, participant.condition, participant.seed, number)
 
     async def said(self, database: Database, participant: Participant) -> Said | None:

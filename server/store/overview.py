@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, case, func, or_, select
+from sqlalchemy import ColumnElement, Connection, and_, case, false, func, or_, select
 
 from server.store.events import ATTENTION_SCREENED_OUT
 from server.store.participants import label
@@ -29,6 +29,7 @@ class Person:
     id: str
     study_id: int
     number: int
+    allocation_number: int
     condition: str
     seed: int
     position: int
@@ -73,56 +74,76 @@ class Played:
 Counts = dict[tuple[str, str, int], int]  # (condition, status, position) -> participants
 
 
-def flow(connection: Connection, study_ids: Sequence[int]) -> Counts:
+@dataclass(frozen=True)
+class Group:
+    """The people of these study versions, or the bots: never both."""
+
+    study_ids: Sequence[int]
+    simulated: bool = False
+
+    def members(self) -> ColumnElement[bool]:
+        return and_(_p.study_id.in_(self.study_ids), _p.simulated == self.simulated)
+
+    def withdrawn(self) -> ColumnElement[bool]:
+        was_bot = func.coalesce(withdrawals.c.simulated, false()) == self.simulated  # of earlier versions: not known
+        return and_(withdrawals.c.study_id.in_(self.study_ids), was_bot)
+
+
+def group_to_show(connection: Connection, study_ids: Sequence[int]) -> Group:
+    """The people, or the bots of a study that only bots have walked through."""
+    return Group(study_ids, simulated=simulated(connection, study_ids) > 0 and not flow(connection, Group(study_ids)))
+
+
+def flow(connection: Connection, group: Group) -> Counts:
     """How many participants of each condition are or were where; those who withdrew included."""
     keys = (_p.condition, _p.status, _p.position)
-    query = select(*keys, func.count()).where(_p.study_id.in_(study_ids)).group_by(*keys)
+    query = select(*keys, func.count()).where(group.members()).group_by(*keys)
     found: Counts = {(row[0], row[1], row[2]): row[3] for row in connection.execute(query)}
     gone = (withdrawals.c.condition, withdrawals.c.position)
-    left = select(*gone, func.count()).where(withdrawals.c.study_id.in_(study_ids)).group_by(*gone)
+    left = select(*gone, func.count()).where(group.withdrawn()).group_by(*gone)
     found |= {(row[0], "withdrawn", row[1]): row[2] for row in connection.execute(left)}
     return found
 
 
-def inattentive(connection: Connection, study_ids: Sequence[int]) -> dict[tuple[str, int], int]:
+def inattentive(connection: Connection, group: Group) -> dict[tuple[str, int], int]:
     """How many were screened out because of attention checks, by condition and position."""
     noted = select(events.c.participant_id).where(events.c.kind == ATTENTION_SCREENED_OUT)
-    query = select(_p.condition, _p.position, func.count()).where(_p.study_id.in_(study_ids), _p.id.in_(noted))
+    query = select(_p.condition, _p.position, func.count()).where(group.members(), _p.id.in_(noted))
     query = query.where(_p.status == "screened_out").group_by(_p.condition, _p.position)
     return {(row[0], row[1]): row[2] for row in connection.execute(query)}
 
 
-def failed_a_check(connection: Connection, study_ids: Sequence[int]) -> int:
+def failed_a_check(connection: Connection, group: Group) -> int:
     """How many who completed the study failed an attention check on the way."""
     failed = select(answers.c.participant_id).where(answers.c.attention.is_(False))
-    query = select(func.count()).where(_p.study_id.in_(study_ids), _p.status == "completed", _p.id.in_(failed))
+    query = select(func.count()).where(group.members(), _p.status == "completed", _p.id.in_(failed))
     return connection.execute(query).scalar_one()
 
 
-def here_now(connection: Connection, study_ids: Sequence[int]) -> int:
+def here_now(connection: Connection, group: Group) -> int:
     """How many active participants were seen lately."""
-    query = select(func.count()).where(_p.study_id.in_(study_ids), _p.status == "active")
+    query = select(func.count()).where(group.members(), _p.status == "active")
     return int(connection.execute(query.where(_p.last_seen_at > datetime.now(UTC) - HERE)).scalar_one())
 
 
 def simulated(connection: Connection, study_ids: Sequence[int]) -> int:
     """How many participants are bots."""
-    query = select(func.count()).where(_p.study_id.in_(study_ids), _p.simulated)
+    query = select(func.count()).where(Group(study_ids, simulated=True).members())
     return int(connection.execute(query).scalar_one())
 
 
-def minutes(connection: Connection, study_ids: Sequence[int], most: int = 500) -> list[float]:
+def minutes(connection: Connection, group: Group, most: int = 500) -> list[float]:
     """How long the last participants took from consent to the end, shortest first."""
-    query = select(_p.started_at, _p.completed_at).where(_p.study_id.in_(study_ids), _p.completed_at.is_not(None))
+    query = select(_p.started_at, _p.completed_at).where(group.members(), _p.completed_at.is_not(None))
     rows = connection.execute(query.order_by(_p.completed_at.desc()).limit(most))
     return sorted((row.completed_at - row.started_at).total_seconds() / 60 for row in rows)
 
 
-def excluded(connection: Connection, study_ids: Sequence[int], status: str = "completed") -> dict[str, int]:
+def excluded(connection: Connection, group: Group, status: str = "completed") -> dict[str, int]:
     """How many participants of this status are excluded whole, by condition."""
     query = select(_p.condition, func.count(func.distinct(_p.id))).join_from(participants, exclusions)
     held = (exclusions.c.restored_at.is_(None), exclusions.c.episode_id.is_(None))
-    query = query.where(_p.study_id.in_(study_ids), _p.status == status, *held)
+    query = query.where(group.members(), _p.status == status, *held)
     return {row[0]: int(row[1]) for row in connection.execute(query.group_by(_p.condition))}
 
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, and_, exists, func, or_, select, update
+from sqlalchemy import ColumnElement, Connection, and_, exists, false, func, or_, select, update
 
+from server.store.studies import StudyVersion
 from server.store.tables import RECRUITMENT_ID, episodes, participants, personal, studies, withdrawals
 
 Counts = dict[str, dict[str, int]]
@@ -26,6 +27,7 @@ class Participant:
     id: str
     study_id: int
     number: int
+    allocation_number: int  # among people only, or among bots only
     condition: str
     seed: int
     position: int
@@ -78,16 +80,12 @@ def create(connection: Connection, new: NewParticipant) -> Participant:
             replace_token(connection, known.id, new.token)
             return known
     now = datetime.now(UTC)
-    number = connection.execute(
-        update(studies)
-        .where(studies.c.id == new.study_id)
-        .values(started=studies.c.started + 1, frozen_at=func.coalesce(studies.c.frozen_at, now))
-        .returning(studies.c.started)
-    ).scalar_one()
-    row = {
+    version = _count(connection, new, now)
+    row: dict[str, Any] = {
         "id": secrets.token_hex(8),
         "study_id": new.study_id,
-        "number": number,
+        "number": version.started,
+        "allocation_number": version.enrolled(new.simulated),
         "condition": new.condition,
         "seed": new.seed,
         "token_hash": token_hash(new.token),
@@ -101,6 +99,14 @@ def create(connection: Connection, new: NewParticipant) -> Participant:
     for key, value in facts.items():
         add_personal(connection, row["id"], new.study_id, key, value)
     return Participant(**made._mapping)
+
+
+def _count(connection: Connection, new: NewParticipant, now: datetime) -> StudyVersion:
+    """Count the participant; return the study version with the new counts."""
+    s = studies.c
+    counts = {"started": s.started + 1, "simulated_started": s.simulated_started + int(new.simulated)}
+    query = update(studies).where(s.id == new.study_id).values(**counts, frozen_at=func.coalesce(s.frozen_at, now))
+    return StudyVersion(**connection.execute(query.returning(*s)).one()._mapping)
 
 
 def add_personal(connection: Connection, participant_id: str, study_id: int, key: str, value: str) -> None:
@@ -218,20 +224,23 @@ def time_out(connection: Connection, study_id: int, before: datetime) -> int:
     return connection.execute(query.values(status="timed_out")).rowcount
 
 
-def silent(connection: Connection, study_ids: Sequence[int], before: datetime) -> dict[str, int]:
-    """Count, by condition, the active who consented before the moment and have done nothing since.
+def silent(
+    connection: Connection, study_ids: Sequence[int], before: datetime, simulated: bool = False
+) -> dict[str, int]:
+    """Count, by condition, the active people (or bots) who consented before the moment and have done nothing since.
 
     Something done: a page sent, or a game begun.
     """
     query = select(participants.c.condition, func.count()).where(
-        participants.c.study_id.in_(study_ids), participants.c.started_at < before, _idle()
+        participants.c.study_id.in_(study_ids), participants.c.simulated == simulated
     )
+    query = query.where(participants.c.started_at < before, _idle())
     return {row[0]: row[1] for row in connection.execute(query.group_by(participants.c.condition))}
 
 
 def consented_since(connection: Connection, study_ids: Sequence[int], since: datetime, until: datetime) -> list[int]:
-    """Count those who consented between the two moments: all, and those of them who have done nothing since."""
-    new = select(func.count()).where(participants.c.study_id.in_(study_ids))
+    """Count the people who consented between the two moments: all, and those of them who have done nothing since."""
+    new = select(func.count()).where(participants.c.study_id.in_(study_ids), ~participants.c.simulated)
     new = new.where(participants.c.started_at >= since, participants.c.started_at < until)
     return [int(connection.execute(query).scalar_one()) for query in (new, new.where(_idle()))]
 
@@ -253,16 +262,15 @@ def set_language(connection: Connection, participant_id: str, language: str) -> 
     connection.execute(update(participants).where(participants.c.id == participant_id).values(language=language))
 
 
-def counts(connection: Connection, study_id: int, simulated: bool | None = None) -> Counts:
-    """How many of each status each condition has, e.g. {"tom": {"active": 2, "withdrawn": 1}}, for assignment."""
+def counts(connection: Connection, study_id: int, simulated: bool = False) -> Counts:
+    """How many people (or bots) of each status each condition has, e.g. {"tom": {"active": 2, "withdrawn": 1}}."""
     query = select(participants.c.condition, participants.c.status, func.count())
-    query = query.where(participants.c.study_id == study_id)
-    if simulated is not None:
-        query = query.where(participants.c.simulated == simulated)
+    query = query.where(participants.c.study_id == study_id, participants.c.simulated == simulated)
     found: Counts = {}
     for condition, status, count in connection.execute(query.group_by(participants.c.condition, participants.c.status)):
         found.setdefault(condition, {})[status] = count
     gone = select(withdrawals.c.condition, func.count()).where(withdrawals.c.study_id == study_id)
+    gone = gone.where(func.coalesce(withdrawals.c.simulated, false()) == simulated)
     for condition, count in connection.execute(gone.group_by(withdrawals.c.condition)):
         found.setdefault(condition, {})["withdrawn"] = count
     return found

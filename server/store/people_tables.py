@@ -16,6 +16,9 @@ studies = Table(
     column(
         "started", Integer, server_default="0", meaning="Participants who ever consented, including those who withdrew."
     ),
+    column(
+        "simulated_started", Integer, server_default="0", meaning="How many of them are bots (since revision 0016)."
+    ),
     time("created_at", "When the server first saw this version."),
     time("frozen_at", "First consent; the version never changes after it.", nullable=True),
     UniqueConstraint("key", "version"),
@@ -28,6 +31,12 @@ participants = Table(
     column("id", ID, primary_key=True, meaning="Random public id, which reveals nothing about the person."),
     column("study_id", Integer, ForeignKey("studies.id"), meaning="Study version that the participant is in."),
     column("number", Integer, meaning="1 to n, in order of consent within the study version."),
+    column(
+        "allocation_number",
+        Integer,
+        server_default="0",
+        meaning="The same among people only, or among bots only: condition, seed and order of episodes follow from it.",
+    ),
     column("condition", KEY, meaning="Arm of the study; it never changes."),
     column("seed", BigInteger, meaning="63-bit seed of all random choices for this participant."),
     column("position", Integer, server_default="0", meaning="Index of the current step in the participant's plan."),

@@ -19,8 +19,13 @@ class StudyVersion:
     sha256: str
     source: str
     started: int
+    simulated_started: int
     created_at: datetime
     frozen_at: datetime | None
+
+    def enrolled(self, simulated: bool) -> int:
+        """How many bots consented, or how many people; those who withdrew included."""
+        return self.simulated_started if simulated else self.started - self.simulated_started
 
 
 def register(connection: Connection, key: str, source: str) -> StudyVersion:

@@ -135,7 +135,7 @@ def test_a_report_has_main_effects_interaction_and_simple_effects(
     assert "<h3>Factors</h3>" in page
     assert "<td>Prediction × opacity</td>" in page
     assert "an interaction of prediction and opacity (<i>F</i>(1, 52) = " in page
-    assert "As factors interacted in reward, simple effects over people: prediction, tom against none with" in page
+    assert "As factors interacted in reward, simple effects over simulated participants: prediction, tom" in page
     questions = [row for row in select(report.analysis.rows, section="factorial", test="anova") if row.question]
     assert {row.note for row in questions} == {"Benjamini-Hochberg over 4 tests"}
     with report.results.open(encoding="utf-8", newline="") as stream:

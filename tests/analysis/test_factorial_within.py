@@ -176,8 +176,8 @@ def test_the_report_analyses_differences_within_people(
     assert row.p == pytest.approx(model.pvalues["Intercept"])
     assert (row.n, row.estimate_low < 25 < row.estimate_high) == (16, True)
     page = made.page.read_text("utf-8")
-    assert "People met the levels of prediction in blocks of rounds" in page
-    assert "(prediction within people, with the orders of the blocks averaged), there was a main effect of pre" in page
+    assert "Simulated participants met the levels of prediction in blocks of rounds" in page
+    assert "(prediction within simulated participants, with the orders of the blocks averaged), there was" in page
     assert "there was a main effect of prediction on the reward; the difference is (tom - none)" in page
     assert "The conditions are the orders of the blocks" in page
     words = ["power", str(blocks), "--effect", "10", "--studies", "20", "--out", str(tmp_path / "power")]

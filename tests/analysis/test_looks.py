@@ -142,7 +142,7 @@ def test_the_report_says_which_look_it_is(planted_folder: Path, tmp_path: Path) 
     text = "primary: {comparison: [tom, none], looks: [20, 60], spending: pocock}\n"
     made = write_report(declaring(planted_folder, tmp_path / "data", text), tmp_path / "out", QUICK)
     page = made.page.read_text(encoding="utf-8")
-    assert "This is look 1 of 2, at 32 people" in page
+    assert "This is look 1 of 2, at 32 simulated participants" in page
     (look,) = nominal_levels([32], 60, 0.05, "pocock", True)
     assert made.analysis.rows[0].ci_level == pytest.approx(1 - look.nominal_alpha)
     assert f"look 1 of 2, nominal alpha = {look.nominal_alpha:.3g}" in made.analysis.rows[0].note

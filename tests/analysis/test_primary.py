@@ -119,7 +119,7 @@ def test_the_declared_test_comes_first_in_the_report(planted_folder: Path, tmp_p
     page = made.page.read_text(encoding="utf-8")
     box = page[page.index('<section class="primary"') : page.index("</section>")]
     assert "Primary test, declared in the study file" in box
-    assert "Declared: Welch’s t-test over people of the reward" in box
+    assert "Declared: Welch’s t-test over simulated participants of the reward" in box
     assert re.search(r"was significantly higher with ToM predictions than with no prediction \(difference \+\d", box)
     assert "Every other test in this report is secondary or exploratory." in box
     assert page.index('<section class="primary"') < page.index('<ol class="find">')
@@ -150,8 +150,8 @@ def test_a_declaration_that_came_after_some_data_is_named(
     found = declaration_of(export)
     assert found.primary == DeclaredTest("reward", ("tom", "none"))
     assert words in found.warning
-    assert "24 participants took part under version 1" in found.warning
-    assert primary_lines(found, ())[0].startswith("<b>24 participants")
+    assert "24 simulated participants took part under version 1" in found.warning
+    assert primary_lines(found, ())[0].startswith("<b>24 simulated participants")
     alone = read_export(tmp_path / "data", version=2)
     assert declaration_of(alone) == Declaration(found.primary)
 

@@ -104,7 +104,7 @@ def test_a_declared_effect_comes_first_in_the_report(crossed: Path, tmp_path: Pa
     made = write_report(crossed, tmp_path, Options(power_studies=20, draws=50))
     page = made.page.read_text(encoding="utf-8")
     box = page[page.index('<section class="primary"') : page.index("</section>")]
-    assert "Declared: Factorial analysis of variance over people of the reward" in box
+    assert "Declared: Factorial analysis of variance over simulated participants of the reward" in box
     assert re.search(r"there was an interaction of prediction and opacity on the reward; the difference is ", box)
     assert "(tom - none) x (on - off)" in box
     assert re.search(r"\(difference \+\d+\.\d, 95 % CI \[\d", box)

@@ -263,7 +263,7 @@ def test_sentences_say_what_the_rows_say(report: Report) -> None:
     said = apa_text.sentences(report.analysis)
     row = select(report.analysis.rows, test="kruskal_wallis", agent="sp")[0]
     assert f"<i>H</i>(2, <i>n</i> = {row.n}) = {row.statistic:.2f}, <i>p</i> < .001" in said[1]
-    assert f"{row.n} episodes of 48 people" in said[1]
+    assert f"{row.n} episodes of 48 simulated participants" in said[1]
     model = select(report.analysis.rows, test="fixed_effect", contrast="tom - none")[0]
     assert f"{model.estimate:.1f} points higher with ToM predictions than with no prediction" in said[3]
     assert any("was rated higher with SP (<i>t</i>(" in sentence for sentence in said)

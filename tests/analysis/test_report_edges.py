@@ -228,7 +228,7 @@ def test_two_versions_are_named_and_one_can_be_chosen(
         text = f"title: {{en: Version {version}}}\nconditions: [{{name: tom}}]\nlayouts: [name: matrix]\n"
         (folder / "studies" / f"simulated_version-{version}.yaml").write_text(text)
     words = ["report", str(folder), "--out", str(tmp_path / "out")]
-    notice = "analysed together: version 1 (3 participants) and version 2 (9 participants)"
+    notice = "analysed together: version 1 (3 simulated participants) and version 2 (9 simulated participants)"
     assert kitchenmind.main(words) == 0
     assert notice in capsys.readouterr().err
     assert notice in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

@@ -1,5 +1,6 @@
 """Simulated participants are never pooled with people, and everything made from them says what they are."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -54,6 +55,16 @@ def test_every_figure_of_a_rehearsal_says_that_it_is_simulated(tmp_path: Path) -
     assert len(figures) >= 4
     assert [path.name for path in figures if LABEL not in path.read_text(encoding="utf-8")] == []
     assert "built so that foresight can help" in report.page.read_text(encoding="utf-8")
+
+
+def test_no_sentence_of_a_rehearsal_speaks_of_people(tmp_path: Path) -> None:
+    write_export(Truth(participants=6, timesteps=20), tmp_path / "export")
+    report = write_report(tmp_path / "export", tmp_path / "report", QUICK)
+    page = re.sub(r"<(style|svg).*?</\1>", "", report.page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    texts = [line for line in re.split(r"<[^<>]*>", page) if "evidence about people" not in line]
+    spoken = [text for text in texts if re.search(r"(?i)\b(people|persons?|(?<!simulated )participants?)\b", text)]
+    assert spoken == []
+    assert "Simulated participants analysed" in texts
 
 
 def withdrew(folder: Path, simulated: list[bool | None]) -> None:

@@ -155,9 +155,9 @@ def test_those_who_left_are_not_called_removed(tmp_path: Path) -> None:
     made = write_report(tmp_path / "data", tmp_path / "out", Options(power_studies=20))
     text = apa_text.sentences(made.analysis)[0]
     assert text == (
-        "The analysis is of 31 episodes of 8 participants. Of 48 episodes begun, 17 were left out: 11 of participants "
-        "who did not finish the study (22.9 %), one not played to the end (2.1 %), one removed by the researcher "
-        "(2.1 %) and four of participants whom the researcher excluded (8.3 %)."
+        "The analysis is of 31 episodes of 8 simulated participants. Of 48 episodes begun, 17 were left out: 11 of "
+        "simulated participants who did not finish the study (22.9 %), one not played to the end (2.1 %), one removed "
+        "by the researcher (2.1 %) and four of simulated participants whom the researcher excluded (8.3 %)."
     )
 
 

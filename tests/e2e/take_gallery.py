@@ -159,9 +159,7 @@ def written(made: Made, study: str, out: Path) -> str:
     """The page: what was simulated, the pictures, and what the report says."""
     outcome, analysis = made.outcome, made.report.analysis
     arms = ", ".join(f"{count} in `{condition}`" for condition, count in outcome.by_condition.items())
-    # The report's sentences are written for people; here they are about programs only.
-    said = [re.sub(r"\bpeople\b", "simulated participants", finding) for finding in apa_text.findings(analysis)]
-    findings = "\n".join(f"- {finding}" for finding in said)
+    findings = "\n".join(f"- {finding}" for finding in apa_text.findings(analysis))
     figures = "\n\n".join(
         f"![{name.replace('_', ' ')}, simulated]({name}.webp)" for name in FIGURES if (out / f"{name}.webp").is_file()
     )

@@ -8,6 +8,7 @@ import polars as pl
 
 from analysis import apa_text, mixed_model, questionnaires
 from analysis.results import Result
+from analysis.simulated import PEOPLE
 from analysis.study import MEASURE, AnalysisDesign, main_contrast
 from analysis.study import reward_tests as reward_tests_of
 
@@ -98,5 +99,6 @@ def said_of(episodes: pl.DataFrame, answers: pl.DataFrame, seed: int = 1, draws:
         agents=AGENTS,
         contrast=design.contrast,
         questionnaire_layouts=LAYOUTS[:4],
+        subjects=PEOPLE,
     )
     return Said(apa_text.findings(analysis), apa_text.sentences(analysis), rows)  # type: ignore[arg-type]

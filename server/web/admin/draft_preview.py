@@ -59,8 +59,8 @@ class PreviewPlace:
 
     def participant(self, position: int) -> Participant:
         now = datetime.now(UTC)
-        words = ("preview", 0, 1, self.condition, _SEED, position, "active", self.language, True, now, now, None, None)
-        return Participant(*words)
+        here = (self.condition, _SEED, position, "active", self.language)
+        return Participant("preview", 0, 1, 1, *here, True, now, now, None, None)
 
     def kitchen(self, step: StudyStep) -> KitchenChoice:
         """Where a round or the practice is played."""

@@ -81,7 +81,8 @@ async def studies(request: Request, admin: WatchDep, web: WebDep) -> Response:
     rows = []
     for name in web.studies.names():
         versions, study = study_at(web, name)
-        arms = arms_of(study, await web.database.read(stock, versions), arm_names(study, blind=True), blind=True)
+        held = await web.database.read(stock, overview.Group(versions))
+        arms = arms_of(study, held, arm_names(study, blind=True), blind=True)
         quotas = [condition.quota for condition in study.conditions if condition.quota is not None]
         rows.append(
             {
@@ -93,6 +94,7 @@ async def studies(request: Request, admin: WatchDep, web: WebDep) -> Response:
                 "versions": len(versions),
                 "completed": sum(arm["completed"] for arm in arms),
                 "active": sum(arm["active"] for arm in arms),
+                "simulated": sum(arm["simulated"] for arm in arms),
                 "target": sum(quotas) if len(quotas) == len(study.conditions) else None,
             }
         )
@@ -202,9 +204,10 @@ async def consort(name: str, admin: WatchDep, web: WebDep) -> Response:
 async def consort_of(web: Web, name: str, blind: bool) -> dict[str, Any]:
     """What the diagram shows: the flow, and how it splits into arms."""
     study_ids, study = study_at(web, name)
-    held = await web.database.read(stock, study_ids)
+    held = await web.database.read(stock, await web.database.read(overview.group_to_show, study_ids))
     arms = arms_of(study, held, arm_names(study, blind), blind)
-    return {"title": study.title.of("en"), "flow": flow_of(study, held), "arms": arms}
+    flow = flow_of(study, held)
+    return {"title": study.title.of("en"), "flow": flow, "arms": arms, "simulated": held.simulated}
 
 
 @router.get("/s/{name}/quality.json")

@@ -21,6 +21,7 @@ const place = (id) => find(`#${id}`, HTMLElement);
 export function showTables(figures, page) {
   showKeyNumbers(figures, page);
   showArms(figures.arms, page.blind);
+  showSimulated(figures);
   place('flow').replaceChildren(...figures.flow.map(flowNode));
   showAccuracy(figures.accuracy);
   showMachine(figures);
@@ -34,17 +35,15 @@ function showValue(id, value, unit = '') {
 }
 
 /** @type {(figures: Researcher.Figures, page: Page) => void} */
-function showKeyNumbers({ arms, here, simulated, minutes, machine, accuracy }, { cardOf }) {
+function showKeyNumbers({ arms, here, rehearsal, minutes, machine, accuracy }, { cardOf }) {
   /** @param {'completed' | 'active' | 'dropped'} name */
   const sum = (name) => arms.reduce((total, arm) => total + arm[name], 0);
   const targets = arms.flatMap((arm) => (arm.target === null ? [] : [arm.target]));
   const target = targets.length === arms.length ? targets.reduce((total, each) => total + each, 0) : null;
   const consented = sum('completed') + sum('active') + sum('dropped');
   showValue('k-games', cardOf.size);
-  place('k-here').textContent = `${here} ${here === 1 ? 'person' : 'people'} in the study now`;
-  place('simulated').hidden = simulated === 0;
-  const bots = simulated === 1 ? 'participant' : 'participants';
-  place('simulated').textContent = `${simulated} simulated ${bots}: no evidence about people`;
+  const who = rehearsal ? 'simulated' : here === 1 ? 'person' : 'people';
+  place('k-here').textContent = `${here} ${who} in the study now`;
   showValue('k-completed', sum('completed'), target === null ? '' : `of ${target}`);
   place('k-active').textContent = `${sum('active')} in progress`;
   showValue('k-dropped', sum('dropped'), `of ${consented}`);
@@ -52,6 +51,13 @@ function showKeyNumbers({ arms, here, simulated, minutes, machine, accuracy }, {
   showMinutes(minutes);
   showLateness(machine.late_ms);
   showOverallAccuracy(accuracy);
+}
+
+/** @param {Researcher.Figures} figures */
+function showSimulated({ simulated, rehearsal }) {
+  place('simulated').hidden = simulated === 0;
+  const bots = `${simulated} simulated participant${simulated === 1 ? '' : 's'}`;
+  place('simulated').textContent = rehearsal ? `${bots}: no evidence about people` : `${bots}, counted apart`;
 }
 
 /** @param {Researcher.Figures['minutes']} minutes */
@@ -90,7 +96,8 @@ function showArms(arms, blind) {
       make('span', { className: 'num' }, ...counts),
     );
   });
-  place('arms').replaceChildren(...rows, make('p', { className: 'soft small', text: imbalance(arms) }));
+  const notes = [imbalance(arms), ...simulatedByArm(arms)];
+  place('arms').replaceChildren(...rows, ...notes.map((text) => make('p', { className: 'soft small', text })));
 }
 
 /** @param {Researcher.Arm} arm */
@@ -119,6 +126,15 @@ function imbalance(arms) {
   const held = arms.map((arm) => arm.completed + arm.active);
   const left = arms.map((arm) => `${arm.name} ${arm.dropped}`).join(', ');
   return `Largest gap between arms: ${Math.max(...held) - Math.min(...held)}. Left: ${left}.`;
+}
+
+/**
+ * Say how many bots a study of people has, which have places of their own.
+ * @param {Researcher.Arm[]} arms
+ */
+function simulatedByArm(arms) {
+  if (!arms.some((arm) => arm.simulated)) return [];
+  return [`Simulated, with places of their own: ${arms.map((arm) => `${arm.name} ${arm.simulated}`).join(', ')}.`];
 }
 
 /** @param {Researcher.FlowNode} node */

@@ -45,6 +45,7 @@ declare namespace Researcher {
     active: number;
     dropped: number;
     target: number | null;
+    simulated: number;
   }
 
   interface FlowNode {
@@ -109,6 +110,7 @@ declare namespace Researcher {
     minutes: [number, number, number] | null;
     here: number;
     simulated: number;
+    rehearsal: boolean;
     people: Person[];
     client_errors: ClientError[];
     alerts: Alert[];

@@ -8,16 +8,17 @@ from alembic import command
 from alembic.config import Config
 from alembic.script import ScriptDirectory
 from msgspec import structs
-from sqlalchemy import Connection, inspect
+from sqlalchemy import Connection, Table, inspect
 
-from server.store import engines, episodes, fences, studies, tables, ticks
+from server.store import engines, episodes, fences, participants, studies, tables, ticks
 from server.store.database import Database
 from server.store.engines import DatabaseInUse
 from server.store.migrate import MIGRATIONS, known_revisions, migrate, migrate_shared, newest_revision, revision_of
 from tests.support.postgres_server import PostgresServer
-from tests.support.study_data import SPEC, played
+from tests.support.study_data import SPEC, START, played
 
 KINDS = ["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)]
+PERSON = "a person"
 EARLIER = [revision for revision in known_revisions() if revision != newest_revision()]
 # From the oldest, PostgreSQL goes through every migration with data too; from all, SQLite does.
 UPGRADES = [("sqlite", revision) for revision in EARLIER] + [
@@ -48,9 +49,18 @@ def make_as_of(url: str, revision: str) -> None:
     writer.close()
 
 
+def insert(connection: Connection, table: Table, row: dict[str, object]) -> int:
+    """Insert a row into a table that may lack the columns of this version; return its number."""
+    query = table.insert().values(row).returning(next(iter(table.primary_key)))
+    return connection.execute(query).scalar_one()
+
+
 def fill(connection: Connection) -> str:
-    study = studies.register(connection, "ring", "text")
-    episode = episodes.create(connection, episodes.NewEpisode(SPEC, "episode-01", study_id=study.id))
+    study = {"key": "ring", "version": 1, "sha256": "0" * 64, "source": "text", "created_at": START, "started": 7}
+    study_id = insert(connection, tables.studies, study)
+    person = {"id": PERSON, "study_id": study_id, "number": 7, "condition": "tom", "seed": 1, "simulated": False}
+    insert(connection, tables.participants, person | {"started_at": START, "last_seen_at": START, "token_hash": "0"})
+    episode = episodes.create(connection, episodes.NewEpisode(SPEC, "episode-01", study_id=study_id))
     present = {column["name"] for column in inspect(connection).get_columns("ticks")}  # as that version had them
     for record in played(episode):
         row = dict(zip(tables.ticks.c.keys(), ticks.row_of(record), strict=True))
@@ -78,6 +88,9 @@ def test_a_database_of_an_earlier_version_keeps_its_data(empty: str, revision: s
         assert loaded is not None
         assert (loaded.status, loaded.last_hash) == ("running", played(episode)[-1].state_hash)
         assert database.read_now(fences.current, episode) == 0
+        participant = database.read_now(participants.get, PERSON)
+        assert participant is not None
+        assert participant.allocation_number == 7, "the order of the episodes stays"
         assert [study.key for study in database.read_now(studies.every, "ring")] == ["ring"]
 
 

@@ -9,7 +9,7 @@ from msgspec import structs
 from overcooked.constants import STAY
 from server.monitoring.enrolment_flow import flow_of, stock
 from server.play.recorder import EpisodeResult, InputRecord, PauseRecord
-from server.store import audit, decisions, episodes, inputs, participants
+from server.store import audit, decisions, episodes, inputs, overview, participants
 from tests.support.page_site import Site, Visitor
 from tests.support.researcher_site import played, signed_in
 
@@ -24,7 +24,7 @@ def test_the_flow_begins_with_the_links_that_were_opened(site: Site) -> None:
     assert visitor.send("/s/small/arrivals", {"kind": "opened"}).status_code == 403
     Visitor(site).consent("small")
     numbers = site.studies.versions("small")
-    nodes = flow_of(site.studies.of(site.only("small")), site.database.read_now(stock, numbers))
+    nodes = flow_of(site.studies.of(site.only("small")), site.database.read_now(stock, overview.Group(numbers)))
     assert [(node["name"], node["reached"], node["lost"]) for node in nodes][:2] == [
         ("Opened the link", 3, {"screen too small": 1, "declined": 1}),
         ("Consented", 1, {}),

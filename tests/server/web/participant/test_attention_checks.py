@@ -10,7 +10,7 @@ from analysis import data_quality, measures
 from analysis.tables import read_export
 from server.export.writer import export
 from server.monitoring.enrolment_flow import arms_of, flow_of, stock
-from server.store import answers, events, participants
+from server.store import answers, events, overview, participants
 from server.study.loader import StudyError, parse_study
 from tests.support.page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
 
@@ -86,13 +86,13 @@ def test_flow_counts_who_was_screened_out_for_it_and_who_failed_one(site: Site) 
     found = site.studies.open("strict")
     assert found is not None
     study_id, study = found
-    held = site.database.read_now(stock, (study_id,))
+    held = site.database.read_now(stock, overview.Group((study_id,)))
     before = flow_of(study, held)
     visitor = after_the_first_episode(site, "strict", "7", WRONG)
     stays = after_the_first_episode(site, "strict", "1", WRONG)
     me = site.everybody("strict")[-1]
     site.database.write_now(participants.complete, me.id, "KM-2222-2222")
-    held = site.database.read_now(stock, (study_id,))
+    held = site.database.read_now(stock, overview.Group((study_id,)))
     after = flow_of(study, held)
 
     def lost(nodes: list[dict[str, object]], word: str) -> int:
