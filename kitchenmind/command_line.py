@@ -6,7 +6,6 @@ import os
 import select
 import sys
 from collections.abc import Sequence
-from typing import Final
 
 from kitchenmind import extras
 
