@@ -29,6 +29,7 @@ from analysis.phrases import (
     with_p,
 )
 from analysis.results import Result, select
+from analysis.simulated import is_simulated
 from analysis.study import Analysis
 
 
@@ -112,7 +113,8 @@ def _accuracy_finding(analysis: Analysis) -> str:
     if not lives:
         return ""
     live = 100 * sum(row.estimate for row in lives) / len(lives)
-    text = f"The predictor is right {number(live, 1)} % of the time with people"
+    who = "bots" if is_simulated(analysis.export.participants).any() else "people"
+    text = f"The predictor is right {number(live, 1)} % of the time with {who}"
     offline = select(analysis.rows, section="accuracy", test="offline", layout="all", step=0)
     if len(offline) == len(lives):
         gap = live - 100 * sum(row.estimate for row in offline) / len(offline)
