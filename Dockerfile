@@ -4,9 +4,10 @@ WORKDIR /app
 ENV PYTHONUNBUFFERED=1 PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1
 RUN useradd --create-home kitchenmind && mkdir /app/var && chown kitchenmind /app/var
 
-# The dependencies alone first: they change seldom. Serving needs no torch.
+# The dependencies alone first: they change seldom. Serving needs no torch; the dashboard's reports need the analysis.
 COPY pyproject.toml ./
-RUN python -c "import tomllib as t; print(*t.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" > dependencies.txt \
+RUN python -c "import tomllib as t; p = t.load(open('pyproject.toml', 'rb'))['project']; \
+    print(*p['dependencies'], *p['optional-dependencies']['analysis'], sep='\n')" > dependencies.txt \
     && pip install --requirement dependencies.txt
 
 COPY --chown=kitchenmind . .

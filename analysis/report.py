@@ -53,6 +53,11 @@ class Report:
     quality: Path
     analysis: Analysis
 
+    @property
+    def is_simulated(self) -> bool:
+        """Whether it is about bots, or made-up data."""
+        return _simulated(self.analysis.export)
+
 
 def write_report(
     folder: Path, out: Path, options: Options | None = None, study: str | None = None, version: int | None = None
@@ -61,7 +66,11 @@ def write_report(
     published scales, scores.csv into `out`, which is made. `study` and `version` choose from what the export holds.
     Raises analysis.tables.ExportError."""
     options = options or Options()
-    analysis = analyse(read_export(folder, study, version), options)
+    return write_analysed(analyse(read_export(folder, study, version), options), out, options)
+
+
+def write_analysed(analysis: Analysis, out: Path, options: Options) -> Report:
+    """Write the files of a report whose numbers are computed."""
     out.mkdir(parents=True, exist_ok=True)
     drawn = _draw(analysis, out / "figures")
     report = Report(out / "report.html", out / "results.csv", out / "quality.csv", analysis)
@@ -158,6 +167,7 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
             versions=versions_notice(analysis.export),
             figures={name: Markup(svg) for name, svg in drawn.items()},  # noqa: S704
             css=Markup((HERE / "report.css").read_text(encoding="utf-8")),  # noqa: S704
+            script=Markup((HERE / "report.js").read_text(encoding="utf-8")),  # noqa: S704
             within=within_of(analysis.export),
             primary=[Markup(text) for text in _primary(analysis)],  # noqa: S704
             findings=[Markup(text) for text in apa_text.findings(analysis)],  # noqa: S704

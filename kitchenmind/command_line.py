@@ -6,10 +6,9 @@ import os
 import select
 import sys
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Final
 
-_ROOT: Final = Path(__file__).resolve().parents[1]  # a checkout, or the folder in which packages are installed
+from kitchenmind import extras
+
 # verb -> (module with `add_arguments(parser)` and `run(arguments) -> int`, what it does)
 VERBS: dict[str, tuple[str, str]] = {
     "replay": ("overcooked.replay", "re-simulate action logs to states"),
@@ -81,12 +80,10 @@ def _run(words: list[str]) -> int:
         module.add_arguments(verbs.choices[verb])
         return int(module.run(parser.parse_args(words)))
     except ModuleNotFoundError as error:
-        if error.name is None or (_ROOT / error.name.split(".")[0]).exists():
+        if error.name is None or (extras.ROOT / error.name.split(".")[0]).exists():
             raise
-        is_checkout = (_ROOT / "pyproject.toml").is_file()
         package = VERBS[verb][0].partition(".")[0]
-        extra = f"[{package}]" if package in ("training", "analysis") else ""
-        remedy = "make setup" if is_checkout else f"pip install 'kitchenmind{extra}'"
+        remedy = extras.install_command(package if package in ("training", "analysis") else "")
         print(f"kitchenmind {verb} needs the Python package {error.name}: run `{remedy}`.", file=sys.stderr)
         return 2
     except KeyboardInterrupt:

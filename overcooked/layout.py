@@ -17,7 +17,7 @@ from overcooked.observe import PLANES, static_planes
 from overcooked.other_names import bundled_name
 
 LAYOUT_FOLDER = Path(__file__).parent / "layouts"
-_REQUIRED = {"O": "onion dispenser", "D": "dish dispenser", "P": "pot", "S": "exit"}
+_REQUIRED = {"O": "onion dispenser", "D": "dish dispenser", "P": "pot", "S": "serving station"}
 _LARGEST_SIDE = 32
 
 
@@ -188,7 +188,9 @@ def _cell_problems(
     if tile == "T":
         yield LayoutError(source, "tomatoes (T) are not served in this kitchen", "Use O (onions).", **place)
     elif tile not in TILE_CHARACTERS + "12":
-        remedy = "Use X counter, O onions, D dishes, P pot, S exit, a space for floor, 1 and 2 for the chefs."
+        remedy = (
+            "Use X counter, O onions, D dishes, P pot, S serving, a space for floor, 1 and 2 for the chefs."
+        )
         yield LayoutError(source, f"unknown tile {tile!r}", remedy, **place)
     if tile in " 12" and (x in (0, width - 1) or y in (0, height - 1)):
         yield LayoutError(source, "the border is open here", "Close it with X or a station.", **place)

@@ -28,6 +28,7 @@ from server.monitoring.latency_history import LatencyHistory
 from server.monitoring.live_games import LiveGames
 from server.monitoring.peers import Process
 from server.monitoring.rehearsals import Rehearsals
+from server.monitoring.report_making import StudyReports
 from server.participation.own_kitchens import load_with_kitchens
 from server.participation.preview_models import PreviewModels
 from server.participation.seating import ConnectedPlayer, Seating
@@ -115,9 +116,8 @@ async def wired(
         stack.push_async_callback(models.close)
         starting = asyncio.create_task(models.start())  # takes longest, in a process of its own
         stack.push_async_callback(ended, starting)  # nothing keeps running when the server does not start
-        await run_in_threadpool(
-            warm_up.compile_all, files, csrf.root
-        )  # starlette's own way, which imports its parts at the first call
+        # Starlette's own way, which imports its parts at the first call.
+        await run_in_threadpool(warm_up.compile_all, files, csrf.root)
         if several:
             await asyncio.to_thread(migrate_shared, settings.database)
         database = Database(settings.database, shared=several, in_turn=several)
@@ -178,6 +178,7 @@ async def _services(
         hashing=Hashing(),
         commits=Commits(),
         rehearsals=Rehearsals(stack),
+        reports=StudyReports(web.database, settings.database, stack),
     )
     running = (alerts, services.latency_history, versions, hook)
     stack.push_async_callback(ended, *(asyncio.create_task(work.run()) for work in running if work is not None))

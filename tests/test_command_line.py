@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 import kitchenmind
-from kitchenmind import command_line
+from kitchenmind import extras
 from server.commands import admin
 
 ROOT = Path(__file__).parent.parent
@@ -72,7 +72,7 @@ def test_outside_a_checkout_the_remedy_names_only_what_the_verb_needs(
 ) -> None:
     (tmp_path / "analysis").mkdir()
     (tmp_path / "server").mkdir()
-    monkeypatch.setattr(command_line, "_ROOT", tmp_path)
+    monkeypatch.setattr(extras, "ROOT", tmp_path)
     for module, extra in (("analysis.needing", "kitchenmind[analysis]"), ("server.needing", "kitchenmind")):
         monkeypatch.setitem(kitchenmind.VERBS, "bake", (module, "bakes"))
         monkeypatch.setitem(sys.modules, module, SimpleNamespace(add_arguments=_needs_a_package))

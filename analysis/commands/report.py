@@ -3,6 +3,9 @@
 import argparse
 import sys
 from pathlib import Path
+from typing import Final
+
+WEIGHTS: Final = Path(__file__).parents[2] / "models" / "weights"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--weights",
         type=Path,
-        default=Path(__file__).parents[2] / "models" / "weights",
+        default=WEIGHTS,
         metavar="DIR",
         help="checkpoints whose cards have the offline accuracy (default: the bundled ones)",
     )

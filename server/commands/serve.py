@@ -252,6 +252,7 @@ def _announce(settings: "Settings", listening: socket.socket) -> None:
     if not IS_CHECKOUT:
         print(f"data are kept in {settings.data.absolute()}", flush=True)
     print(f"kitchenmind is at {_address(listening)}  (stop with Ctrl+C)", flush=True)
+    print("the dashboard is at /admin; `kitchenmind admin create NAME --role own` makes an account for it", flush=True)
 
 
 def _address(listening: socket.socket) -> str:

@@ -1,6 +1,6 @@
-"""The tables of what researchers make in the dashboard: kitchens, drafts of studies, and which of them are open."""
+"""The tables of what researchers make in the dashboard: kitchens, drafts of studies and which are open, reports."""
 
-from sqlalchemy import ForeignKey, Integer, Table, Text, UniqueConstraint
+from sqlalchemy import Boolean, ForeignKey, Integer, LargeBinary, Table, Text, UniqueConstraint
 
 from server.store.columns import column, number, time
 from server.store.table_base import KEY, metadata
@@ -58,4 +58,20 @@ study_openings = Table(
     time("opened_at", "When it was opened."),
     column("closed_by", KEY, nullable=True, meaning="Who closed it, or opened a newer version; none: it is open."),
     time("closed_at", "When it was closed.", nullable=True),
+)
+
+study_reports = Table(
+    "study_reports",
+    metadata,
+    number("Number of the report."),
+    column("study", KEY, index=True, meaning="The study's name."),
+    column("started_by", KEY, meaning="The researcher who asked for it."),
+    time("started_at", "When the data were read, or a moment before."),
+    column("stage", KEY, meaning="What the process that makes it does, or did last."),
+    time("seen_at", "When that process was last known to run."),
+    column("failure", Text, nullable=True, meaning="Why it could not be made; none: it runs, or is made."),
+    time("made_at", "When it was made.", nullable=True),
+    column("participants", Integer, nullable=True, meaning="How many participants it analyses."),
+    column("simulated", Boolean, nullable=True, meaning="Whether these are bots."),
+    column("archive", LargeBinary, nullable=True, meaning="The files of the report, as a zip archive."),
 )

@@ -33,7 +33,7 @@ from server.store.researcher_tables import (
     heartbeat,
     study_pauses,
 )
-from server.store.studio_tables import kitchens, study_draft_versions, study_drafts, study_openings
+from server.store.studio_tables import kitchens, study_draft_versions, study_drafts, study_openings, study_reports
 from server.store.table_base import (
     EPISODE_STATUSES,
     ID,
@@ -75,6 +75,7 @@ __all__ = [
     "study_drafts",
     "study_openings",
     "study_pauses",
+    "study_reports",
     "ticks",
     "tombstones",
     "visits",
@@ -173,4 +174,5 @@ TABLES = (
     study_drafts,
     study_draft_versions,
     study_openings,
+    study_reports,
 )

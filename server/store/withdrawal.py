@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import Connection, delete, or_, select, update
 
-from server.store import audit, engines, tombstones
+from server.store import audit, engines, study_reports, tombstones
 from server.store.tables import (
     answers,
     episodes,
@@ -54,6 +54,7 @@ def withdraw(connection: Connection, participant_id: str, deletion: Deletion | N
         connection.execute(delete(table).where(table.c.participant_id == participant_id))
     connection.execute(delete(participants).where(here))
     audit.forget(connection, participant_id)
+    study_reports.forget(connection, row.study_id)
     deletion = deletion or Deletion()
     at = deletion.at or datetime.now(UTC)
     connection.execute(withdrawals.insert().values(withdrawn_at=at, **row._mapping))

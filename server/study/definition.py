@@ -46,11 +46,12 @@ class KitchenChoice(StrictModel):
     """A layout: a bundled one by its name, or your own grid."""
 
     name: Key
-    """The layout's name in the data. Without `grid`, the name of a bundled layout."""
+    """The layout's name in the data. Without `grid`, the name of a bundled layout, or of a kitchen
+    that was drawn in the dashboard."""
     title: Text
     """The name that participants see."""
     grid: str | None = None
-    """Your own layout, row by row: X counter, O onions, D dishes, P pot, S exit, space floor, 1 and 2 the chefs."""
+    """Your own layout, row by row: X counter, O onions, D dishes, P pot, S serving, space floor, 1 and 2 the chefs."""
 
     @model_validator(mode="before")
     @classmethod

@@ -14,6 +14,7 @@ if TYPE_CHECKING:  # their modules have routes, which need this one
     from server.monitoring.latency_history import LatencyHistory
     from server.monitoring.live_games import LiveGames
     from server.monitoring.rehearsals import Rehearsals
+    from server.monitoring.report_making import StudyReports
     from server.participation.study_changes import Versions
     from server.play.games import Games
     from server.settings import Settings
@@ -47,6 +48,7 @@ class Services:
     hashing: "Hashing"
     commits: "Commits"
     rehearsals: "Rehearsals"
+    reports: "StudyReports"
 
 
 def services_of(connection: HTTPConnection) -> Services:

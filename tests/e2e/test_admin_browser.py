@@ -3,9 +3,11 @@
 import asyncio
 import base64
 import contextlib
+import io
 import json
 import re
 import threading
+import zipfile
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +18,9 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, Route, WebSocketRoute, expect
 
 from server.bots.participant import Bot
+from server.monitoring.report_making import PAGE
+from server.settings import ROOT
+from server.store import study_reports
 from tests.support import command_line
 from tests.support.browser.game_page import draw_less_often, violations
 from tests.support.live_server import LiveServer
@@ -240,3 +245,39 @@ def test_every_page_of_a_researcher_is_accessible(page: Page, server: LiveServer
     page.click("text=Sign out")
     expect(page.locator("[name=password]")).to_be_visible()
     is_accessible(page)
+
+
+def kept_report(server: LiveServer) -> None:
+    """A report as the process leaves it, with a second script in it that nobody has reviewed."""
+    script = (ROOT / "analysis" / "report.js").read_text(encoding="utf-8")
+    text = (
+        "<!doctype html><title>Report</title><style>p { color: rgb(1, 2, 3) }</style><p>Numbers</p>"
+        '<blockquote class="paste"><button type="button" hidden>Copy</button><span>F(1, 10) = 2</span></blockquote>'
+        f"<script>{script}</script><script>document.title = 'taken over'</script>"
+    )
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w") as files:
+        files.writestr(PAGE, text)
+    database = server.app.state.services.web.database
+    number = database.write_now(study_reports.begin, "short", "mara", "reading")
+    assert database.write_now(study_reports.finish, number, archive.getvalue(), 12, True)
+
+
+def test_the_kept_report_opens_in_a_sandbox_and_can_be_downloaded(page: Page, server: LiveServer) -> None:
+    kept_report(server)
+    if page.locator("[data-ask=report]").is_disabled():
+        page.click("text=Blind mode")
+    page.click("[data-ask=report]")
+    expect(page.locator("#report-kept")).to_contain_text("by mara: 12 simulated participants analysed. No evidence")
+    with page.expect_popup() as opened:
+        page.click("text=Open in a new tab")
+    report = opened.value
+    expect(report.locator("p")).to_have_css("color", "rgb(1, 2, 3)")
+    assert report.evaluate("origin") == "null"
+    assert report.title() == "Report"
+    report.click("text=Copy")
+    expect(report.locator("button")).to_have_text("Copied")
+    report.close()
+    with page.expect_download() as saved:
+        page.click("#report-kept form button")
+    assert saved.value.suggested_filename == "short-report.zip"

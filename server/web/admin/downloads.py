@@ -1,17 +1,16 @@
 """The export as a button: `kitchenmind export` itself, in a process of its own, so that games do not notice."""
 
 import asyncio
-import os
 import subprocess
-import sys
 import tempfile
 from collections.abc import AsyncIterator
+from functools import partial
 from pathlib import Path
 
 from fastapi import APIRouter, HTTPException, Response
 from fastapi.responses import StreamingResponse
 
-from server.settings import ROOT
+from server.monitoring.low_priority import start_module
 from server.store import audit
 from server.web.admin.rendering import study_at
 from server.web.admin.researcher_auth import ActDep, AdminFormDep
@@ -44,12 +43,10 @@ async def export(name: str, admin: ActDep, services: ServicesDep, form: AdminFor
 
 
 async def _make(folder: Path, study: str, database: str) -> Path:
-    """The archive. The address of the database goes by the environment: it may hold a password.
-
-    The event loop's own way to start a process forks: that copies the page tables of a large process and stopped all
-    games for 30 ms. In a thread it is started without a copy (vfork).
-    """
-    process = await asyncio.to_thread(_start, folder, study, database)
+    """The archive."""
+    words = ("server.commands.export_archive", str(folder), study)
+    start = partial(start_module, *words, database=database, output=subprocess.PIPE, errors=subprocess.STDOUT)
+    process = await asyncio.to_thread(start)
     try:
         output, _ = await asyncio.to_thread(process.communicate, timeout=LONGEST_S)
     finally:
@@ -58,17 +55,6 @@ async def _make(folder: Path, study: str, database: str) -> Path:
     if process.returncode:
         raise HTTPException(500, output.decode(errors="replace")[-300:])
     return folder / "archive.zip"
-
-
-def _start(folder: Path, study: str, database: str) -> "subprocess.Popen[bytes]":
-    path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
-    return subprocess.Popen(  # noqa: S603
-        [sys.executable, "-m", "server.commands.export_archive", str(folder), study],
-        env={**os.environ, "PYTHONPATH": path, "KITCHENMIND_DATABASE": database},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-    )
 
 
 async def _stream(archive: Path, folder: "tempfile.TemporaryDirectory[str]") -> AsyncIterator[bytes]:

@@ -140,7 +140,9 @@ async def editor(request: Request, admin: OwnDep, web: WebDep, draft: DraftDep, 
     """The form on the left, the YAML on the right."""
     opened = await web.database.read(study_openings.newest)
     paused = await web.database.read(decisions.paused_studies)
-    mine = next((one for one in reversed(opened.values()) if one.draft_id == draft.id and one.is_open), None)
+    of_draft = [one for one in opened.values() if one.draft_id == draft.id]
+    mine = next((one for one in reversed(of_draft) if one.is_open), None)
+    last = mine or next(reversed(of_draft), None)
     state = state_of(draft, opened)
     about: dict[str, Any] = {
         "id": draft.id,
@@ -154,9 +156,10 @@ async def editor(request: Request, admin: OwnDep, web: WebDep, draft: DraftDep, 
     page = AdminPage(request, admin)
     # Not the template's filter `tojson`, which sorts keys: the schema has them in the order of the form.
     words = htmlsafe_json_dumps(about, sort_keys=False)
-    context: dict[str, Any] = {"draft": draft, "state": state, "opening": mine, "about": words}
-    paused_now = mine is not None and mine.study in paused
-    response = page.render("draft.html", tab="drafts", paused=paused_now, **context)
+    context: dict[str, Any] = {"draft": draft, "state": state, "opening": mine, "last": last, "about": words}
+    context["address"] = "" if mine is None else page.study_address(mine.study)
+    context["paused"] = mine is not None and mine.study in paused
+    response = page.render("draft.html", tab="drafts", **context)
     return page.allow(response, frames=OURSELVES)  # the kitchen editor in a dialog
 
 

@@ -82,6 +82,12 @@ class AdminPage:
         response.headers.update(policy(host, self.web.csrf.secure, **more))
         return response
 
+    def study_address(self, name: str) -> str:
+        """What participants open, in full."""
+        csrf = self.web.csrf
+        base = csrf.public_url.rstrip("/") or str(self.request.base_url).rstrip("/")
+        return f"{base}/s/{name}"
+
     def form_token(self) -> str:
         """What every form of this session must bring back."""
         return self.web.csrf.form_token(form_session(self.request))

@@ -140,11 +140,15 @@ async def dashboard(request: Request, name: str, admin: WatchDep, services: Serv
     """The live overview of one study; what moves in it comes by websocket."""
     web, versions = services.web, services.versions
     study_ids, study = study_at(web, name)
-    paused = name in await web.database.read(decisions.paused_studies)
+    stops = {
+        "paused": name in await web.database.read(decisions.paused_studies),
+        "closed": name in await web.database.read(study_openings.closed),
+    }
     page = AdminPage(request, admin)
     changed = versions.changed.get(name)
     new = changed if changed is not None and not changed.problem and admin.may("act") else None
-    return page.render("dashboard.html", tab="live", study=study, versions=len(study_ids), paused=paused, new=new)
+    context: dict[str, Any] = stops | {"versions": len(study_ids), "new": new, "address": page.study_address(name)}
+    return page.render("dashboard.html", tab="live", study=study, **context)
 
 
 @router.get("/s/{name}/games")

@@ -11,6 +11,7 @@ from server.web.admin import (
     live_boards,
     opened_games_page,
     replay_page,
+    report_pages,
     researcher_pages,
 )
 
@@ -22,6 +23,7 @@ for _module in (
     opened_games_page,
     actions,
     downloads,
+    report_pages,
     data_pages,
     kitchen_pages,
     draft_routes,

@@ -121,7 +121,8 @@ function changeOf(node, words) {
 function choiceOf(node, context, id) {
   const select = make('select', { id, 'data-control': keyOf(node.path) });
   const options = node.options.map((value) => make('option', { value, text: value }));
-  if (!node.required) select.append(make('option', { value: '', text: `${node.initial ?? 'none'} (default)` }));
+  if (!node.required)
+    select.append(make('option', { value: '', text: node.initial ? `${node.initial} (default)` : 'not set' }));
   select.append(...options);
   select.addEventListener('change', () => context.change(changeOf(node, select.value)));
   return select;

@@ -47,6 +47,8 @@ export class DraftForm {
     this.languages = ['en'];
     this.opened = new Set(['section 0', 'section 1']);
     this.focusNext = '';
+    /** @type {HTMLInputElement | null} the first field of an item that was just added */
+    this.added = null;
     /** @type {Map<string, Control>} */
     this.controls = new Map();
   }
@@ -70,6 +72,8 @@ export class DraftForm {
     if (shape !== this.shape) this.build(plan);
     this.shape = shape;
     this.fill(plan);
+    this.added?.select(); // typing replaces the name that a new item was given
+    this.added = null;
     this.missing.show(plan, this.languages, (path) => this.controls.get(keyOf(path)));
     this.tell(problems);
   }
@@ -111,6 +115,7 @@ export class DraftForm {
     }
     if (!target) return;
     target.focus();
+    if (block && target instanceof HTMLInputElement) this.added = target;
     if (selection !== null && (target instanceof HTMLInputElement || target instanceof HTMLTextAreaElement)) {
       if (target.type === 'text' || target.type === 'textarea') target.setSelectionRange(selection, selection);
     }

@@ -8,7 +8,7 @@ for (const button of findAll('[data-ask]', HTMLElement)) {
 for (const button of findAll('[data-close]', HTMLElement)) {
   button.addEventListener('click', () => button.closest('dialog')?.close());
 }
-for (const form of findAll('dialog form', HTMLFormElement)) {
+for (const form of findAll('dialog form[method]', HTMLFormElement)) {
   form.addEventListener('submit', () => setTimeout(() => form.closest('dialog')?.close(), 0));
 }
 

@@ -122,6 +122,14 @@ declare namespace Researcher {
     people: { at: number[]; consented: number[]; completed: number[] };
   }
 
+  /** How the newest report of a study goes or went, and which one is kept. */
+  interface ReportState {
+    stage: string; // empty: none is being made
+    failure: string;
+    kept: { at: string; by: string; participants: number; simulated: boolean } | null;
+    missing: string; // the command that installs what reports need; empty: it is installed
+  }
+
   /** One timestep of a stored or running game. */
   interface Row {
     t: number;
