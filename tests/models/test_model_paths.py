@@ -1,4 +1,4 @@
-"""Models are found where their names say: folders, files and classes, from the folder that counts."""
+"""Models are found by their names: folders, files and classes, relative to the right folder."""
 
 import shutil
 from pathlib import Path
