@@ -1,6 +1,5 @@
-"""How often the predictor was right in the games that were played, in addition to the offline test.
-
-The interval is over people: ticks of one game are not independent trials.
+"""The predictor's accuracy in the games that were played, in addition to the offline test. The interval is over people:
+ticks of one game are not independent trials.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,7 +13,7 @@ from analysis.tables import STEPS
 
 def live(episodes: pl.DataFrame, layouts: Sequence[str], agents: Sequence[str]) -> list[Result]:
     """Accuracy per agent and layout, for every step and for their mean (step 0); over all conditions, because the
-    predictor is asked in every one, and for each condition alone."""
+    predictor runs in every one, and for each condition alone."""
     rows = []
     conditions = ["", *episodes["condition"].unique(maintain_order=True)]
     for agent in agents:
@@ -36,8 +35,8 @@ def _row(episodes: pl.DataFrame, layout: str, agent: str, condition: str, step: 
 
 
 def offline(cards: Mapping[str, object], layouts: Sequence[str], agents: Sequence[str]) -> list[Result]:
-    """Accuracy on partners never seen, as cards say it: agent -> layout -> a share for each step. No rows for what no
-    card tells."""
+    """Accuracy with unseen partners, from the models' cards: agent -> layout -> a share for each step. No rows without
+    a card."""
     rows = []
     for agent in agents:
         known = cards.get(agent)

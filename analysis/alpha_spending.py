@@ -1,7 +1,7 @@
 """Boundaries of declared interim looks: spending functions of Lan and DeMets (1983), by recursive integration.
 
-The sum of the data behaves like Brownian motion at the information of each look (here: people). Its density on the way
-that has crossed no boundary is carried from look to look on a grid (Armitage, McPherson and Rowe 1969).
+The sum of the data behaves like Brownian motion at the information of each look (here: people). The density of the
+paths that have crossed no boundary is carried from look to look on a grid (Armitage, McPherson and Rowe 1969).
 """
 
 import math
@@ -20,7 +20,7 @@ FARTHEST = 8.0  # standard deviations beyond which a boundary is not told
 
 @dataclass(frozen=True)
 class Look:
-    """Where a study stands among its declared looks."""
+    """The look of a study among its declared looks."""
 
     number: int  # from 1
     of: int

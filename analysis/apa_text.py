@@ -1,4 +1,4 @@
-"""Findings and APA sentences made of result rows, ready to paste. Says what the rows say, also when nothing was found.
+"""Write findings and APA sentences from result rows, ready to paste, also if nothing was found.
 
 Both report the tests over people. The published tests, which treat episodes as independent, are named as such.
 Marked up with <i> for statistical letters, as both HTML and word processors take it.
@@ -36,7 +36,7 @@ def findings(analysis: Analysis) -> list[str]:
     """The two or three lines at the top of the report."""
     effects = select(analysis.rows, section=SECTION, question="")
     has_blocks = any(row.note.startswith(WITHIN) for row in select(effects, test="anova"))
-    # With blocks, conditions are orders of blocks, whose comparison nobody asks for first.
+    # With blocks, conditions are orders of blocks, whose comparison is not the main question.
     reward = (
         next(iter(factorial_sentences(effects, analysis.subjects)), "") if has_blocks else _reward_finding(analysis)
     )

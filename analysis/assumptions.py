@@ -1,4 +1,4 @@
-"""Whether the tests' assumptions hold: normal residuals (Shapiro-Wilk) and equal variances (Levene, about medians)."""
+"""Check the tests' assumptions: normal residuals (Shapiro-Wilk) and equal variances (Levene, about medians)."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -10,7 +10,7 @@ from scipy import stats
 from analysis.groups import Groups, Values, computed
 from analysis.results import Result
 
-FEWEST = 3  # values below which neither test says anything
+FEWEST = 3  # with fewer values, neither test is informative
 
 
 def check(

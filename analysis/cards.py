@@ -1,6 +1,5 @@
-"""What the cards of the predictors that were used say of them: accuracy on partners never seen, the offline test.
-
-Finds a card by the hash that the export has of the predictor, never by its name. Reads JSON only.
+"""Read the offline accuracy (with unseen partners) from the cards of the predictors that were used. A card is found by
+the predictor's hash in the export, never by its name.
 """
 
 import hashlib
@@ -28,7 +27,7 @@ def offline_accuracy(episodes: pl.DataFrame, weights: Path) -> Offline:
 
 
 def hash_of(folder: Path) -> str:
-    """What names a checkpoint in data: the SHA-256 of its list of hashes."""
+    """Return the hash that identifies a checkpoint in data: the SHA-256 of its list of hashes."""
     sums = folder / "sha256"
     return hashlib.sha256(sums.read_bytes()).hexdigest() if sums.is_file() else ""
 

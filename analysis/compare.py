@@ -1,6 +1,7 @@
-"""The paper's tests of reward, and with each what a reviewer asks for. Tables of episodes in, Result rows out.
+"""The paper's tests of reward, and for each the additional statistics that reviewers expect. Tables of episodes in,
+Result rows out.
 
-Expects the columns participant, condition, layout, agent and a measure; leaves out what the caller left out.
+Expects the columns participant, condition, layout, agent and a measure; the caller has removed excluded episodes.
 """
 
 import math
@@ -166,7 +167,8 @@ def _welch_t_test(base: Result, first: Values, second: Values) -> Result:
 
 
 def _moments(values: Values) -> tuple[float, float, int]:
-    """What a t-test needs; scipy's other function warns where one condition's values are all the same."""
+    """Return the moments for a t-test; scipy's function of the raw values warns if one condition's values are all the
+    same."""
     return float(values.mean()), float(values.std(ddof=1)), values.size
 
 

@@ -1,6 +1,6 @@
-"""Propose for every episode to keep it, look at it or drop it, with the rules that say so. The researcher decides.
+"""Propose for every episode to keep it, look at it or drop it, with the rules that apply. The researcher decides.
 
-Thresholds are fixed here, before anybody sees data. Knows the measures of episodes, not how they were taken.
+The thresholds are fixed here, before data collection.
 """
 
 from collections.abc import Sequence
@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import polars as pl
 
-SAME_ANSWERS = 3  # episodes of a person with the same answer to every question that make it a habit
+SAME_ANSWERS = 3  # so many episodes of a person with the same answer to every question count as straight-lining
 
 
 @dataclass(frozen=True)
 class Rule:
-    """`look` and `drop` are bounds of a measure that is bad when high; `low_is_bad` turns it round. None: never."""
+    """`look` and `drop` are bounds of a measure that is bad when high; `low_is_bad` reverses that. None: never."""
 
     name: str
     measure: str
@@ -76,8 +76,8 @@ def proposals(episodes: pl.DataFrame, answers: pl.DataFrame, rules: Sequence[Rul
 
 
 def straight_lined(answers: pl.DataFrame) -> pl.DataFrame:
-    """Which episodes' questions all got the same answer, where their person did so three times or more: episode,
-    same_answers. One such page may be an opinion; a row of them is none."""
+    """Return the episodes whose questions all got the same answer, if their person did so three times or more: episode,
+    same_answers. A single such page may be a real opinion."""
     pages = answers.group_by("participant", "episode", maintain_order=True).agg(
         same=(pl.col("value").n_unique() == 1) & (pl.len() > 1)
     )

@@ -1,4 +1,4 @@
-"""What the study file declared about its analysis before the data, from the versions of it that an export holds."""
+"""Read what the study file declared about its analysis before data collection, from its versions in an export."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -81,7 +81,7 @@ def declaration_of(export: Export) -> Declaration:
 
 
 def study_files(export: Export) -> dict[int, tuple[Mapping[str, Any], Path]]:
-    """Return each version of the study file that the export holds and the report analyses, with where it lies."""
+    """Return each version of the study file that the export holds and the report analyses, with its path."""
     plain = re.fullmatch(r"[\w-]+", export.study)  # never outside the folder
     wanted = "*" if export.version is None else export.version
     files = export.folder.glob(f"studies/{export.study}_version-{wanted}.yaml") if plain else ()

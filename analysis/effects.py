@@ -1,4 +1,4 @@
-"""Effect sizes with confidence intervals, from plain arrays. Knows nothing of kitchens, conditions or tables.
+"""Effect sizes with confidence intervals, from plain arrays.
 
 Intervals come from noncentral distributions (Steiger 2004) or from the dominance variance (Cliff 1996), not from a
 normal approximation: groups of a laboratory study are small.
@@ -36,7 +36,8 @@ def hedges_g(first: Values, second: Values, level: float = 0.95) -> Interval:
 
 
 def _noncentral_t(t: float, df: float, level: float) -> tuple[float, float]:
-    """The noncentralities under which t is just not surprising from above, and from below."""
+    """Return the two noncentrality parameters at which t is just on the border of significance, from above and from
+    below."""
 
     def solve(tail: float) -> float:
         def beyond(shift: float) -> float:
@@ -121,7 +122,7 @@ def difference_interval(first: Values, second: Values, level: float = 0.95) -> I
 
 
 def can_compare(groups: Sequence[Values]) -> str:
-    """Why these groups cannot be compared by a test of means, or nothing."""
+    """Return why these groups cannot be compared by a test of means, empty if they can."""
     if len(groups) < 2:
         return "only one condition"
     if any(group.size < 2 for group in groups):

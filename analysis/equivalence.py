@@ -1,6 +1,6 @@
 """Equivalence by two one-sided tests over people (Welch), within the smallest effects that the study file sets.
 
-A difference that is not significant is no evidence that there is none; this is.
+A difference that is not significant is not evidence of equivalence; this test can be.
 """
 
 from collections.abc import Sequence
@@ -50,7 +50,7 @@ def equivalence_rows(
 def _places(
     smallest: DeclaredEffect, episodes: pl.DataFrame, conditions: Sequence[str], contrast: tuple[str, str] | None
 ) -> list[tuple[str, tuple[str, str]]]:
-    """Where, and which two conditions."""
+    """Return the place and the two conditions of each claim."""
     played = set(episodes["layout"].unique())
     layouts = [name for name in smallest.layouts or (NO_DIFFERENCE,) if name in played]
     places = [(layout, contrast) for layout in layouts] if contrast else []

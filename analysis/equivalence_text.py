@@ -1,4 +1,4 @@
-"""Sentences about equivalence: equivalent, different, both or neither, never one for the other."""
+"""Sentences about equivalence. Equivalent, different, both and neither are four different outcomes."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Who and what is in: from the participants assigned to the episodes analysed, with every reason in between."""
+"""Count participants and episodes from assignment to analysis, with every reason for exclusion."""
 
 from collections.abc import Sequence
 

@@ -139,7 +139,7 @@ def has_one_difference(factors: Factors, term: Sequence[str]) -> bool:
 
 
 def difference_words(factors: Factors, term: Sequence[str]) -> str:
-    """Return which difference that is: each later level minus the earlier."""
+    """Return a description of that difference: each later level minus the earlier."""
     return BY.join(f"({factors[name][1]} - {factors[name][0]})" for name in term)
 
 
@@ -242,7 +242,7 @@ def _marginal_means(base: Result, cells: FactorialCells) -> Iterator[Result]:
 
 def _simple_effects(base: Result, cells: FactorialCells) -> Iterator[Result]:
     """For each factor, t-tests between its levels at every combination of levels of the others, Benjamini-Hochberg
-    within the factor: what an interaction looks like."""
+    within the factor: they describe an interaction."""
     for factor, levels in cells.factors.items():
         others = {name: cells.factors[name] for name in cells.factors if name != factor}
         family = []

@@ -66,7 +66,7 @@ def _numbers(row: Result) -> str:
 
 
 def _simple(outcome: str, tests: Sequence[Result], rows: Sequence[Result], who: Subjects) -> list[str]:
-    """Only after an interaction: elsewhere there is nothing to take apart."""
+    """Return the simple effects, which are reported only after an interaction."""
     if not any(significant(row) and BY in row.contrast for row in tests):
         return []
     parts = [

@@ -1,12 +1,12 @@
 """Factorial analysis where people meet the levels of a factor in blocks of rounds: effects within people.
 
 A person has a mean for each combination of levels that was met. An effect within people is tested on each person's own
-differences, from which everything falls out that a person has in all blocks; an effect between people is tested on the
-mean over the combinations. The people of a condition, who met the blocks in one order, are a group: groups with the
-same levels are averaged with equal weight, and only variance within groups is error, so that what a later block adds to
-every level is no effect (Hills and Armitage 1979). Balanced data give the tests of a split-plot analysis of variance.
-Where an effect within people has several differences, its degrees of freedom are corrected (Greenhouse and Geisser
-1959).
+differences, in which everything that is constant over a person's blocks cancels; an effect between people is tested on
+the mean over the combinations. The people of a condition, who met the blocks in one order, are a group: groups with the
+same levels are averaged with equal weight, and only variance within groups is error, so that an effect of the blocks'
+order does not count as an effect of the levels (Hills and Armitage 1979). Balanced data give the tests of a split-plot
+analysis of variance. Where an effect within people has several differences, its degrees of freedom are corrected
+(Greenhouse and Geisser 1959).
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""The report's figures: result rows in, matplotlib figures out. Computes nothing but positions."""
+"""The report's figures: result rows in, matplotlib figures out."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -86,7 +86,7 @@ def _mark(rows: Sequence[Result], layout: str, agent: str, contrast: tuple[str, 
 
 
 def _bracket(panel: Axes, mark: str, ends: Sequence[float], height: float, top: float) -> None:
-    """A bracket with its stars over two bars; `top` is what the panel is high for."""
+    """Draw a bracket with its stars over two bars; `top` is the height for which the panel is scaled."""
     left, right = sorted(ends)
     low, high = height + top * 0.1, height + top * 0.125
     panel.plot([left, left, right, right], [low, high, high, low], color=INK, linewidth=0.9)
@@ -180,7 +180,7 @@ def accuracy(rows: Sequence[Result], chance: float = 1 / 6) -> Figure:
 
 
 def _end_labels(panel: Axes, ends: Sequence[tuple[float, str]], apart: float) -> None:
-    """Names at the ends of lines, pushed apart from the top down so that none covers another."""
+    """Write names at the ends of lines, moved apart from the top down so that none covers another."""
     place = math.inf
     for value, label in sorted(ends, reverse=True):
         place = min(value, place - apart)

@@ -1,4 +1,4 @@
-"""How things are called and numbers are written in a report: APA style, with real minus signs."""
+"""Format names and numbers for a report: APA style, with real minus signs."""
 
 import math
 
@@ -14,7 +14,7 @@ def layout_title(layout: str) -> str:
 
 
 def agent_title(agent: str) -> str:
-    """sp -> SP; other people's agents keep their spelling."""
+    """sp -> SP; the names of other agents keep their spelling."""
     if agent == "all":
         return "Both"
     return agent.upper() if agent in ("sp", "fcp") else agent
@@ -26,7 +26,7 @@ def condition_title(condition: str) -> str:
 
 
 def condition_phrase(condition: str) -> str:
-    """What stands after "with" in a sentence: tom -> ToM predictions."""
+    """Return the words after "with" in a sentence: tom -> ToM predictions."""
     return CONDITION_PHRASES.get(condition, condition_title(condition))
 
 

@@ -71,7 +71,7 @@ def computed(test: Callable[..., Result], base: Result, *values: object) -> Resu
     """Return `test(base, *values)`; where that cannot be computed, `base` with the reason as its note."""
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the row says what was wrong
+            warnings.simplefilter("ignore")  # the row's note gives the reason
             row = test(base, *values)
     except (ValueError, ArithmeticError, np.linalg.LinAlgError, RuntimeError) as error:
         return replace(base, note=f"could not be computed: {error or type(error).__name__}")

@@ -1,4 +1,4 @@
-"""How often the predicted intentions came, and those that participants were shown.
+"""How often predicted intentions, and those shown to participants, were right.
 
 Timesteps count in which the watched chef used a station within the predictor's horizon. An intention is right if it
 names what the chef did and the station.

@@ -1,4 +1,4 @@
-"""From ticks to measures of an episode: reward, idleness, lateness, and how often the predictor was right.
+"""Compute measures of episodes from ticks: reward, idleness, lateness, and the predictor's accuracy.
 
 Row t holds what was predicted before timestep t, and the actions that were done in it: the first
 predicted step is about row t itself, the second about the next row.
@@ -9,7 +9,8 @@ import polars as pl
 from analysis.tables import INTERACT, STAY, STEPS, Export
 
 MOVES = 4  # actions 0-3 are moves
-PUSHES = 8  # as often the same move in a row goes into a wall or a person: kitchens are at most so wide or high, nearly
+# more equal moves in a row than this must go into a wall or a chef: kitchens are hardly ever wider or higher
+PUSHES = 8
 
 
 def episode_measures(export: Export) -> pl.DataFrame:
@@ -45,7 +46,7 @@ def episode_measures(export: Export) -> pl.DataFrame:
 
 def _without_server_failures(pauses: pl.DataFrame) -> pl.DataFrame:
     """Return the pauses without absences during which the server failed: these end exactly when the pause `server`
-    begins, and nobody knows how much of them was the person's."""
+    begins, and it is unknown how long the person was away."""
     if "started_at" not in pauses.columns:
         return pauses
     start = pl.col("started_at").dt.timestamp("us")
@@ -79,15 +80,15 @@ def longest_idle(ticks: pl.DataFrame) -> pl.DataFrame:
 
 
 def pushing(ticks: pl.DataFrame) -> pl.DataFrame:
-    """Share of timesteps beyond the eighth of one and the same move in a row: the chef stands at a wall or at the
-    partner. A sign of being stuck that needs the actions only."""
+    """Share of timesteps beyond the eighth of the same move in a row: the chef is blocked by a wall or the partner. It
+    detects being stuck from the actions alone."""
     beyond = pl.when(pl.col("person") < MOVES).then((pl.col("length").cast(pl.Int64) - PUSHES).clip(0)).otherwise(0)
     return _runs(ticks).group_by("episode").agg(pushing_share=beyond.sum() / pl.col("length").sum())
 
 
 def lag(ticks: pl.DataFrame) -> pl.DataFrame:
     """How much slower than its fastest key the slowest twentieth of an episode's keys came: episode, lag_ms. Browser
-    and server clocks differ by a constant, which falls out; null where no key times were recorded."""
+    and server clocks differ by a constant, which cancels; null if no key times were recorded."""
     if "key_client_ms" not in ticks.columns:
         return ticks.select("episode", lag_ms=pl.lit(None, dtype=pl.Float64)).unique()
     delay = (pl.col("key_received_ms") - pl.col("key_client_ms")).cast(pl.Float64)

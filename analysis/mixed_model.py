@@ -19,7 +19,8 @@ FEWEST_PEOPLE = 6
 
 @dataclass(frozen=True)
 class Variance:
-    """Where reward varies, in points: between people, and between episodes of one person."""
+    """The variance components of reward, as standard deviations in points: between people, and between episodes of one
+    person."""
 
     person_sd: float
     residual_sd: float
@@ -33,7 +34,7 @@ class Variance:
 
 @dataclass(frozen=True)
 class MixedModel:
-    """The fitted model. Without a variance there is none, and the only row says why."""
+    """The fitted model. If `variance` is missing, it could not be fitted, and the only row says why."""
 
     rows: tuple[Result, ...]
     variance: Variance | None

@@ -1,8 +1,8 @@
 """Fit a linear model with one random intercept per person, exactly: a search along one line.
 
 Given the ratio of the two variances (between people over within people), everything else has a closed form, so the
-likelihood is a function of one number. It is looked at on a grid that spans every ratio and then refined around the
-best point; a gradient method in two dimensions stops early on it.
+likelihood is a function of one number. It is evaluated on a grid that spans every ratio and then refined around the
+best point; a gradient method in two dimensions stops too early.
 """
 
 import math
@@ -19,7 +19,7 @@ ROUNDING = 1e-9  # and so is a standard deviation that is this small a part of t
 
 
 class FitError(ValueError):
-    """There is no such fit; the text says why."""
+    """The model cannot be fitted; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Profile:
         self.data, self.restricted = data, restricted
         self._sizes, self._sums = data.sizes, data.sums(data.x)
         self._xx = data.x.T @ data.x
-        # What ordinary least squares leaves has the same likelihood as y, and no large mean to lose digits to.
+        # The residuals of ordinary least squares have the same likelihood as y, without a large mean that costs digits.
         self._start = np.asarray(np.linalg.lstsq(data.x, data.y)[0], dtype=np.float64)
         self._rest = data.y - data.x @ self._start
         self._total, self._xy = data.sums(self._rest[:, None])[:, 0], data.x.T @ self._rest

@@ -43,7 +43,8 @@ def model_rows(episodes: pl.DataFrame, conditions: Sequence[str]) -> list[Result
 
 
 def _weights(pair: tuple[str, str], conditions: Sequence[str], size: int) -> Values:
-    """Which sum of the effects is the difference; the first condition's effect is in the intercept."""
+    """Return the weights of the effects whose sum is the difference; the first condition's effect is in the
+    intercept."""
     weights = np.zeros(size)
     for name, sign in zip(pair, (1.0, -1.0), strict=True):
         if name != conditions[0]:
@@ -142,7 +143,7 @@ def simple_effects(
     episodes: pl.DataFrame, contrast: tuple[str, str], layouts: Sequence[str], agents: Sequence[str]
 ) -> list[Result]:
     """Return the main contrast on every layout (over agents) and with every agent (over layouts), over people,
-    Benjamini-Hochberg within each: what an interaction with the layout or the agent looks like."""
+    Benjamini-Hochberg within each: they describe an interaction with the layout or the agent."""
     people = PeopleGroups(episodes, REWARD)
     rows: list[Result] = []
     for places in ([(name, ALL) for name in layouts], [(ALL, name) for name in agents]):

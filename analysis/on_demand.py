@@ -1,4 +1,4 @@
-"""How much participants looked at marks that are shown on demand: the share of time, and uses a minute.
+"""How much participants used marks that are shown on demand: the share of time, and uses per minute.
 
 A use begins in a timestep in which the marks are asked for and were not in the timestep before.
 """

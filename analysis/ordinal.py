@@ -1,4 +1,4 @@
-"""The cumulative-link mixed model of the answers: for readers who do not want means of a 1-7 scale."""
+"""The cumulative-link mixed model of the answers, which treats a 1-7 scale as ordered categories."""
 
 import math
 from collections.abc import Sequence
@@ -57,8 +57,8 @@ def _data(asked: pl.DataFrame, conditions: Sequence[str]) -> OrdinalData:
 
 
 def _odds(base: Result, fitted: OrdinalFit, conditions: Sequence[str], pair: tuple[str, str]) -> Result:
-    """Wald's test, with t for the normal distribution: with few people the latter finds too much. The first condition's
-    effect is in the thresholds."""
+    """Wald's test, with t for the normal distribution: with few people the latter rejects too often. The first
+    condition's effect is in the thresholds."""
     weights = np.zeros(fitted.beta.size)
     for name, sign in zip(pair, (1.0, -1.0), strict=True):
         if name != conditions[0]:

@@ -22,7 +22,7 @@ LARGEST = 15.0  # log odds beyond which answers are separated and there is no es
 
 
 class OrdinalFitError(ValueError):
-    """There is no such fit; the text says why."""
+    """The model cannot be fitted; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def unpacked(data: OrdinalData, values: Array) -> tuple[Array, Array, float]:
 
 @dataclass(frozen=True)
 class _Nodes:
-    """What the integrals need at each node."""
+    """The values of the integrals at each node."""
 
     places: Array  # (nodes, people): values of u
     weights: Array  # (nodes, people): posterior weights, which sum to one over the nodes
@@ -159,8 +159,8 @@ def _by_person(data: OrdinalData, values: Array) -> Array:
 
 
 def gradient(data: OrdinalData, values: Array, nodes: int) -> Array:
-    """Return the gradient of the log likelihood. With one node it is found by differences: there, the mode's own
-    movement counts. Otherwise it is the mean of the complete data's gradient over u (Fisher's identity)."""
+    """Return the gradient of the log likelihood. With one node it is computed by finite differences, because the mode
+    moves with the parameters. Otherwise it is the mean of the complete data's gradient over u (Fisher's identity)."""
     if nodes == 1:
         return _differences(data, values)
     thresholds, beta, sd = unpacked(data, values)

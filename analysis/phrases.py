@@ -1,6 +1,5 @@
-"""Pieces of the report's sentences: names made safe for HTML, statistics in APA style, and which way a difference goes.
-
-Every name that comes from a study file or an export passes through here before it stands in a sentence.
+"""Pieces of the report's sentences: names escaped for HTML, statistics in APA style, and the direction of a difference.
+Every name from a study file or an export is escaped here.
 """
 
 import math
@@ -36,7 +35,7 @@ def question(key: str) -> str:
 
 
 def note(row: Result) -> str:
-    """Why a row has no test, as HTML."""
+    """Return the reason why a row has no test, as HTML."""
     return str(escape(row.note))
 
 

@@ -1,7 +1,7 @@
-"""Power by simulation on the design as it is: every participant, with a leaning of their own, plays every episode.
+"""Power by simulation on the study's design: every participant has a random effect and plays every episode.
 
 Two questions: does the test over people find the difference, and how many of the tests per layout and agent do after
-Benjamini-Hochberg? Reward levels of layouts and agents fall out of both and are left out.
+Benjamini-Hochberg? Reward levels of layouts and agents cancel in both and are left out.
 """
 
 import csv
@@ -18,14 +18,14 @@ Values = NDArray[np.float64]
 STUDIES = 2000
 SIZES = (5, 10, 15, 20, 25, 29, 35, 40, 50, 60)
 DRAWN = 300  # participants in each condition up to which a curve is drawn to reach its goal
-MOST = 100_000  # participants in each condition beyond which nobody is asked to go
+MOST = 100_000  # the largest number of participants in each condition that is suggested
 WANTED = 0.8
 IN_MEMORY = 10_000_000  # rewards at a time
 
 
 @dataclass(frozen=True)
 class PowerDesign:
-    """Two conditions that are compared, and where reward varies (standard deviations in points)."""
+    """Two conditions that are compared, and the variance of reward (standard deviations in points)."""
 
     person_sd: float
     residual_sd: float

@@ -17,7 +17,7 @@ from analysis.results import Result
 from analysis.tables import Export
 
 SECTION = "primary"
-ALTERNATIVES: dict[str, Literal["two-sided", "greater", "less"]] = {  # in scipy's words
+ALTERNATIVES: dict[str, Literal["two-sided", "greater", "less"]] = {  # scipy's names
     "two_sided": "two-sided",
     "greater": "greater",
     "less": "less",

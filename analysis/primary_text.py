@@ -1,4 +1,4 @@
-"""The words of the report's first box: the primary test as declared, and what came of it."""
+"""The text of the report's first box: the primary test as declared, and its result."""
 
 import math
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ def primary_lines(declaration: Declaration, rows: Sequence[Result], who: Subject
 
 
 def _look(declared: DeclaredTest, rows: Sequence[Result], who: Subjects) -> list[str]:
-    """Which of the declared looks this is, and the boundary."""
+    """Describe which of the declared looks this is, and its boundary."""
     found = select(rows, section=SECTION)
     if not declared.looks or not found:
         return []
@@ -113,7 +113,7 @@ def primary_sentence(declaration: Declaration, rows: Sequence[Result], who: Subj
 
 
 def _effect(declared: DeclaredTest, row: Result) -> str:
-    """Whether there was the effect; of one difference, also which way it went."""
+    """Describe whether there was an effect; for a single difference, also its direction."""
     found = row.p < level_of(declared, row.n)
     article = "an" if len(declared.effect) > 1 else "a"
     said = f"there was {article if found else 'no'} {'' if found else 'significant '}{compared_words(declared)}"

@@ -87,5 +87,5 @@ def _tests(table: pl.DataFrame, conditions: Sequence[str], agent: str, base: Res
 
 
 def _asked(found: dict[str, "np.ndarray[tuple[int], np.dtype[np.float64]]"], first: str, second: str) -> bool:
-    """False where one of the conditions was not asked: there is no predictor to be satisfied with."""
+    """Return false if one of the conditions did not get the question, such as one about the predictor."""
     return found[first].size > 0 and found[second].size > 0

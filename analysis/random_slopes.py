@@ -27,7 +27,8 @@ class SlopesFit:
 
 
 class _Sums:
-    """Z'Z, Z'X and Z'y of each person, after ordinary least squares: no large mean to lose digits to."""
+    """Z'Z, Z'X and Z'y of each person, of the residuals of ordinary least squares, without a large mean that costs
+    digits."""
 
     def __init__(self, data: Data, own: Array) -> None:
         self.start = np.asarray(np.linalg.lstsq(data.x, data.y)[0], dtype=np.float64)

@@ -1,7 +1,6 @@
-"""Tests by permutation over people, who keep their episodes together: of ranks, and of profiles over layouts or agents.
-
-A person's episodes are not independent. The labels of the conditions are dealt to people at random, so these tests
-assume nothing about how rewards are distributed or how alike a person's episodes are.
+"""Permutation tests over people, whose episodes stay together: of ranks, and of profiles over layouts or agents. A
+person's episodes are not independent. The labels of the conditions are permuted over people, so these tests make no
+assumption about the distribution of rewards or the correlation of a person's episodes.
 """
 
 import math
@@ -38,7 +37,7 @@ class People:
 
 
 def people_of(episodes: pl.DataFrame, measure: str) -> People:
-    """The people of a table of episodes and what they did."""
+    """Return the people of a table of episodes with their values."""
     names, person = np.unique(episodes["participant"].to_numpy(), return_inverse=True)
     _, condition = np.unique(episodes["condition"].to_numpy(), return_inverse=True)
     of_person = np.zeros(names.size, dtype=np.int64)
@@ -47,7 +46,8 @@ def people_of(episodes: pl.DataFrame, measure: str) -> People:
 
 
 def dealt(condition: NDArray[np.int64], draws: int, seed: int) -> NDArray[np.float64]:
-    """Membership (draws + 1, conditions, people), 0 or 1: first as it was, then with the labels permuted."""
+    """Return membership (draws + 1, conditions, people), 0 or 1: first the observed one, then with the labels
+    permuted."""
     generator = np.random.default_rng(seed)
     labels = np.tile(condition, (draws + 1, 1))
     labels[1:] = generator.permuted(labels[1:], axis=1)
@@ -183,7 +183,7 @@ def epsilon_interval(part: People, draws: int, seed: int, level: float = 0.95) -
 
 
 def _drawn(condition: NDArray[np.int64], draws: int, generator: np.random.Generator) -> list[NDArray[np.float64]]:
-    """How often each person is drawn, (draws, people), for each condition: nobody of another one."""
+    """Return how often each person is drawn, (draws, people), for each condition: 0 for people of another one."""
     weights = []
     for arm in np.unique(condition):
         members = np.flatnonzero(condition == arm)

@@ -1,4 +1,4 @@
-"""How people respond to shown cells next to them, before and after the first wrong mark: wait, avoid, follow."""
+"""How people respond to marked cells next to them, before and after the first wrong mark: wait, avoid, follow."""
 
 from collections.abc import Sequence
 

@@ -1,6 +1,6 @@
 """`kitchenmind report`: an export folder in; one HTML page that can be mailed, figures and results.csv out.
 
-Puts together, computes nothing: the numbers come from study.py, the words from apa_text.py.
+The numbers come from study.py, the sentences from apa_text.py.
 """
 
 import hashlib
@@ -56,7 +56,7 @@ class Report:
     @property
     def is_simulated(self) -> bool:
         """Whether it is about bots, or made-up data."""
-        return _simulated(self.analysis.export)
+        return self.analysis.export.is_simulated
 
 
 def write_report(
@@ -149,7 +149,7 @@ def _environment() -> Environment:
 
 
 def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> str:
-    """The whole page as one HTML text that asks the network for nothing."""
+    """Return the whole page as one HTML text that needs no network."""
 
     def rows(**wanted: object) -> list[Result]:
         return select(analysis.rows, **wanted)
@@ -205,7 +205,7 @@ def _primary(analysis: Analysis) -> list[str]:
 
 
 def _flagged(analysis: Analysis) -> pl.DataFrame:
-    """Episodes that a rule or the researcher found wanting, the worst first."""
+    """Return the episodes that a rule or the researcher flagged, the worst first."""
     wanting = (pl.col("proposal") != "keep") | (pl.col("excluded") != "")
     return analysis.quality.filter(wanting).sort("proposal", maintain_order=True)
 
@@ -245,7 +245,7 @@ def _version(export: Export) -> str:
 
 
 def _command(export: Export, options: Options) -> str:
-    """What to type for the same report."""
+    """Return the command that makes the same report."""
     words = ["kitchenmind", "report", export.folder.name, "--study", export.study]
     words += ["--study-version", str(export.version)] if export.version is not None else []
     chosen = options.questionnaire_layouts
@@ -266,7 +266,7 @@ def _software(export: Export) -> str:
 
 
 def fingerprint(folder: Path) -> str:
-    """SHA-256 of the tables that were read, in the order of their names: the same data, the same 64 digits."""
+    """SHA-256 of the tables that were read, in the order of their names: equal data give equal fingerprints."""
     digest = hashlib.sha256()
     for name in sorted(COLUMNS):
         path = table_file(folder, name)

@@ -1,6 +1,5 @@
-"""One number of the analysis with everything that belongs to it, and the tidy table of all of them (results.csv).
-
-What a report shows is built from these rows, so that nothing is printed that is not in the file.
+"""The rows of the analysis: one number with its context each, and the tidy table of all rows (results.csv). A report is
+built from these rows, so every number in it is in the file.
 """
 
 import csv

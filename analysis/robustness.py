@@ -1,4 +1,4 @@
-"""What a reviewer asks for in addition to the tests: all of it in one call, as rows."""
+"""Compute all robustness checks in one call, as rows."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from analysis.tables import Export
 
 @dataclass(frozen=True)
 class RobustnessInputs:
-    """What the checks work on."""
+    """The input of the checks."""
 
     export: Export
     every: pl.DataFrame  # all episodes with their measures

@@ -70,7 +70,7 @@ def _learning(contrast: tuple[str, str] | None, rows: Sequence[Result]) -> str:
 
 
 def _simple(contrast: tuple[str, str] | None, rows: Sequence[Result], who: Subjects) -> list[str]:
-    """Only where the difference depends on the layout or the agent: elsewhere there is nothing to take apart."""
+    """Return the simple effects, which are reported only if the difference depends on the layout or the agent."""
     made = []
     for column, other in (("layout", "agent"), ("agent", "layout")):
         depends = any(significant(row) for row in with_p(select(rows, section="reward", test=f"contrast_by_{column}")))

@@ -32,7 +32,7 @@ SCORES = {
 
 @dataclass(frozen=True)
 class Subscale:
-    """What is scored together. `total`: what an answer to a reversed item is taken from."""
+    """The items that are scored together. `total`: a reversed item counts as `total` minus the answer."""
 
     scale: str
     name: str

@@ -1,4 +1,4 @@
-"""Whether the main comparison depends on who is left out, and whether the conditions lost people unequally."""
+"""Check whether the main comparison depends on exclusions, and whether attrition differs between the conditions."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -18,7 +18,8 @@ from analysis.simulated import PEOPLE, Subjects
 def sensitivity_sentences(
     declaration: Declaration, contrast: tuple[str, str] | None, rows: Sequence[Result], who: Subjects = PEOPLE
 ) -> list[str]:
-    """Return whether the conclusion depends on who is left out, and whether conditions lost people unequally."""
+    """Return sentences on whether the conclusion depends on exclusions, and whether attrition differs between
+    conditions."""
     declared = main_test(declaration, contrast)
     tests = select(rows, section=SECTION)
     made = [_exclusions(declared, tests, who)] if declared and tests else []

@@ -1,4 +1,4 @@
-"""Simulated participants and people: which is which, and never both in one analysis."""
+"""Separate simulated participants from people: an analysis never has both."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

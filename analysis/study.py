@@ -1,4 +1,4 @@
-"""All of a study's analysis in one call: an export in, result rows and what a report needs in addition out."""
+"""Analyse a study in one call: an export in; result rows, and what a report needs besides them, out."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -41,7 +41,7 @@ QUESTIONNAIRE_LAYOUTS = 4  # the published choice: where prediction helped
 
 @dataclass(frozen=True)
 class Options:
-    """What the analysis leaves open. Empty: as published."""
+    """The options of the analysis. Empty: as published."""
 
     questionnaire_layouts: tuple[str, ...] = ()
     effects: tuple[float, ...] = POWER_EFFECTS  # true differences for the power curve, points
@@ -53,13 +53,13 @@ class Options:
 
 @dataclass(frozen=True)
 class Analysis:
-    """Everything computed. `episodes` are those that count, with their measures."""
+    """All results. `episodes` are those analysed, with their measures."""
 
     export: Export
     conditions: tuple[str, ...]
     layouts: tuple[str, ...]
     agents: tuple[str, ...]
-    contrast: tuple[str, str] | None  # the comparison that the study is about: with prediction against without
+    contrast: tuple[str, str] | None  # the main comparison: with prediction against without
     questionnaire_layouts: tuple[str, ...]
     episodes: pl.DataFrame
     quality: pl.DataFrame
@@ -87,12 +87,13 @@ def main_contrast(conditions: Sequence[str]) -> tuple[str, str] | None:
 
 
 def _contrast_of(export: Export, conditions: Sequence[str]) -> tuple[str, str] | None:
-    """None where factors vary within people: conditions are orders of blocks, which no study is about."""
+    """None if factors vary within people: conditions are then orders of blocks, which are not the main question."""
     return None if factorial_within.within_of(export) else main_contrast(conditions)
 
 
 def analyse(export: Export, options: Options) -> Analysis:
-    """Compute all. Where data are missing a row says why, or there is none. Raises ExportError: unknown layout."""
+    """Compute everything. If data are missing, a row says why, or there is no row. Raises ExportError for an unknown
+    layout."""
     every, layouts, agents = measures.episode_measures(export), export.layouts, export.agents
     episodes = measures.analysed(every, export.participants)
     conditions = tuple(name for name in export.conditions if name in set(episodes["condition"]))
@@ -192,7 +193,7 @@ def reward_tests(episodes: pl.DataFrame, design: AnalysisDesign, draws: int, see
 
 
 def _offline(export: Export, options: Options) -> Mapping[str, object]:
-    """The offline test as the export says it, else as the cards do."""
+    """Return the offline accuracy from the export, otherwise from the cards."""
     said = export.about.get("offline_accuracy")
     if isinstance(said, Mapping):
         return said

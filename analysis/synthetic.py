@@ -1,6 +1,5 @@
-"""Simulated exports with known effects: for tests and for trying a report before there is a study. Never a finding.
-
-Writes the same files and columns as `kitchenmind export`, and says `simulated` in them.
+"""Simulated exports with known effects: for tests and for trying a report before there is a study, never as a finding.
+It writes the same files and columns as `kitchenmind export`, marked as `simulated`.
 """
 
 import json
@@ -27,7 +26,8 @@ QUESTIONS = ("partner_satisfaction", "predictor_satisfaction", "situational_awar
 
 @dataclass(frozen=True)
 class Truth:
-    """What is true in the simulated world. Effects are points of reward and points of the answer scale against none."""
+    """The true parameters of the simulation. Effects are points of reward and points of the answer scale against
+    none."""
 
     participants: int = 29  # in each condition
     conditions: tuple[str, ...] = CONDITIONS

@@ -8,7 +8,7 @@ from typing import Final
 
 import polars as pl
 
-# What is read of each table. An export has more columns and tables; codebook.json explains them all.
+# The columns that are read of each table. An export has more columns and tables; codebook.json explains them all.
 COLUMNS = {
     "participants": ("participant", "study", "condition", "status"),
     "episodes": (
@@ -47,7 +47,7 @@ TICK_COLUMNS = {
 }
 OPTIONAL = ("pauses", "reliance", "withdrawals")
 IDENTIFIERS = ("participant", "participant_0", "participant_1", "episode", "study", "condition", "layout", "status")
-# Stay text when they come from CSV, also where every one of them looks like a number ("007").
+# Columns of CSV files that stay text even if every value looks like a number ("007").
 TEXTS = (*IDENTIFIERS, "agent_0", "agent_1", "question", "value", "value_type", "kind", "reason", "excluded")
 _TYPES: Final[Mapping[str, type[pl.DataType]]] = {"integer": pl.Int64, "number": pl.Float64, "boolean": pl.Boolean}
 
@@ -92,7 +92,7 @@ def _types(folder: Path, name: str) -> dict[str, type[pl.DataType]]:
             if about["type"] in _TYPES:
                 found[column] = _TYPES[about["type"]]
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        pass  # an export of an older version, or tables of somebody's own
+        pass  # an export of an older version, or tables from another source
     return found
 
 

@@ -1,7 +1,6 @@
-"""The folder that `kitchenmind export` writes, as the tables of one study. Besides `table_files`, only this file knows
-how columns are spelled there.
-
-Seats become roles here: everything after this file speaks of the person and the partner, never of chef 0 and chef 1.
+"""The folder that `kitchenmind export` writes, as the tables of one study. Only this file and `table_files` use the
+export's column names. Seats become roles here: the rest of the analysis has the person and the partner, not chef 0 and
+chef 1.
 """
 
 import json
@@ -95,7 +94,8 @@ def in_order(values: pl.Series, known: tuple[str, ...]) -> tuple[str, ...]:
 
 def read_export(folder: Path, study: str | None = None, version: int | None = None) -> Export:
     """Read the export in `folder` (tables as Parquet or CSV, also in a data/ folder below). `study` chooses one where
-    there are several, `version` one version of its file. Bots count only where no people are. Raises ExportError."""
+    there are several, `version` one version of its file. Bots are read only if there are no people. Raises
+    ExportError."""
     if not folder.is_dir():
         raise ExportError(f"{folder} is not a folder. Give the folder that `kitchenmind export --out` wrote.")
     raw = {name: read_table(folder, name) for name in COLUMNS}
@@ -247,5 +247,5 @@ def _about(folder: Path, study: str, version: int | None) -> dict[str, Any]:
         if about["factors"] and not (said.get("cells") or {}).get("within"):
             about["conditions"] = ["_".join(levels) for levels in product(*about["factors"].values())]
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, RecursionError):
-        pass  # a title and an order are a help, not a need
+        pass  # title and order are optional
     return about

@@ -1,4 +1,5 @@
-"""How deterministic an agent should be: points with itself and unseen partners, certainty and jams by mode.
+"""How deterministic an agent should be: points in self-play and with unseen partners, certainty and time stuck, by
+mode.
 
     python benchmarks/agent_modes.py [--layout coordination_ring] [--agent sp] [--quick]
 
@@ -33,7 +34,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--layout", default="coordination_ring")
     parser.add_argument("--agent", default="sp")
-    parser.add_argument("--quick", action="store_true", help="two modes, few games: a rough look")
+    parser.add_argument("--quick", action="store_true", help="two modes, few games: rough figures")
     arguments = parser.parse_args()
     own_games, games = (2, 4) if arguments.quick else (20, 8)
     torch.set_num_threads(1)
@@ -57,7 +58,7 @@ def _points(games: list[PlayedGames]) -> float:
 
 
 def _certainty(games: list[PlayedGames]) -> float:
-    """Of the agent in the first seat: where the agent sat there (the first half)."""
+    """Return the certainty of the agent in the first seat, from the first half of the games, in which it sat there."""
     return float(np.mean([some.certainty for some in games[: len(games) // 2]]))
 
 

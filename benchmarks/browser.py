@@ -1,4 +1,4 @@
-"""What a picture of the game costs in the browser: pictures a second and script time, with the CPU slowed down 4x.
+"""Rendering cost of the game in the browser: frames per second and script time, with the CPU slowed down 4x.
 
 `python benchmarks/browser.py [--seconds N] [--json]`: Chromium without a GPU plays Double Rings at 5 ticks a second,
 once for each thing a participant may see: the predictor's marks, random marks, nothing.
@@ -31,7 +31,7 @@ TARGET_FPS = 55
 OPACITIES = (95, 80, 60)
 ROUND = [(x, 1) for x in range(1, 8)] + [(7, 2)] + [(x, 3) for x in range(7, 0, -1)] + [(1, 2)]
 
-# The time between two pictures, in ms.
+# The time between two frames, in ms.
 WATCH = """() => { window.pictures = []; let last = performance.now();
   const next = (now) => { window.pictures.push(now - last); last = now; requestAnimationFrame(next); };
   requestAnimationFrame(next); }"""
@@ -46,13 +46,13 @@ def prediction(shown: str, chance: random.Random, t: int) -> tuple[tuple[int, in
 
 
 def heading(t: int) -> int:
-    """The direction of a chef that walks the outer ring."""
+    """Return the direction of a chef that walks round the outer ring."""
     (x, y), (next_x, next_y) = (ROUND[(t + step) % len(ROUND)] for step in (0, 1))
     return {(0, -1): 0, (0, 1): 1, (1, 0): 2, (-1, 0): 3}[(next_x - x, next_y - y)]
 
 
 def state(t: int) -> Any:
-    """Both chefs walk round, one pot cooks, one is ready: there is always something to draw."""
+    """Return a state in which both chefs walk round, one pot cooks and one is ready, so that every frame changes."""
     partner, human = ROUND[t % len(ROUND)], ROUND[(t + 8) % len(ROUND)]
     players = ((*human, heading(t + 8), 1), (*partner, heading(t), 3))
     counters = ((6, 2, 2), (4, 4, 1), (2, 2, 3), (3, 2, 1))
@@ -117,7 +117,7 @@ def play(server: FakeGameServer, shown: str, stop: threading.Event) -> None:
 
 
 def main() -> int:
-    """Exit status 1 when a condition is drawn at less than TARGET_FPS."""
+    """Return exit status 1 if a condition is drawn at less than TARGET_FPS."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--json", action="store_true")
@@ -134,7 +134,7 @@ def main() -> int:
             print("  ".join(f"{name} {value}" for name, value in row.items()))
     slow = [str(row["shown"]) for row in rows if row["fps"] < TARGET_FPS]
     if slow:
-        print(f"fewer than {TARGET_FPS} pictures a second: {', '.join(slow)}. Is the machine busy?", file=sys.stderr)
+        print(f"fewer than {TARGET_FPS} frames a second: {', '.join(slow)}. Is the machine busy?", file=sys.stderr)
     return 1 if slow else 0
 
 

@@ -12,7 +12,7 @@ from statistics import fmean, pstdev
 from typing import Any
 
 os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
-# `training.py` next to this file bears a package's name: Python must look for that one elsewhere.
+# `training.py` next to this file has the name of a package: remove this folder from the module search path.
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolve() != ROOT / "benchmarks")]
 
@@ -57,7 +57,7 @@ def main() -> None:
 
 
 def measured(quick: bool = False) -> dict[str, Any]:
-    """Points with themselves and with the human proxy, and which agents that was."""
+    """Measure points in self-play and with the human proxy, with the hashes of the agents."""
     from training.choose import evaluate_with
 
     size = {"episodes": 1, "timesteps": 20} if quick else {"episodes": EPISODES}

@@ -1,8 +1,8 @@
-"""What the researcher's live page costs with many games, and how quick it is: bots on one core, the server on another.
+"""The cost and speed of the researcher's live page with many games: bots on one core, the server on another.
 
 `python benchmarks/dashboard.py [--games 200] [--json]`: first paint of the page, until all cards are there, how far its
-boards are behind the games, CPU of the browser, and what watching does to the lateness of ticks (windows with an open
-page and without, in turn). Run it on a quiet machine.
+boards are behind the games, CPU of the browser, and how an open page affects the lateness of ticks (windows with and
+without an open page alternate). Run it on a quiet machine.
 """
 
 import argparse
@@ -32,7 +32,7 @@ from tests.support.browser.chromium import CHROMIUM_ARGUMENTS, installed_chromiu
 
 _EPISODE = re.compile(r'"episode":"([^"]+)"')
 _TIMESTEP = re.compile(r'"state":\{"t":(\d+)')
-# What every card in view shows now: episode and timestep.
+# The episode and timestep that every card in view shows now.
 _SHOWN = """(horizon) => [...document.querySelectorAll('#boards li[data-in-view=yes]')]
   .map((item) => [item.dataset.episode, Math.round(item.querySelector('progress').value * horizon)])"""
 _PAINT = "() => performance.getEntriesByName('first-contentful-paint')[0].startTime"
@@ -58,7 +58,7 @@ class Figures:
 
 
 class Watched(Player):
-    """A light bot that remembers when each timestep reached it."""
+    """A light bot that records when each timestep arrived."""
 
     def __init__(self, bot: Bot) -> None:
         super().__init__(bot)
@@ -74,7 +74,7 @@ class Watched(Player):
 
 
 def account(server: Server) -> str:
-    """Make a researcher; the password."""
+    """Create a researcher; return the password."""
     words = ["admin", "--database", f"sqlite:///{server.database}", "create", "mara", "--role", "act"]
     line = [sys.executable, str(ROOT / "kitchenmind"), *words]
     made = subprocess.run(line, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL)
@@ -167,7 +167,7 @@ async def run(arguments: argparse.Namespace) -> Figures:
 
 
 async def watch(server: Server, page: Page, players: list[Watched], arguments: argparse.Namespace) -> Figures:
-    """Windows in turn: nobody watches, somebody does."""
+    """Alternate windows without and with an open page."""
     alone: list[Any] = []
     watched: list[Any] = []
     late: list[float] = []

@@ -1,4 +1,4 @@
-"""How fast the kitchen is on one core, and how soon a process plays its first step.
+"""Speed of the kitchen on one core, and the time until a process plays its first step.
 
     python benchmarks/engine.py [--layout NAME] [--quick] [--json]
 
@@ -36,7 +36,7 @@ kitchen.encode()
 
 
 def steps_a_second(step: Callable[[int], None], games: int, steps: int) -> float:
-    """The best of several measurements: other work on the machine only ever slows it down."""
+    """Return the best of several measurements, because other work on the machine can only slow it down."""
     step(0)
     rounds = max(2, steps // games)
     best = float("inf")
@@ -74,7 +74,7 @@ def first_step_s(layout: str, runs: int) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--layout", default="coordination_ring")
-    parser.add_argument("--quick", action="store_true", help="fewer steps: a rough look")
+    parser.add_argument("--quick", action="store_true", help="fewer steps: rough figures")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     arguments = parser.parse_args()
     if hasattr(os, "sched_setaffinity"):

@@ -1,9 +1,10 @@
-"""Measure the rows of docs/explanation/faults.md: make each fault, compare what people saw with the database.
+"""Measure the rows of docs/explanation/faults.md: cause each fault, and compare what participants saw with the
+database.
 
     python benchmarks/faults.py [--quick] [--json] [--rows 1,5,12] [--kills N] [--seed N] [--kill-seconds S]
 
-Needs what the tests need; row 6 is left out without strace, row 7 for who may not mount. Run it on a quiet machine:
-rows 1, 10, 19 and 27 measure times.
+Needs what the tests need; row 6 is left out without strace, row 7 without the right to mount. Run it on a quiet
+machine: rows 1, 10, 19 and 27 measure times.
 """
 
 import argparse
@@ -38,7 +39,7 @@ SHIFT_MS = 2.0  # a fault in one game may move the others' 99th percentile by le
 
 
 def scenarios(quick: bool, kills: int, kill_s: float, first: int) -> Iterator[tuple[int, Scenario]]:
-    """Row numbers with what makes them; `quick`: a taste of each."""
+    """Return the scenario of each row; `quick`: a short run of each."""
     q = quick
     for seed, start in enumerate(range(0, kills, KILLS_AT_ONCE), start=first):
         count = min(KILLS_AT_ONCE, kills - start)
@@ -86,7 +87,7 @@ def measure(quick: bool, rows: set[int], kills: int, kill_s: float, first: int) 
             except Exception as error:  # noqa: BLE001 - a row that breaks is a row that failed; the others go on
                 traceback.print_exc()
                 row = FaultResult(
-                    number, "the row itself broke", 0, False, {"error": f"{type(error).__name__}: {error}"}
+                    number, "the scenario itself failed", 0, False, {"error": f"{type(error).__name__}: {error}"}
                 )
         yield row
 
@@ -98,7 +99,7 @@ async def _done(scenario: Scenario, folder: Path) -> FaultResult:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="a taste of every row, some minutes")
+    parser.add_argument("--quick", action="store_true", help="a short run of every row, some minutes")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--rows", default="", help="only these, separated by commas")
     parser.add_argument("--kills", type=int, help="how many kills in row 1 (1000; quick: 3)")
@@ -109,13 +110,13 @@ def main() -> int:
     arguments = parser.parse_args()
     rows = {int(number) for number in arguments.rows.split(",") if number}
     kills = arguments.kills or (3 if arguments.quick else 1000)
-    sys.stdout, said = sys.stderr, sys.stdout  # servers in this process say where they are
+    sys.stdout, said = sys.stderr, sys.stdout  # servers of this process print their address
     found = measure(arguments.quick, rows, kills, arguments.kill_seconds, arguments.seed)
     return 0 if printed(found, said, arguments.json) else 1
 
 
 def printed(found: Iterable[FaultResult], to: TextIO, as_json: bool) -> bool:
-    """Print every row as soon as it is made, with `as_json` as the items of one JSON list; whether all passed."""
+    """Print every row as soon as it is done, with `as_json` as items of one JSON list; return whether all passed."""
     passed, first = True, True
     for row in found:
         passed &= row.passed

@@ -1,4 +1,4 @@
-"""Fit the simulated participants to recorded games of people, without ever showing them arrows.
+"""Fit the simulated participants to recorded games of people, without arrows.
 
     python benchmarks/fit_simulated_participants.py               checks the frozen parameters: fit and held-out games
     python benchmarks/fit_simulated_participants.py --search 60   tries so many others, from the frozen ones on
@@ -6,8 +6,8 @@
 
 Only facts of the recordings count (tests/data, five classic kitchens, 150 ms a timestep): shares of timesteps without a
 key and with an interaction, collisions, soups, the rhythm of keys, and the likelihood of the recorded actions. Pairs of
-simulated participants are held against pairs of people. Every second recorded game is held out. What was tried is kept
-in --folder, and a search continues from there.
+simulated participants are compared with pairs of people. Every second recorded game is held out. Tries are stored in
+--folder, and a search continues from there.
 """
 
 import argparse
@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-# `training.py` next to this file bears a package's name: Python must look for that one elsewhere.
+# `training.py` next to this file has the name of a package: remove this folder from the module search path.
 sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolve() != ROOT / "benchmarks")]
 
 import numpy as np  # noqa: E402
@@ -38,7 +38,7 @@ KITCHENS = ("cramped_room", "asymmetric_advantages", "coordination_ring", "force
 RECORDED_TICK_MS = 150.0
 FIGURES = Path(__file__).with_suffix(".json")
 TIMESTEPS = 400
-# How far off, in logarithms, counts one point; collisions first.
+# The difference in logarithms that counts one point; collisions first.
 SCALES = {"stay": 0.1, "interact": 0.15, "collisions": 0.1, "soups": 0.12, "rest_after_rest": 0.15}
 SIMULATED = 40  # pairs in each kitchen, with which a try is judged
 NATS = 0.02  # of the mean likelihood count one point
@@ -192,7 +192,7 @@ def loss(found: Mapping[str, Mapping[str, Mapping[str, float]]]) -> float:
 
 
 def tries(number: int, folder: Path) -> Iterator[tuple[float, Parameters]]:
-    """Yield better and better parameters: each try changes the best so far in some of its numbers."""
+    """Search: each try changes some of the best parameters so far; yield every improvement."""
     folder.mkdir(parents=True, exist_ok=True)
     kept = sorted(folder.glob("*.json"))
     best, least = FITTED, math.inf
@@ -233,10 +233,10 @@ def main() -> None:
     parser.add_argument("--search", type=int, default=0, metavar="N", help="number of parameter sets to try")
     parser.add_argument("--folder", type=Path, default=ROOT / "runs" / "foresight_fit", help="what was tried")
     parser.add_argument("--write", action="store_true", help=f"write {FIGURES.relative_to(ROOT)}")
-    parser.add_argument("--quick", action="store_true", help="few short games: a rough look, not to be kept")
+    parser.add_argument("--quick", action="store_true", help="few short games: rough figures that are not stored")
     arguments = parser.parse_args()
     if arguments.quick and arguments.write:
-        parser.error("--quick measures too little to be kept: leave out --write.")
+        parser.error("--quick measures too little to be stored: leave out --write.")
     for value, best in tries(arguments.search, arguments.folder):
         print(f"loss {value:.2f}", json.dumps(described(best)), flush=True)
     number, timesteps = (2, 20) if arguments.quick else (120, 100_000)

@@ -1,4 +1,4 @@
-"""Measure what foresight is worth to simulated participants: paired differences in every kitchen of the study.
+"""Measure how much simulated participants gain from foresight: paired differences in every kitchen of the study.
 
     python benchmarks/foresight.py            plays what is missing in --folder, prints the tables
     python benchmarks/foresight.py --write    also writes foresight.json and the tables of docs/explanation/foresight.md
@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
-# `training.py` next to this file bears a package's name: Python must look for that one elsewhere.
+# `training.py` next to this file has the name of a package: remove this folder from the module search path.
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolve() != ROOT / "benchmarks")]
 
@@ -70,7 +70,7 @@ def cells() -> Iterator[tuple[str, Cell]]:
 def measured(
     folder: Path, episodes: Mapping[str, int], horizon: int, play: bool = True
 ) -> dict[str, dict[str, list[float]]]:
-    """Play the cells that are not in the folder, unless told not to, and return all that there are by name."""
+    """Play the cells that are not in the folder, unless told not to, and return all cells by name."""
     folder.mkdir(parents=True, exist_ok=True)
     found = {}
     for part, cell in cells():
@@ -105,7 +105,7 @@ def difference(one: NDArray[np.float64], other: NDArray[np.float64]) -> dict[str
 
 
 class Summary:
-    """The figures of all cells, and what follows from them."""
+    """The figures of all cells, and statistics of them."""
 
     def __init__(self, found: Mapping[str, Mapping[str, Sequence[float]]]) -> None:
         self._found = found
@@ -257,11 +257,11 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=ROOT / "runs" / "foresight", help="the cells played so far")
     parser.add_argument("--tables", action="store_true", help="play nothing: the tables of what the folder has")
     parser.add_argument("--write", action="store_true", help="write the figures and the tables")
-    parser.add_argument("--quick", action="store_true", help="two short episodes of each cell, not to be kept")
+    parser.add_argument("--quick", action="store_true", help="two short episodes of each cell; nothing is stored")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
     arguments = parser.parse_args()
     if arguments.quick and arguments.write:
-        parser.error("--quick measures too little to be kept: leave out --write.")
+        parser.error("--quick measures too little to be stored: leave out --write.")
     number = {"main": 200, "accuracy": 50, "credulous": 50, "sensitivity": 50}
     episodes, horizon = (dict.fromkeys(number, 2), 20) if arguments.quick else (number, HORIZON)
     folder = arguments.folder / "quick" if arguments.quick else arguments.folder

@@ -1,4 +1,4 @@
-"""What a GPU does in training, all of it in under ten minutes: agents, predictors and the share of the recipe.
+"""Training speed on a GPU, in under ten minutes: agents, predictors, and the time for the published recipe.
 
     python benchmarks/gpu.py [--json] [--device cuda] [--games 2048] [--seconds 40]
 
@@ -91,7 +91,7 @@ def _predictor_rate(layout: Layout, form: str, seconds: float) -> dict[str, Any]
 
 
 def _made_up(size: int) -> Episodes:
-    """Games of random features and actions: what an update costs does not depend on what it learns."""
+    """Games of random features and actions: the cost of an update does not depend on the data."""
     random = np.random.default_rng(0)
     return Episodes(
         torch.from_numpy(random.random((_EPISODES, _EPISODE, size), np.float32)).half(),

@@ -2,8 +2,8 @@
 
     python benchmarks/limits.py [--layout coordination_ring] [--partner human_bc] [--states 6000] [--json]
 
-All courses that the next timesteps may take are followed with their probabilities: the likeliest action's is how
-often the best prediction is right. A predictor that knows neither agent stays below.
+All possible courses of the next timesteps are enumerated with their probabilities: the probability of the most likely
+action is the best possible accuracy. A predictor without the agents' policies stays below.
 """
 
 import argparse
@@ -23,7 +23,7 @@ from overcooked.layout import Layout, load_layout
 from overcooked.state import Kitchens
 from training.collect import CollectionPlan, Partner, Target, games_with
 
-LIKELY = 0.003  # courses less likely than this, of one timestep, are not followed
+LIKELY = 0.003  # courses less likely than this, of one timestep, are dropped
 Ints = NDArray[np.integer]
 
 

@@ -1,4 +1,4 @@
-"""What a participant feels: the first page, a key until its picture, a round of 80 s; and the command line.
+"""What a participant experiences: the first page, the delay from key to frame, a round of 80 s; and the command line.
 
 `python benchmarks/participant.py [--json]`: a real server, a real round in Chromium at 1366 x 768, on one machine.
 """
@@ -27,7 +27,7 @@ from tests.support.real_server import RealServer  # noqa: E402
 WALKS = ("ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight")
 FLOW = ("flow: [introduction, tutorial, episodes, thanks]", "flow: [episodes, thanks]")
 
-# Notes for each key when the page had drawn its own turn, and when it had drawn the server's answer.
+# Record for each key when the page had drawn the local turn, and when it had drawn the server's answer.
 WATCH = """(() => {
   const Native = WebSocket, seen = window.seen = { echo: [], answer: [], first: 0, last: 0, shown: [] };
   const drawn = (then) => requestAnimationFrame(() => requestAnimationFrame(() => then(performance.now())));
@@ -100,7 +100,7 @@ def round_of(chromium: Browser, server: RealServer) -> dict[str, Any]:
         "answer_p50_ms": round(statistics.median(seen["answer"])),
         "answer_p95_ms": _p95(seen["answer"]),
         "round_s": round((seen["last"] - seen["first"]) / 1000 + 0.2, 2),
-        "clock_wrong": wrong,  # pictures on which the seconds left are not the server's
+        "clock_wrong": wrong,  # frames on which the seconds left are not the server's
     }
 
 
@@ -128,7 +128,7 @@ def measure(page_of: Browser) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Exit status 1 when a figure is beyond its limit."""
+    """Return exit status 1 if a figure is beyond its limit."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()

@@ -1,8 +1,8 @@
-"""How many pictures a second the game draws at 1920 x 1080 without a GPU, and what one costs the processor.
+"""Frames per second of the game at 1920 x 1080 without a GPU, and the CPU time of a frame.
 
 `python benchmarks/pictures.py [--seconds N] [--against REVISION] [--json]`: Chromium draws the game of
 `benchmarks/browser.py` in software, with the predictor's marks. `--against` measures the pages of another revision in
-turn with these. A busy machine draws fewer pictures; what a picture costs changes less.
+turn with these. On a busy machine the frame rate falls; the CPU time of a frame changes less.
 """
 
 import argparse
@@ -58,7 +58,7 @@ def _play(chromium: Browser, seconds: float) -> dict[str, float]:
 
 
 def _cpu_s(devtools: Any) -> float:
-    """What all processes of the browser have used."""
+    """Return the CPU time of all processes of the browser."""
     return float(sum(each["cpuTime"] for each in devtools.send("SystemInfo.getProcessInfo")["processInfo"]))
 
 
@@ -107,7 +107,7 @@ def main() -> int:
     if arguments.against:
         before, now = figures[arguments.against], figures["here"]
         pictures, cost = now["fps"] / before["fps"], now["cpu_ms_per_picture"] / before["cpu_ms_per_picture"]
-        print(f"{pictures:.2f} times as many pictures a second, {cost:.2f} times the processor time for each")
+        print(f"{pictures:.2f} times as many frames a second, {cost:.2f} times the processor time for each")
     return 0
 
 

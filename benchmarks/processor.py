@@ -1,4 +1,6 @@
-"""What figures were measured on: the processor, its features that decide speed here, and the GPU if there is one."""
+"""Describe the machine of a measurement: the processor, its features that matter for speed, and the GPU if there is
+one.
+"""
 
 import os
 import platform

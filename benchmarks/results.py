@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
-# `training.py` next to this file bears a package's name: Python must look for that one elsewhere.
+# `training.py` next to this file has the name of a package: remove this folder from the module search path.
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolve() != ROOT / "benchmarks")]
 
@@ -54,8 +54,8 @@ def main() -> None:
 
 
 def measured(quick: bool = False) -> dict[str, Any]:
-    """What stands on no card: points of agents with the same unseen partners, predictors with a cloned human, and which
-    agents that was."""
+    """Measure what the cards do not have: points of agents with the same unseen partners, predictors with a
+    behaviour-cloned human, and the agents' hashes."""
     import torch
 
     from models.agents.catalogue import load_agent
@@ -92,14 +92,15 @@ def measured(quick: bool = False) -> dict[str, Any]:
 
 
 def bundled_agents() -> dict[str, str]:
-    """Layout/agent -> sha256, of everybody whose figures are kept."""
+    """Return layout/agent -> sha256, of all agents whose figures are stored."""
     layouts = [load_layout(name) for name in LAYOUTS]
     names = {f"{layout.name}/{agent}": agent_sha256(agent, layout) for layout in layouts for agent in AGENTS}
     return {**names, f"coordination_ring/{HUMAN}": agent_sha256(HUMAN, load_layout("coordination_ring"))}
 
 
 def bundled_entries() -> list[dict[str, Any]]:
-    """What the cards of the bundled predictors say, as `kitchenmind evaluate predictor --intentions --json` would."""
+    """Return the figures on the cards of the bundled predictors, as `kitchenmind evaluate predictor --intentions
+    --json` would."""
     paths = sorted(WEIGHTS.glob("*/*_predictor_*/config.json"))
     configs = [json.loads(path.read_text(encoding="utf-8")) for path in paths]
     return [{**config["measured"], "intentions": config.get("measured_intentions")} for config in configs]
@@ -190,7 +191,7 @@ def _points(agents: Sequence[Mapping[str, Any]]) -> list[list[str]]:
 def _with_human(
     by_cell: Mapping[tuple[str, str, str], Mapping[str, Any]], entries: Sequence[Mapping[str, Any]]
 ) -> list[str]:
-    """How much is lost where the partner is a network cloned from people."""
+    """Return the table of accuracy with a behaviour-cloned human."""
     lines = [
         f"Accuracy on Coordination Ring with a behaviour-cloned human (`{HUMAN}`), next to the accuracy with the test",
         "partners and the paper's with humans (%):",
@@ -214,7 +215,7 @@ def _with_human(
 
 
 def _next_interactions(by_cell: Mapping[tuple[str, str, str], Mapping[str, Any]]) -> list[str]:
-    """How often the agent's next interaction is said rightly, at times before it is done."""
+    """Return the table of how often the agent's next interaction is predicted, by time before it is done."""
     lines = [
         "The agent's next interaction ([intentions](intentions.md)): how often its kind and station are said rightly,",
         "1, 2 and 4 s before it is done, and in parentheses the kind alone (%). Test partners as above.",

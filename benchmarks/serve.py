@@ -1,4 +1,4 @@
-"""How many games one server carries at once: bots on one core, the server on another, every tick committed.
+"""How many games one server can run at once: bots on one core, the server on another, every tick committed.
 
 Prints for each number of games: lateness of a tick, the share of ticks whose partner had to wait because its models
 were late, CPU of the server and its model worker, memory and bytes per second of a game. Continues with more games
@@ -144,7 +144,7 @@ async def to_the_game(bot: Bot) -> None:
 
 
 async def measure(server: Server, players: list[Player], window_s: float) -> Figures:
-    """What happens in the next `window_s` seconds."""
+    """Measure the next `window_s` seconds."""
     workers = server.workers()
     before = [cpu_s(pid) for pid in (server.process.pid, *workers)]
     counts = [(player.bytes, player.ticks, player.late, player.unpredicted) for player in players]

@@ -76,7 +76,7 @@ async def alone(database: Database, games: int) -> dict[str, Any]:
 
 
 async def slots(database: Database) -> dict[str, Any]:
-    """Many slots at once: those who wait share a commit."""
+    """Write many slots at once: those that wait share a commit."""
     played = [await new_episodes(database, SLOT_GAMES) for _ in range(SLOTS)]
     work = [[[tick(episode, timestep) for episode in slot] for timestep in range(COMMITS // 3)] for slot in played]
     return await measured(database, "slots", SLOTS * SLOT_GAMES, work)
@@ -147,7 +147,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--database", metavar="URL", help="an empty database to fill")
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--quick", action="store_true", help="few commits: a rough look")
+    parser.add_argument("--quick", action="store_true", help="few commits: rough figures")
     arguments = parser.parse_args()
     if arguments.quick:
         globals()["COMMITS"] = 12

@@ -19,7 +19,7 @@ from typing import Any
 
 import torch
 
-# This file bears the name of the package that it measures: Python must look for that one elsewhere.
+# This file has the name of the package that it measures: remove its folder from the module search path.
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolve() != ROOT / "benchmarks")]
 if __name__ == "training":

@@ -1,9 +1,10 @@
-"""Whether PostgreSQL takes the ticks of many games at once: python benchmarks/write_path.py [--games 10000] [--json].
+"""Whether PostgreSQL can store the ticks of many games at once: python benchmarks/write_path.py [--games 10000]
+[--json].
 
 Several processes, each with a connection of its own as server processes have, store one tick a game every 200 ms, with
 the check of who owns each game in every transaction. The server is one of our own with fsync on, in a temporary folder,
-or the empty database of --database. Says the rate that was reached and how long commits took; a rate below 5 ticks a
-game and second means that this machine does not carry so many games.
+or the empty database of --database. Prints the rate that was reached and how long commits took; a rate below 5 ticks
+per game and second means that this machine cannot run so many games.
 """
 
 import argparse
@@ -45,7 +46,7 @@ def games_of(database: Database, count: int) -> dict[str, int]:
 
 
 def one_process(url: str, games: int, timesteps: int, begin: Any, told: Any) -> None:
-    """Feed its games' ticks, each slot at its time, or as fast as they are taken."""
+    """Store its games' ticks, each slot at its time, or as fast as possible."""
     with Database(url, shared=True, readers=1) as database:
         owned = games_of(database, games)
         names = list(owned)

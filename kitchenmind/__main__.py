@@ -3,7 +3,8 @@
 import sys
 from pathlib import Path
 
-if __package__ in ("", None):  # run by its path: Python put this folder on its path, and not the one with the packages
+# run by its path: Python put this folder on sys.path instead of the one with the packages
+if __package__ in ("", None):
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
 from kitchenmind.command_line import main

@@ -43,8 +43,8 @@ VERBS: dict[str, tuple[str, str]] = {
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one verb; return the exit status: 0 done, 1 failed, 2 wrong input, 130 stopped by Ctrl+C, 141 nobody reads
-    what it prints, as after `| head`."""
+    """Run one command; return the exit status: 0 done, 1 failed, 2 wrong input, 130 stopped by Ctrl+C, 141 if the
+    reader of its output has closed it, as after `| head`."""
     try:
         status = _run(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()
@@ -56,8 +56,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _is_unread() -> bool:
-    """Whether the reader of standard output has gone. Then what is left to print goes nowhere, so that Python does not
-    fail again at its end."""
+    """Return whether the reader of standard output has closed it. If so, discard the remaining output, so that Python
+    does not fail again at its end."""
     poll = select.poll()
     poll.register(sys.stdout.fileno(), 0)
     if not poll.poll(0):

@@ -1,4 +1,4 @@
-"""`kitchenmind.load(...)`: the tables of an export, a folder or a zip file, typed, with what every column means."""
+"""`kitchenmind.load(...)`: the tables of an export, a folder or a zip file, with typed columns and their meanings."""
 
 import io
 import json
@@ -17,18 +17,18 @@ _TYPES: Final[Mapping[str, pl.DataType]] = {
     "number": pl.Float64(),
     "boolean": pl.Boolean(),
     "time": pl.Datetime("us", "UTC"),
-}  # everything else is text
+}  # all other columns are text
 
 
 class NotAnExport(ValueError):
-    """What was given is not an export that can be read; the text says why and what to do."""
+    """The path is not an export that can be read; the message says why and what to do."""
 
 
 class LoadedExport(Mapping[str, pl.DataFrame]):
     """The tables of an export. `export.episodes` and `export["episodes"]` read a table when it is first asked for.
 
-    Numbers, times (UTC) and booleans have their types, also if the export has only CSV files. `export.codebook()` tells
-    what the tables are, `export.codebook("episodes")` what its columns mean.
+    Numbers, times (UTC) and booleans have their types, also if the export has only CSV files. `export.codebook()`
+    describes the tables, `export.codebook("episodes")` the columns of one.
     """
 
     def __init__(self, path: Path, root: Path | zipfile.Path, described: Mapping[str, Any]) -> None:

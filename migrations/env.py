@@ -1,4 +1,4 @@
-"""How Alembic reaches the database: through the connection that server.store.migrate gives, or KITCHENMIND_DATABASE."""
+"""Connect Alembic to the database: through the connection of server.store.migrate, or KITCHENMIND_DATABASE."""
 
 import os
 from typing import Literal

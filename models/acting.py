@@ -1,4 +1,4 @@
-"""From probabilities to actions: what agents draw from in data, evaluation and the live game. Numpy only."""
+"""Turn an agent's probabilities into actions, in collected data, evaluation and the live game. Numpy only."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,12 +30,13 @@ def distribution(probabilities: Probabilities, stuck: NDArray[np.integer], mode:
 def draw(action_distribution: Probabilities, uniform: NDArray[np.floating]) -> NDArray[np.int8]:
     """Actions (games,) by inverse transform of `uniform` (games,) in [0, 1): the same number gives the same action."""
     reached = np.cumsum(action_distribution, axis=1, dtype=np.float64)
-    threshold = np.asarray(uniform, np.float64)[:, None] * reached[:, -1:]  # rounding never leaves the last action out
+    # rounding must not leave the last action out
+    threshold = np.asarray(uniform, np.float64)[:, None] * reached[:, -1:]
     return np.asarray((reached <= threshold).sum(axis=1), np.int8)
 
 
 class Stuck:
-    """How long nothing about a chef has changed: timesteps since its own cell, facing or hand last did, per game."""
+    """Count, per game, the timesteps since a chef's own cell, facing or hand last changed."""
 
     def __init__(self, own: NDArray[np.int8]) -> None:
         """`own` (games, 4): the chef's rows of the state (x, y, facing, held) at the start."""
@@ -43,13 +44,13 @@ class Stuck:
         self._own = own.copy()
 
     def update(self, own: NDArray[np.int8]) -> None:
-        """After a timestep: `own` (games, 4) as it is now."""
+        """Count one timestep; `own` (games, 4) is the state after it."""
         changed = (own != self._own).any(axis=1)
         self.counts += 1
         self.counts[changed] = 0
         self._own[:] = own
 
     def begin(self, games: NDArray[np.integer] | NDArray[np.bool_], own: NDArray[np.int8]) -> None:
-        """These games start again; `own` (all games, 4)."""
+        """Restart the count of these games; `own` (all games, 4)."""
         self.counts[games] = 0
         self._own[games] = own[games]

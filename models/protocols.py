@@ -1,4 +1,4 @@
-"""What an agent and a predictor are to everybody else: two protocols and the values that travel. No torch here."""
+"""The interfaces of agents and predictors: two protocols and the values passed to and from them. No torch here."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ Observations = NDArray[np.int8]  # (games, width, height, 26): the lossless enco
 Probabilities = NDArray[np.float32]  # (games, 6)
 Predictions = NDArray[np.float32]  # (games, STEPS, 6)
 ENDLESS: Final = 1 << 30  # timesteps that are left in an episode without a horizon
-INTENTIONS: Final = 2  # how many a predictor says: the likeliest, then the runner-up
+INTENTIONS: Final = 2  # how many a predictor gives: the most likely, then the second most likely
 INTENTION: Final = np.dtype(
     [("kind", np.int8), ("x", np.int8), ("y", np.int8), ("steps", np.int8), ("probability", np.float32)]
 )  # the fields of an `Intention`; probability 0: not said
@@ -24,17 +24,18 @@ Intentions = NDArray[np.void]  # (games, INTENTIONS) of INTENTION
 
 
 class BlackBoxError(ValueError):
-    """A foreign model that cannot be used; the text says why and what to do."""
+    """A model from outside that cannot be used; the message says why and what to do."""
 
 
 class Policy(Protocol):
-    """Anything that gives action probabilities for observations on one layout. Stateless; every row is a game."""
+    """An agent: gives action probabilities for observations on one layout. Stateless; every row is a game."""
 
     def probabilities(self, observations: Observations) -> Probabilities: ...
 
 
 class Predictor(Protocol):
-    """Anything that watches one agent and predicts its next STEPS actions; it keeps what it needs about each game.
+    """A model that watches one agent and predicts its next STEPS actions; it keeps the state that it needs of each
+    game.
 
     `begin(slots)` forgets the games in those slots. `predict` is called once a timestep for the games in `slots`, with
     the observation of the current state as the watched agent sees it and the joint action that led to it (the watched
@@ -50,9 +51,8 @@ class Predictor(Protocol):
 
 @runtime_checkable
 class IntentionPredictor(Predictor, Protocol):
-    """A predictor that can also say what the watched agent does next at a station.
-
-    `intentions` is called after `predict` and with the same arguments. An entry with probability 0 says nothing.
+    """A predictor that also predicts the watched agent's next interaction. `intentions` is called after `predict` and
+    with the same arguments. An entry with probability 0 is empty.
     """
 
     def intentions(
@@ -62,11 +62,11 @@ class IntentionPredictor(Predictor, Protocol):
 
 @dataclass(frozen=True)
 class Mode:
-    """How an agent turns probabilities into an action when people meet it; written in its card.
+    """How an agent turns probabilities into an action in a study; written in its card.
 
     Probabilities are sharpened with `temperature` (0 = the most likely action). After `stuck_after` timesteps without a
     change of the agent's own cell, facing or hand, `stuck_mix` of the probability goes evenly to the four moves, so
-    that two chefs never jam for good.
+    that two chefs never block each other for good.
     """
 
     temperature: float = 0.0
@@ -75,7 +75,7 @@ class Mode:
 
 
 class Intention(Struct, frozen=True, gc=False):
-    """What a predictor says the watched agent does next at a station: one of `possible_interactions(layout)`."""
+    """A prediction of the watched agent's next interaction: one of `possible_interactions(layout)`."""
 
     kind: int  # an `InteractionKind`; NONE: no interaction within INTENTION_HORIZON timesteps
     x: int  # the station's cell; -1 for NONE
@@ -85,7 +85,7 @@ class Intention(Struct, frozen=True, gc=False):
 
 
 class Decision(Struct, frozen=True, gc=False):
-    """What the models said about one game in one timestep."""
+    """The models' output for one game in one timestep."""
 
     action: int  # the agent's action, 0-5
     probabilities: tuple[float, ...]  # of the action as drawn (after `Mode`), 6 values
@@ -106,8 +106,8 @@ class History(Struct, frozen=True, gc=False):
 
 
 class Question(Struct, frozen=True):
-    """What the live game asks about one chef in one state: which action (where an agent holds the seat) and which next
-    steps (where a predictor watches). `uniform` in [0, 1) draws the action, so a game can be replayed."""
+    """The live game's request for one chef in one state: the action (if an agent has the seat) and the next steps (if a
+    predictor watches). `uniform` in [0, 1) draws the action, so a game can be replayed."""
 
     game: str
     layout: str
@@ -122,7 +122,8 @@ class Question(Struct, frozen=True):
 
 
 class Models(Protocol):
-    """Answers questions of many games at once, off the event loop. None: nothing by the deadline, or a broken model."""
+    """Answer questions of many games at once, off the event loop. None: no answer by the deadline, or a failing
+    model."""
 
     async def ask(self, questions: Sequence[Question], deadline_ms: float) -> list[Decision | None]: ...
 

@@ -1,4 +1,4 @@
-"""The one decorator of the compiled kernels, and the care for their cache. It knows nothing of kitchens."""
+"""The decorator of all compiled kernels, and the maintenance of their cache."""
 
 import importlib
 import sys
@@ -20,7 +20,8 @@ _KERNEL_SOURCES = ("compiled.py", "constants.py", "observe.py", "rules.py", "sco
 def forget_stale_code(folder: Path = _FOLDER) -> int:
     """Delete compiled code older than any kernel's source; return how many files.
 
-    numba looks only at the file that a function is in. A changed rule would otherwise live on in `vector_env`.
+    numba looks only at the file that a function is in. Otherwise `vector_env` would keep using the old code of a
+    changed rule.
     """
     return forget_code_older_than([folder / source for source in _KERNEL_SOURCES], folder)
 
@@ -54,5 +55,5 @@ def only_our_kernels() -> Iterator[None]:
 with only_our_kernels():
     importlib.import_module("numba.np.arraymath")
 
-with suppress(OSError):  # installed where we may not write: then nobody edits the sources there either
+with suppress(OSError):  # installed in a read-only folder, where the sources do not change either
     forget_stale_code()

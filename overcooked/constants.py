@@ -45,7 +45,7 @@ PLAYERS: Final = 2
 HORIZON: Final = 400
 
 # Events of one player in one timestep are bits of one integer. The names are overcooked_ai's EVENT_TYPES, except for
-# the last one, which tells a soup lifted from a pot (rewarded) from one taken off a counter (not rewarded).
+# the last one, which distinguishes a soup lifted from a pot (rewarded) from one taken off a counter (not rewarded).
 ONION_PICKUP: Final = 1 << 0
 USEFUL_ONION_PICKUP: Final = 1 << 1
 ONION_DROP: Final = 1 << 2

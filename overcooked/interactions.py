@@ -1,4 +1,4 @@
-"""What a chef can do at which station: the kinds of interaction, and those that a kitchen allows."""
+"""Interactions of a chef with a station: their kinds, and those that a kitchen allows."""
 
 from enum import IntEnum
 from typing import Final, NamedTuple
@@ -29,7 +29,7 @@ from overcooked.layout import Layout
 
 
 class InteractionKind(IntEnum):
-    """What one use of a station does. Its lower-case name is what data, messages and study files say."""
+    """What one use of a station does. Its lower-case name is used in data, messages and study files."""
 
     NONE = 0
     TAKE_ONION = 1  # from the crate or a counter
@@ -63,7 +63,7 @@ _KINDS_AT: Final = {
     POT: (InteractionKind.FILL, InteractionKind.PLATE),
     EXIT: (InteractionKind.SERVE,),
 }
-# The first that matches counts: a soup lifted from a pot is also a soup pickup.
+# The first match counts: a soup lifted from a pot is also a soup pickup.
 _KIND_OF_EVENT: Final = (
     (SOUP_FROM_POT, InteractionKind.PLATE),
     (SOUP_DELIVERY, InteractionKind.SERVE),
@@ -86,7 +86,8 @@ def possible_interactions(layout: Layout) -> tuple[PossibleInteraction, ...]:
 
 
 def interaction_kind(events: int) -> InteractionKind:
-    """Return what one chef's events of one timestep (bits, see `overcooked.constants`) were."""
+    """Return the kind of interaction that one chef's events of one timestep (bits, see `overcooked.constants`) amount
+    to."""
     return next((kind for bits, kind in _KIND_OF_EVENT if events & bits), InteractionKind.NONE)
 
 

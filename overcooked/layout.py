@@ -1,4 +1,4 @@
-"""Layout grids: parsed, checked, frozen. A bad grid is refused with its place and the remedy."""
+"""Parse and check layout grids. An error names the place in the grid and the remedy."""
 
 import hashlib
 from collections import deque
@@ -42,12 +42,12 @@ class Layout:
 
     @cached_property
     def text(self) -> str:
-        """The grid as drawn, one row a line, without a newline at the end."""
+        """The grid as text, one row per line, without a newline at the end."""
         return "\n".join(self.grid)
 
     @cached_property
     def sha256(self) -> str:
-        """Name the grid in data and checkpoints: the hash of `text`."""
+        """The hash of `text`, which identifies the grid in data and checkpoints."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     @cached_property
@@ -59,8 +59,8 @@ class Layout:
 
 
 def load_layout(name_or_path: str | Path) -> Layout:
-    """A bundled layout by its name (or another one, see `other_names`), or a `.layout` file (a drawn grid, or
-    overcooked_ai's dictionary).
+    """Load a bundled layout by its name (or another name of it, see `other_names`), or a `.layout` file (a drawn grid,
+    or overcooked_ai's dictionary).
 
     Raises LayoutError for a bad grid, FileNotFoundError (with the names there are) for an unknown layout.
     """
@@ -76,7 +76,7 @@ def load_layout(name_or_path: str | Path) -> Layout:
 
 
 def bundled_layout(name: str) -> Layout:
-    """Return the bundled layout of that name; a name that came in a file never becomes a path.
+    """Return the bundled layout of that name; a name from a file is never used as a path.
 
     Raises FileNotFoundError (with the names there are) for any other name.
     """
@@ -86,12 +86,12 @@ def bundled_layout(name: str) -> Layout:
 
 
 def layout_names() -> list[str]:
-    """The bundled layouts."""
+    """Return the names of the bundled layouts."""
     return sorted(path.stem for path in LAYOUT_FOLDER.glob("*.layout"))
 
 
 def parse_layout(text: str, name: str = "layout", source: str | None = None) -> Layout:
-    """The layout drawn in `text`; `source` names it in errors. Raises LayoutError."""
+    """Parse the layout drawn in `text`; `source` names it in errors. Raises LayoutError."""
     source = source or name
     rows = grid_rows(text, source)
     for problem in _problems(rows, source):
@@ -112,8 +112,7 @@ def layout_problems(text: str, source: str = "layout") -> list[LayoutError]:
 
 
 def _problems(rows: list[str], source: str) -> Iterator[LayoutError]:
-    """Yield what is wrong with a grid. Whether everything can be reached is only asked of one that is otherwise
-    sound."""
+    """Yield what is wrong with a grid. Reachability is only checked if nothing else is wrong."""
     sound = True
     for problem in _grid_problems(rows, source):
         sound = False
@@ -123,20 +122,20 @@ def _problems(rows: list[str], source: str) -> Iterator[LayoutError]:
 
 
 def _tiles(rows: list[str]) -> NDArray[np.int8]:
-    """Return the tiles (width, height) of a sound grid; start cells are floor."""
+    """Return the tiles (width, height) of a valid grid; start cells are floor."""
     plain = [row.replace("1", " ").replace("2", " ") for row in rows]
     return np.array([[TILE_CHARACTERS.index(tile) for tile in row] for row in plain], np.int8).T.copy()
 
 
 def _starts(rows: list[str]) -> list[tuple[int, int]]:
-    """Return the start cell (x, y) of each player of a sound grid."""
+    """Return the start cell (x, y) of each player of a valid grid."""
     cells = {tile: (x, y) for y, row in enumerate(rows) for x, tile in enumerate(row) if tile in "12"}
     return [cells[str(player)] for player in range(1, PLAYERS + 1)]
 
 
 def _cells(tiles: NDArray[np.int8], tile: int) -> NDArray[np.int8]:
-    """Cells of one kind. In rows one after the other, however many there are: numba compiles a kernel again for each
-    order of an array in memory, and a kitchen with one pot would differ from one with two."""
+    """Return the cells of one kind, always in C order: numba compiles a kernel again for each memory order of an array,
+    and without this a kitchen with one pot would differ from one with two."""
     return np.ascontiguousarray(np.argwhere(tiles == tile), np.int8)
 
 
@@ -188,9 +187,7 @@ def _cell_problems(
     if tile == "T":
         yield LayoutError(source, "tomatoes (T) are not served in this kitchen", "Use O (onions).", **place)
     elif tile not in TILE_CHARACTERS + "12":
-        remedy = (
-            "Use X counter, O onions, D dishes, P pot, S serving, a space for floor, 1 and 2 for the chefs."
-        )
+        remedy = "Use X counter, O onions, D dishes, P pot, S serving, a space for floor, 1 and 2 for the chefs."
         yield LayoutError(source, f"unknown tile {tile!r}", remedy, **place)
     if tile in " 12" and (x in (0, width - 1) or y in (0, height - 1)):
         yield LayoutError(source, "the border is open here", "Close it with X or a station.", **place)
@@ -201,7 +198,7 @@ def _cell_problems(
 
 
 def _reach_problems(rows: list[str], source: str) -> Iterator[LayoutError]:
-    """Yield each station that nobody can stand next to, however the chefs walk."""
+    """Yield each station that no chef can reach."""
     reached = reached_floor(_tiles(rows), _starts(rows))
     for y, row in enumerate(rows):
         for x, tile in enumerate(row):

@@ -1,7 +1,6 @@
-"""The text of a layout file: a drawn grid, or the dictionary of overcooked_ai's own `.layout` files.
-
-This kitchen has one recipe and one set of rules. A dictionary may state them; anything else is refused, because a
-kitchen that silently ran by other rules than its file would spoil a study.
+"""Read a layout file: a drawn grid, or the dictionary of overcooked_ai's own `.layout` files. This kitchen has one
+recipe and one set of rules. A dictionary may state them; anything else is refused, because a kitchen that silently
+ignored the rules in its file would invalidate a study.
 """
 
 import ast
@@ -11,7 +10,7 @@ from typing import Any
 
 
 class LayoutError(ValueError):
-    """A grid that is not a kitchen. `row` and `column` count from 1; None where the fault has no single place."""
+    """A grid that is not a valid kitchen. `row` and `column` count from 1; None if the fault has no single place."""
 
     def __init__(
         self, source: str, reason: str, remedy: str, row: int | None = None, column: int | None = None
@@ -34,7 +33,7 @@ _SHAPING = {
 
 
 def _is(*wanted: Any) -> Callable[[Any], bool]:
-    """Whether a value is one of `wanted`; True is not 1."""
+    """Return whether a value is one of `wanted`; True does not count as 1."""
     return lambda value: any(value == one and isinstance(value, bool) == isinstance(one, bool) for one in wanted)
 
 
@@ -46,7 +45,8 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float)
 
 
-# What overcooked_ai's dictionary may say besides the grid -> (whether this kitchen does it, what this kitchen does).
+# Keys of overcooked_ai's dictionary besides the grid -> (whether this kitchen supports the value, what this kitchen
+# does).
 _SETTINGS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "layout_name": (lambda value: isinstance(value, str), "a name is a text"),
     "cook_time": (_is(20, None), "soups cook for 20 timesteps"),

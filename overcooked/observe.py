@@ -1,4 +1,4 @@
-"""State to planes: overcooked_ai's lossless encoding. Nothing else knows what a plane means."""
+"""Encode a state as planes: overcooked_ai's lossless encoding. The meaning of each plane is defined here only."""
 
 import numpy as np
 
@@ -76,7 +76,7 @@ def _set_pot(out, cell, inside):
 
 @kernel
 def encode_game(static, pots, counters, players, contents, timestep, horizon, out, game):
-    """The planes of one of many games for both chefs. [lossless_state_encoding]
+    """Write the planes of one of many games for both chefs. [lossless_state_encoding]
 
     `static` is the flat view of (width, height, 26) from `static_planes`; `out` is the flat view of (games, 2, width,
     height, 26), of which row `game` is written: [k] is what chef k sees, channels last. A horizon of 0 means an endless
@@ -91,7 +91,7 @@ def encode_game(static, pots, counters, players, contents, timestep, horizon, ou
         out[first + i] = static[i]
     for i in range(size):
         out[second + i] = static[i]
-    # Both views at once: what lies on a station is read once and written twice.
+    # Both views at once: a station's contents are read once and written twice.
     for k in range(pots.shape[0]):
         inside = contents[game, pots[k, 0], pots[k, 1]]
         if inside != NOTHING:
@@ -122,7 +122,8 @@ def encode_game(static, pots, counters, players, contents, timestep, horizon, ou
 
 @kernel
 def encode(static, pots, counters, players, contents, timestep, horizon, out):
-    """The planes of many games: `out` (games, 2, width, height, 26), contiguous, any 8-bit or wider integer type."""
+    """Write the planes of many games: `out` (games, 2, width, height, 26), contiguous, any 8-bit or wider integer
+    type."""
     flat_static, flat = static.reshape(-1), out.reshape(-1)
     for game in range(players.shape[0]):
         encode_game(flat_static, pots, counters, players, contents, timestep, horizon, flat, game)

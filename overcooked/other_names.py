@@ -1,4 +1,4 @@
-"""What overcooked_ai and older papers call bundled layouts."""
+"""The names of bundled layouts in overcooked_ai and older papers."""
 
 from typing import Final
 
@@ -11,5 +11,5 @@ OTHER_NAMES: Final = {
 
 
 def bundled_name(name: str) -> str:
-    """Return the name that the layout has here and in the data."""
+    """Return the layout's name in this project and its data."""
     return OTHER_NAMES.get(name, name)

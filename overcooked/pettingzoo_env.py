@@ -1,4 +1,4 @@
-"""The kitchen as a PettingZoo ParallelEnv, for other people's trainers. Ours use `vector_env`."""
+"""The kitchen as a PettingZoo ParallelEnv, for trainers outside this project. Ours use `vector_env`."""
 
 from typing import Any
 
@@ -52,7 +52,7 @@ class KitchenEnv(ParallelEnv[str, NDArray[np.int8], int]):  # type: ignore[misc]
         seed: int | None = None,  # noqa: ARG002 the standard start is always the same
         options: dict[str, Any] | None = None,  # noqa: ARG002
     ) -> tuple[Observations, dict[str, dict[str, Any]]]:
-        """The standard start: observations and empty infos by agent."""
+        """Return to the standard start state: observations and empty infos by agent."""
         self._kitchen = Kitchens.start(self.layout)
         self.agents = list(AGENTS)
         return self._observations(), {agent: {} for agent in AGENTS}
@@ -60,7 +60,7 @@ class KitchenEnv(ParallelEnv[str, NDArray[np.int8], int]):  # type: ignore[misc]
     def step(
         self, actions: dict[str, int]
     ) -> tuple[Observations, dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
-        """One timestep: observations, rewards, terminations, truncations and infos by agent."""
+        """Play one timestep: observations, rewards, terminations, truncations and infos by agent."""
         if not self.agents:
             raise RuntimeError("the episode is over: call reset() first")
         joint_action = [int(actions[agent]) for agent in AGENTS]
@@ -88,12 +88,12 @@ class KitchenEnv(ParallelEnv[str, NDArray[np.int8], int]):  # type: ignore[misc]
         )
 
     def state(self) -> NDArray[np.int8]:
-        """Both chefs' views, (2, width, height, 26): all there is to know."""
+        """Return both chefs' views, (2, width, height, 26): the whole state."""
         views: NDArray[np.int8] = self._kitchen.encode(horizon=self.horizon)[0]
         return views
 
     def render(self) -> str:
-        """The kitchen as text: chefs as ^ v > <, and what they hold behind their rows."""
+        """Draw the kitchen as text: chefs as ^ v > <, and what they hold after their rows."""
         rows = [[TILE_CHARACTERS[tile] for tile in row] for row in self.layout.tiles.T]
         hands = []
         for chef in self._kitchen.players[0].tolist():
@@ -104,7 +104,7 @@ class KitchenEnv(ParallelEnv[str, NDArray[np.int8], int]):  # type: ignore[misc]
         return "\n".join("".join(row) for row in rows) + f"\nhands: [{']['.join(hands)}]"
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Do nothing: no resource is open."""
 
     def _observations(self) -> Observations:
         return dict(zip(AGENTS, self.state(), strict=True))

@@ -1,4 +1,4 @@
-"""What each chef of a kitchen can get to, alone and by handing things over. For the kitchen editor."""
+"""Find what each chef of a kitchen can reach, alone and by handing items over. For the kitchen editor."""
 
 from dataclasses import dataclass
 
@@ -23,8 +23,8 @@ class KitchenReach:
 
 
 def kitchen_reach(layout: Layout) -> KitchenReach:
-    """Return what the chefs of a layout can get to. The other chef is never in the way: it can step aside, or, in a
-    corridor, stand where it does not matter."""
+    """Return what the chefs of a layout can reach. The other chef never blocks: it can step aside or, in a corridor,
+    stand where it does not matter."""
     tiles = layout.tiles
     cells = [(x, y) for x in range(layout.width) for y in range(layout.height)]
     floors = [reached_floor(tiles, [(int(x), int(y))]) for x, y in layout.starts]
@@ -42,7 +42,7 @@ def kitchen_reach(layout: Layout) -> KitchenReach:
 
 
 def _can_serve(layout: Layout, stations: list[frozenset[Cell]], kinds: list[set[int]], shares: bool) -> bool:
-    """Whether onions get into a pot, and its soup to an exit: things change hands over a shared counter only."""
+    """Return whether onions get into a pot, and its soup to an exit; items change hands over shared counters only."""
 
     def holders(chefs: set[int]) -> set[int]:
         return {0, 1} if shares and chefs else chefs

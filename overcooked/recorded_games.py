@@ -1,4 +1,4 @@
-"""Games recorded state by state as JSON lines (see `tests/data/README.md`): read, and held against the rules.
+"""Games recorded state by state as JSON lines (see `tests/data/README.md`): read, and compared with the rules.
 
 A line `layout` has a grid, `ep` begins an episode, `s` is a state before the joint action `a` that was taken in it.
 """
@@ -19,21 +19,21 @@ _RULES = (
 
 
 class RecordingError(ValueError):
-    """A recorded game that does not follow from these rules, or a line that does not belong to one."""
+    """A recorded game that does not follow these rules, or a line that is not part of one."""
 
 
 class RecordedGames:
-    """Takes the lines of a file in order."""
+    """Parse the lines of a file in order."""
 
     def __init__(self) -> None:
         self._layouts: dict[str, Layout] = {}
         self._layout: Layout | None = None
         self._kitchen: Kitchens | None = None
         self._actions: list[list[int]] = []
-        self._is_over = False  # the last state, which has no action, was there
+        self._is_over = False  # the last state, which has no action, was read
 
     def add(self, line: Mapping[str, Any]) -> tuple[Layout, list[list[int]]] | None:
-        """Take a line in; return the episode that it ends, if it ends one. Raises RecordingError, LayoutError."""
+        """Add a line; return the episode that it ends, if it ends one. Raises RecordingError, LayoutError."""
         try:
             if line["k"] == "layout":
                 layout = parse_layout("\n".join(line["grid"]), str(line["name"]))

@@ -1,4 +1,4 @@
-"""`kitchenmind replay`: action logs to states, by the rules alone. It knows nothing of who chose the actions."""
+"""`kitchenmind replay`: re-simulate action logs to states. It needs the rules only, not the agents."""
 
 import argparse
 import gzip
@@ -26,12 +26,12 @@ _ACTION_MEANINGS = "an action is 0 N, 1 S, 2 E, 3 W, 4 stay or 5 interact"
 
 
 class ReplayError(ValueError):
-    """An action log that cannot be played; says where and why."""
+    """An action log that cannot be replayed; the message says where and why."""
 
 
 @dataclass(frozen=True)
 class RecordedEpisode:
-    """What decides an episode: where it was played and what the chefs did."""
+    """What determines an episode: its layout and the joint actions."""
 
     layout: Layout
     joint_actions: JointActions
@@ -39,7 +39,7 @@ class RecordedEpisode:
 
 @dataclass(frozen=True)
 class Replay:
-    """What follows from an episode: one state more than joint actions, and the rewards by chef."""
+    """The result of an episode: one state more than joint actions, and the rewards by chef."""
 
     states: list[Record]
     rewards: list[list[int]]
@@ -47,7 +47,8 @@ class Replay:
 
 
 def simulate(episode: RecordedEpisode) -> Replay:
-    """Play an episode from the standard start. States: `Kitchens.record` and `crc`, zlib.crc32 of each chef's view."""
+    """Simulate an episode from the standard start. States: `Kitchens.record` and `crc`, zlib.crc32 of each chef's
+    view."""
     kitchen, events = Kitchens.start(episode.layout), np.zeros((1, PLAYERS), np.int32)
     replay = Replay([_seen(kitchen)], [], [])
     for joint_action in episode.joint_actions:
@@ -63,7 +64,7 @@ def _seen(kitchen: Kitchens) -> Record:
 
 
 def read_episodes(path: Path) -> Iterator[RecordedEpisode]:
-    """The episodes of a file, one at a time: JSON lines, or (`.json`) trajectories of overcooked_ai; `.gz` or not.
+    """Read the episodes of a file, one at a time: JSON lines, or (`.json`) trajectories of overcooked_ai; `.gz` or not.
 
     A line is {"layout": grid with newlines, or a name, "joint_actions": [[a0, a1], ...]}, or belongs to a recorded game
     (`overcooked.recorded_games`), whose states are compared. Raises ReplayError, TrajectoryError, OSError.
@@ -77,7 +78,7 @@ def read_episodes(path: Path) -> Iterator[RecordedEpisode]:
 
 
 def episodes_in(file: BufferedIOBase, name: str) -> Iterator[RecordedEpisode]:
-    """The episodes of an open file, as `read_episodes`; `name` tells the format and is named in errors."""
+    """Read the episodes of an open file, as `read_episodes`; `name` decides the format and is used in errors."""
     if Path(name.removesuffix(".gz")).suffix == ".json":
         for layout, joint_actions in trajectories_in(file.read(), name):
             yield RecordedEpisode(layout, joint_actions)
@@ -129,7 +130,8 @@ def _is_joint_action(value: object) -> bool:
 
 
 def write_replays(source: Path, target: Path) -> int:
-    """Replay every episode of `source` to a line of `target`; return how many. `target` comes whole or not at all."""
+    """Replay every episode of `source` to a line of `target`; return how many. `target` is written completely or not at
+    all."""
     count = 0
     with _whole_or_nothing(target) as lines:
         for episode in read_episodes(source):
@@ -140,7 +142,7 @@ def write_replays(source: Path, target: Path) -> int:
 
 @contextmanager
 def _whole_or_nothing(target: Path) -> Iterator[TextIO]:
-    """A file that takes its name only when everything was written."""
+    """Open a file that gets its name only when everything has been written."""
     partial = target.with_name(target.name + ".partial")
     try:
         with partial.open("w", encoding="utf-8") as file:
@@ -167,7 +169,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Exit status: 0 written, 2 wrong input (then nothing is written)."""
+    """Return the exit status: 0 written, 2 wrong input (then nothing is written)."""
     source, states, trajectories = arguments.source, arguments.states, arguments.trajectories
     try:
         if states is None and trajectories is None:

@@ -2,7 +2,8 @@
 
 They are overcooked_ai's with `old_dynamics=True` (names in brackets are its functions). A state is three integer arrays
 with the game first: `players` (games, 2, 4) int8 = x, y, facing, held; `contents` (games, width, height) int8 = what
-lies on a counter or is in a pot (see `constants`); `timestep` (games,) int32. Events only: points are `score`'s.
+lies on a counter or is in a pot (see `constants`); `timestep` (games,) int32. This module reports events; `score` turns
+them into points.
 """
 
 from overcooked.compiled import inlined_kernel, kernel
@@ -52,7 +53,7 @@ __all__ = ["step", "step_game"]
 def _pots_at_start(pots, contents):
     """(wanting a dish, full): pots with 1-2 onions, cooking or ready; pots with three onions, cooking or ready.
 
-    [get_pot_states] counted once, before anybody acts: the dish rule is meant to see this stale count.
+    [get_pot_states] counted once, before either chef acts: as in overcooked_ai, the dish rule uses this stale count.
     """
     wanting_dish = 0
     full = 0
@@ -75,7 +76,7 @@ def _dish_lies_on_counter(counters, contents):
 
 @kernel
 def _interact(tiles, pots, counters, players, contents, me, wanting_dish, full):
-    """What the chef `me` does to the cell it faces; returns its events. [resolve_interacts, one player]"""
+    """Apply the interaction of chef `me` with the cell it faces; return its events. [resolve_interacts, one player]"""
     facing = players[me, FACING]
     x = players[me, X] + STEP_X[facing]
     y = players[me, Y] + STEP_Y[facing]
@@ -143,7 +144,7 @@ def _interact(tiles, pots, counters, players, contents, me, wanting_dish, full):
 
 @inlined_kernel
 def _move(tiles, players, first_action, second_action):
-    """Both chefs turn and, where the way is free, walk. [resolve_movement, _handle_collisions]"""
+    """Turn both chefs and move them if their cells are free. [resolve_movement, _handle_collisions]"""
     x0, y0 = players[0, X], players[0, Y]
     x1, y1 = players[1, X], players[1, Y]
     to_x0, to_y0, to_x1, to_y1 = x0, y0, x1, y1
@@ -168,10 +169,10 @@ def _move(tiles, players, first_action, second_action):
 
 @kernel
 def step_game(tiles, pots, counters, players, contents, first_action, second_action, events):
-    """One timestep of one game, in place. [get_state_transition]
+    """Play one timestep of one game, in place. [get_state_transition]
 
     `players` (2, 4), `contents` (width, height), `events` (2,) int32 out: the bits of each chef's events. The caller
-    counts the timestep. Actions outside 0-5 are the caller's fault and are not looked at.
+    counts the timestep. The caller must not pass actions outside 0-5; they are not checked.
     """
     events[0] = 0
     events[1] = 0
@@ -192,7 +193,7 @@ def step_game(tiles, pots, counters, players, contents, first_action, second_act
 
 @kernel
 def step(tiles, pots, counters, players, contents, timestep, actions, events):
-    """One timestep of many games, in place.
+    """Play one timestep of many games, in place.
 
     `players` (games, 2, 4), `contents` (games, width, height), `timestep` (games,), `actions` (games, 2) in 0-5,
     `events` (games, 2) int32 out.

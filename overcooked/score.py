@@ -1,4 +1,6 @@
-"""Events to points: the sparse reward, the shaped reward, and the end-of-game progress credit of the paper."""
+"""Turn events into points: the sparse reward, the shaped reward, and the paper's progress credit at the end of a
+game.
+"""
 
 from dataclasses import dataclass
 
@@ -25,13 +27,15 @@ SOUP_REWARD = 5
 
 @inlined_kernel
 def sparse_reward(events: int) -> int:
-    """Points of one chef's timestep: 20 for a delivered soup. Shared by both chefs: add the two."""
+    """Return the points of one chef's timestep: 20 for a delivered soup. Rewards are shared: add those of both
+    chefs."""
     return DELIVERY_REWARD if events & SOUP_DELIVERY else 0
 
 
 @inlined_kernel
 def shaped_reward(events: int) -> int:
-    """overcooked_ai's default shaping, to who acted: 3 an onion into a pot, 3 a useful dish, 5 a soup lifted."""
+    """Return overcooked_ai's default shaped reward of the chef that acted: 3 for an onion into a pot, 3 for a useful
+    dish, 5 for a soup lifted."""
     reward = 0
     if events & POTTING_ONION:
         reward += PLACEMENT_REWARD
@@ -44,7 +48,7 @@ def shaped_reward(events: int) -> int:
 
 @dataclass(frozen=True)
 class ProgressWeights:
-    """Points for unfinished soups when the time is up (study.md: our choice, set in the study file)."""
+    """Points for unfinished soups when the time is up (set in the study file)."""
 
     onion_in_pot: float = PLACEMENT_REWARD
     soup_on_dish: float = ONIONS_PER_SOUP * PLACEMENT_REWARD + DISH_REWARD + SOUP_REWARD
@@ -56,7 +60,8 @@ DEFAULT_PROGRESS = ProgressWeights()
 def progress_credit(
     layout: Layout, players: NDArray[np.int8], contents: NDArray[np.int8], weights: ProgressWeights = DEFAULT_PROGRESS
 ) -> float:
-    """The paper's "discount reward according to the process" of one game's last state; kept apart from sparse reward.
+    """Return the paper's "discount reward according to the process" for one game's last state; separate from the sparse
+    reward.
 
     `players` (2, 4), `contents` (width, height). Each onion in a pot counts (a full pot is three, cooked or not), each
     soup on a dish counts, held or on a counter; an empty dish counts nothing.

@@ -1,4 +1,4 @@
-"""The state of many games: three arrays and what every package does with them."""
+"""The state of many games: three arrays and the operations on them."""
 
 import hashlib
 from dataclasses import dataclass
@@ -49,14 +49,14 @@ class Kitchens:
         return len(self.timestep)
 
     def step(self, actions: NDArray[np.integer[Any]], events: NDArray[np.int32]) -> None:
-        """One timestep of every game. `actions` (games, 2) in 0-5; `events` (games, 2) out, see `score`."""
+        """Play one timestep of every game. `actions` (games, 2) in 0-5; `events` (games, 2) out, see `score`."""
         layout = self.layout
         rules.step(
             layout.tiles, layout.pots, layout.counters, self.players, self.contents, self.timestep, actions, events
         )
 
     def encode(self, out: NDArray[Any] | None = None, horizon: int = HORIZON) -> NDArray[Any]:
-        """What each chef sees: (games, 2, width, height, 26). ValueError for an unfit `out`."""
+        """Encode what each chef sees: (games, 2, width, height, 26). Raises ValueError for an unsuitable `out`."""
         layout = self.layout
         shape = (self.games, PLAYERS, layout.width, layout.height, observe.PLANES)
         if out is None:
@@ -77,7 +77,7 @@ class Kitchens:
         return state_hash(self.layout, now, self.players[game].tobytes(), self.contents[game].tobytes())
 
     def record(self, game: int = 0) -> Record:
-        """The state as plain data, cells in ascending order: the schema of the reference recordings.
+        """Return the state as plain data, cells in ascending order: the schema of the reference recordings.
 
         `t`, `p` [x, y, facing, held], `c` counters [x, y, item], `pots` [x, y, onions, tick] (tick -1: not
         cooking; 20: ready).
@@ -97,7 +97,7 @@ class Kitchens:
         return {"t": int(self.timestep[game]), "p": players, "c": counters, "pots": pots}
 
     def restore(self, record: Record, game: int = 0) -> None:
-        """The inverse of `record`. A record that is none raises ValueError or KeyError and changes nothing."""
+        """Set the state from a `record`. An invalid record raises ValueError or KeyError and changes nothing."""
         layout = self.layout
         players = [(x, y, facing, ITEM_NAMES.index(held)) for x, y, facing, held in record["p"]]
         if len(players) != PLAYERS:

@@ -31,7 +31,7 @@ _ORDERS = [{"ingredients": ["onion"] * ONIONS_PER_SOUP}]
 
 
 class TrajectoryError(ValueError):
-    """Trajectories that are none, or that did not happen under this kitchen's rules; says where."""
+    """Invalid trajectories, or ones that do not follow this kitchen's rules; the message says where."""
 
 
 def write_trajectories(played: Iterable[Played], file: TextIO) -> int:
@@ -73,7 +73,7 @@ def _columns_of(layout: Layout, joint_actions: JointActions) -> dict[str, Any]:
 
 
 def _play(layout: Layout, joint_actions: JointActions) -> Iterator[tuple[Record, int]]:
-    """Each state with the team's reward of the joint action that was taken in it."""
+    """Yield each state with the team's reward of the joint action that was taken in it."""
     kitchen, events = Kitchens.start(layout), np.zeros((1, PLAYERS), np.int32)
     for joint_action in joint_actions:
         state = kitchen.record()
@@ -116,13 +116,13 @@ def _foreign_soup(position: list[int], onions: int, tick: int) -> dict[str, Any]
 
 
 def read_trajectories(path: Path) -> Iterator[Played]:
-    """The episodes of a trajectory file, as `trajectories_in`; OSError for an unreadable file."""
+    """Read the episodes of a trajectory file, as `trajectories_in`. Raises OSError for an unreadable file."""
     return trajectories_in(path.read_bytes(), str(path))
 
 
 def trajectories_in(data: bytes, path: str) -> Iterator[Played]:
-    """The episodes of trajectories that `path` names. Every state is re-simulated and compared with the file's. Older
-    trajectories have `ep_observations` in place of `ep_states`.
+    """Read the episodes of parsed trajectories; `path` names them in errors. Every state is re-simulated and compared
+    with the file's. Older trajectories have `ep_observations` in place of `ep_states`.
 
     Raises TrajectoryError for another format or an episode of other rules.
     """
@@ -157,7 +157,7 @@ def _checked_episode(states: list[Any], actions: list[Any], parameters: dict[str
 
 
 def _layout_of(parameters: dict[str, Any]) -> Layout:
-    """The drawn terrain where the file has it, else the bundled layout of that name."""
+    """Return the drawn terrain if the file has it, otherwise the bundled layout of that name."""
     name = str(parameters.get("layout_name", "layout"))
     if "terrain" not in parameters:
         return bundled_layout(name)

@@ -1,6 +1,6 @@
 """Many games on one layout for training: one compiled call steps, scores, resets and encodes all of them.
 
-Every array that leaves is one that the caller brought.
+All output is written into arrays of the caller.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from overcooked.state import Kitchens
 
 _DIRECTIONS = len(STEP_X)
 _ITEMS = 4
-_ONE_IN = 1 << 24  # chances are compared in 24 bits
+_ONE_IN = 1 << 24  # probabilities are compared in 24 bits
 # Columns of an episode's running sums and of a finished episode.
 _SPARSE, _SHAPED_FIRST, _SHAPED_SECOND, _LENGTH, _STANDARD = 0, 1, 2, 3, 4
 
@@ -35,7 +35,7 @@ class Finished(NamedTuple):
 
 @dataclass(frozen=True)
 class Starts:
-    """How episodes begin: in the standard start state, unless said otherwise."""
+    """How episodes begin: in the standard start state by default."""
 
     desynchronised: bool = False  # the first episode of every game begins at a random timestep
     random_share: float = 0.0  # of episodes that begin in a random state: cells, facings, hands and pots
@@ -64,7 +64,7 @@ class VectorEnv:
         self.reset()
 
     def reset(self, observations: NDArray[Any] | None = None) -> None:
-        """A new episode in every game. `observations` (games, 2, width, height, 26) int8 out, if given."""
+        """Start a new episode in every game. `observations` (games, 2, width, height, 26) int8 out, if given."""
         kitchens = self.kitchens
         for game in range(self.games):
             _begin(
@@ -87,7 +87,8 @@ class VectorEnv:
         dones: NDArray[np.bool_],  # (games,) out: the episode ended with this timestep
         observations: NDArray[Any] | None = None,  # (games, 2, width, height, 26) out; None: not encoded
     ) -> None:
-        """One timestep of every game. One that ended restarts at once: it shows the new episode's first state."""
+        """Play one timestep of every game. A game that ended restarts at once: it shows the new episode's first
+        state."""
         layout, kitchens = self.layout, self.kitchens
         if observations is None:
             observations = self._no_observations
@@ -106,11 +107,11 @@ class VectorEnv:
         )  # fmt: skip
 
     def encode(self, observations: NDArray[Any]) -> None:
-        """The current states as the chefs see them: `observations` (games, 2, width, height, 26) out."""
+        """Encode the current states as the chefs see them: `observations` (games, 2, width, height, 26) out."""
         self.kitchens.encode(observations, self.horizon)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Everything that decides how the games continue, as arrays to store (views: copy what you keep)."""
+        """Return everything that determines how the games continue, as arrays to store (views: copy what you keep)."""
         kitchens = self.kitchens
         arrays: dict[str, NDArray[Any]] = {
             "players": kitchens.players,
@@ -125,7 +126,7 @@ class VectorEnv:
             array[:] = state[name]
 
     def take_finished(self) -> Finished:
-        """The episodes that ended since the last call (the newest 4 x games, at least 1,024, are kept)."""
+        """Return the episodes that ended since the last call (the newest 4 x games, at least 1,024, are kept)."""
         count, kept = int(self._finished_count[0]), len(self._finished)
         order = np.arange(max(0, count - kept), count) % kept
         rows = self._finished[order]
@@ -153,7 +154,7 @@ def _walkable_from(layout: Layout, x: int, y: int) -> list[tuple[int, int]]:
 
 @kernel
 def _below(random, game, limit):
-    """A random integer in 0..limit-1 from the game's own splitmix64 stream."""
+    """Return a random integer in 0..limit-1 from the game's own splitmix64 stream."""
     random[game] += np.uint64(0x9E3779B97F4A7C15)
     z = random[game]
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -179,7 +180,8 @@ def _begin(starts, cells, pots, players, contents, sums, random, game, random_ch
 
 @kernel
 def _randomise(cells, pots, players, contents, random, game):
-    """Any two free cells, facings, hands, and pots as they can be when a timestep begins (so never 3 raw onions)."""
+    """Draw two free cells, facings, hands, and pots in a state in which a timestep can begin (so never 3 raw
+    onions)."""
     for k in range(2):
         while True:
             cell = _below(random, game, cells.shape[1])
@@ -210,7 +212,7 @@ def _step(
         for k in range(2):
             sparse[game, k] = 0
             shaped[game, k] = 0
-            if events[game, k] != 0:  # in most timesteps nothing happens
+            if events[game, k] != 0:  # in most timesteps there is no event
                 points = sparse_reward(events[game, k])
                 shaping = shaped_reward(events[game, k])
                 sparse[game, k] = points

@@ -1,6 +1,5 @@
-"""Whether this machine is ready to serve: settings, secret, port, database, disk, studies, weights, TLS.
-
-Looks only: makes no file, starts nothing, asks nobody but the database and the server's own public address.
+"""Check whether this machine is ready to serve: settings, secret, port, database, disk, studies, weights, TLS. It
+writes no file, starts nothing, and connects only to the database and the server's own public address.
 """
 
 import os
@@ -40,7 +39,7 @@ Grade = Literal["good", "look", "bad"]
 
 @dataclass(frozen=True)
 class HealthFinding:
-    """One thing that was looked at. `look`: it can be served, but somebody should look at it first."""
+    """The result of one check. `look`: a warning; the server can run, but somebody should look at it first."""
 
     about: str
     grade: Grade
@@ -48,7 +47,7 @@ class HealthFinding:
 
 
 def examine(settings: Settings) -> Iterator[HealthFinding]:
-    """Everything that the server will need with these settings."""
+    """Check everything that the server needs with these settings."""
     checks: tuple[Callable[[Settings], Iterator[HealthFinding]], ...] = (
         _secret,
         _port,
@@ -152,7 +151,7 @@ def _studies(settings: Settings) -> Iterator[HealthFinding]:
         for warning, line in [*((True, line) for line in file.warnings), *problems]:
             yield HealthFinding("study", mild if warning else "bad", line)
         if not any(not warning for warning, _ in problems):
-            yield HealthFinding("study", "good", f"{path} is sound (version {file.sha256[:12]})")
+            yield HealthFinding("study", "good", f"{path} is valid (version {file.sha256[:12]})")
             sound.append(file)
     yield from _weights(sound)
 
@@ -205,7 +204,7 @@ def _days_of_certificate(host: str, port: int) -> float:
 
 
 def _nearest(path: Path) -> Path:
-    """The path, or what is there already of those above it."""
+    """Return the path, or its nearest parent that exists."""
     while not path.exists():
         path = path.parent
     return path

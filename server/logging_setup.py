@@ -1,4 +1,4 @@
-"""How the server says what happens: a line of text for people, or of JSON for machines. Knows not what is said."""
+"""Configure logging: lines of text for people, or of JSON for machines."""
 
 import logging
 import os
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def configure(form: Literal["text", "json"]) -> None:
-    """From now on every logger writes to standard error: warnings and worse as text, all from INFO on as JSON."""
+    """Let every logger write to standard error: warnings and worse as text, all from INFO on as JSON."""
     handler = logging.StreamHandler()
     handler.setFormatter(_formatter(form))
     root = logging.getLogger()
@@ -39,6 +39,6 @@ def _formatter(form: Literal["text", "json"]) -> logging.Formatter:
 
 
 def _process(_: "WrappedLogger", __: str, event: "EventDict") -> "EventDict":
-    """Which of several server processes speaks."""
+    """Return the name of this server process, if there are several."""
     event["process"] = os.getpid()
     return event

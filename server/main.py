@@ -1,4 +1,4 @@
-"""The one place where the parts are wired: settings in, a running application out."""
+"""Connect all parts of the server: settings in, a running application out."""
 
 import asyncio
 import gc
@@ -84,7 +84,7 @@ _GARBAGE_THRESHOLDS = (50_000, 20, 20)  # a full collection costs milliseconds, 
 
 
 def create_app(settings: Settings) -> FastAPI:
-    """The application with its routes; `wired` starts and stops its parts."""
+    """Create the application with its routes; `wired` starts and stops its parts."""
     before = [Depends(rate_limit), Depends(games_first)]
     app = FastAPI(title="kitchenmind", docs_url=None, redoc_url=None, openapi_url=None, dependencies=before)
     app.add_middleware(SecurityHeaders, secure=_csrf(settings).secure)
@@ -116,7 +116,7 @@ async def wired(
         stack.push_async_callback(models.close)
         starting = asyncio.create_task(models.start())  # takes longest, in a process of its own
         stack.push_async_callback(ended, starting)  # nothing keeps running when the server does not start
-        # Starlette's own way, which imports its parts at the first call.
+        # Starlette's thread pool, which imports its parts at the first call.
         await run_in_threadpool(warm_up.compile_all, files, csrf.root)
         if several:
             await asyncio.to_thread(migrate_shared, settings.database)
@@ -134,7 +134,7 @@ async def wired(
         gc.freeze()
         gc.set_threshold(*_GARBAGE_THRESHOLDS)
         gc.enable()
-        loading = asyncio.create_task(asyncio.to_thread(load_rules))  # after the start, which it would make longer
+        loading = asyncio.create_task(asyncio.to_thread(load_rules))  # after the start, which it would delay
         stack.push_async_callback(ended, loading)
         yield
 
@@ -186,12 +186,12 @@ async def _services(
 
 
 def _state(live: LiveGames, models: ModelServer, alerts: Alerts, versions: StudyVersions, name: str) -> Process:
-    """What the other processes are told of this one."""
+    """Return the status of this process for the others."""
     return Process(name, metrics_of(live, models), alerts.shared(), versions.served())
 
 
 def _unstored(web: Web, games: Games, models: ModelServer) -> tuple[Demonstrations, PreviewGames]:
-    """What plays games that nobody stores."""
+    """Return a factory of games that are not stored."""
     demonstrations = Demonstrations(games.with_recorder, web.studies, web.csrf.is_own_origin)
     return demonstrations, PreviewGames(games.with_recorder, web.csrf.is_own_origin, PreviewModels(models))
 
@@ -218,8 +218,8 @@ def _models(settings: Settings, files: Sequence[StudyFile], ahead: Launched | No
 
 
 def _served(settings: Settings) -> list[StudyFile]:
-    """The studies that can be played. Raises StudyError for a broken file, and where an agent or predictor is missing;
-    of several studies in local mode only those without their models are left out."""
+    """Return the studies that can be played. Raises StudyError for an invalid file or a missing agent or predictor; if
+    there are several studies in local mode, those without their models are left out instead."""
     served, reasons = [], []
     for path in settings.studies:
         file = load_with_kitchens(path, partial(kitchens.grids_at, settings.database), settings.models_folder)
@@ -235,14 +235,14 @@ def _served(settings: Settings) -> list[StudyFile]:
 
 
 async def _node(settings: Settings, files: list[StudyFile], stack: AsyncExitStack) -> "ClusterNode":
-    """This process among several. Raises StudyError, ClusterDown, DatabaseDown."""
+    """Start this process as one of several. Raises StudyError, ClusterDown, DatabaseDown."""
     from server.cluster.node import ClusterNode, refuse_pairs
     from server.cluster.registry import Cluster
     from server.store.fences import FencedRecorder
 
     assert settings.redis is not None  # noqa: S101 the caller looked
     refuse_pairs(files)
-    of_games = Database(settings.database, readers=2, shared=True)  # a tick never waits its turn behind a page
+    of_games = Database(settings.database, readers=2, shared=True)  # a tick must not wait behind a page's writes
     stack.callback(of_games.close)
     cluster = Cluster(settings.redis.get_secret_value(), settings.database)
     stack.push_async_callback(cluster.close)
@@ -290,7 +290,7 @@ def _webhook(settings: Settings) -> "Webhook | None":
 
 
 def _teller(settings: Settings, hook: "Webhook | None") -> Callable[[Alert, bool], None]:
-    """What writes an alert into the log, and posts it where the settings say."""
+    """Return a function that logs an alert, and posts it if the settings have a webhook."""
 
     def tell(alert: Alert, over: bool) -> None:
         log.log(logging.INFO if alert.study else logging.WARNING, "alert%s: %s", " over" if over else "", alert.text)

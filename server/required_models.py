@@ -1,4 +1,4 @@
-"""Which agents and predictors the studies need, where they are, and which of them are not there. Loads none of them."""
+"""Find the agents and predictors that the studies need, where they are, and which are missing, without loading them."""
 
 import hashlib
 from collections.abc import Iterable, Mapping
@@ -33,7 +33,7 @@ class RequiredModels:
         return tuple(name for name in (*self.agents, *self.predictors) if self.lacks(*name) is not None)
 
     def lacks(self, layout: str, model: str) -> str | None:
-        """Return what is not there of a model, as a clause; None if it is there. Nothing of it is run."""
+        """Return what is missing of a model, as a clause; None if it is complete. No code of it is run."""
         base = without_variant(self.paths.located(model))
         if base in WITHOUT_WEIGHTS or base.startswith(("http://", "https://")):
             return None
@@ -54,12 +54,12 @@ class RequiredModels:
         return f"there is no checkpoint in {base}" if "/" in base else f"there are no weights for {layout} of: {base}"
 
     def fingerprint(self, layout: str, model: str) -> str | None:
-        """Return the SHA-256 that names a model in the data, see `fingerprint`."""
+        """Return the SHA-256 that identifies a model in the data, see `fingerprint`."""
         return fingerprint(layout, self.paths.located(model), self.paths.folders)
 
 
 def required_models(files: Iterable[StudyFile]) -> RequiredModels:
-    """Everything that is asked in the games of these studies. Raises StudyError where two of them mean different
+    """Return all models of these studies' games. Raises StudyError where two of them mean different
     kitchens or different files by one name."""
     files = list(files)
     pairs = [models_of(file.study) for file in files]
@@ -94,7 +94,7 @@ def _grids(files: Iterable[StudyFile]) -> dict[str, str]:
 
 
 def fingerprint(layout: str, model: str, folders: Iterable[str] = ()) -> str | None:
-    """Return the SHA-256 that names a model in the data: of a checkpoint's `sha256` file, of an ONNX file, of the
+    """Return the SHA-256 that identifies a model in the data: of a checkpoint's `sha256` file, of an ONNX file, of the
     source file of a Python class. None for scripted models and addresses, which have no file."""
     base = without_variant(model)
     if is_class(base):
@@ -107,6 +107,6 @@ def fingerprint(layout: str, model: str, folders: Iterable[str] = ()) -> str | N
 
 
 def folder_of(layout: str, model: str) -> Path:
-    """Where a model's checkpoint lies or would lie: a path as it is, a name among the bundled ones."""
+    """Return where a model's checkpoint is or would be: a path as it is, a name among the bundled ones."""
     base = without_variant(model)
     return Path(base) if "/" in base else WEIGHTS / layout / base

@@ -21,7 +21,7 @@ IS_CHECKOUT = (ROOT / "pyproject.toml").is_file()
 DATABASE_FILE = "kitchenmind.sqlite3"
 _LOCAL_HOSTS = frozenset({"127.0.0.1", "::1", "localhost"})
 _SHORTEST_SECRET, _SHORTEST_TOKEN = 32, 16
-_RANDOM_OF_SECRET, _RANDOM_OF_TOKEN = 20, 12  # characters of it that nobody can foresee
+_RANDOM_OF_SECRET, _RANDOM_OF_TOKEN = 20, 12  # unpredictable characters that it must have
 _MAKE_ONE = "`python3 -c 'import secrets; print(secrets.token_urlsafe(32))'`"
 _PLAIN_ADDRESS = re.compile(
     r"https?://(?P<host>[A-Za-z0-9](?:[A-Za-z0-9.-]*[A-Za-z0-9])?|\[[0-9A-Fa-f:.]+\])(?::(?P<port>[0-9]{1,5}))?"
@@ -32,7 +32,7 @@ _IPV4_IN_IPV6 = ipaddress.IPv6Network("::ffff:0:0/96")  # how a socket of both k
 
 
 class Settings(BaseSettings):
-    """Every setting has a default that is right on one's own machine; `mode = production` refuses the unsafe ones."""
+    """Every setting has a default for local use; `mode = production` refuses unsafe values."""
 
     model_config = SettingsConfigDict(
         env_prefix="KITCHENMIND_", env_file=".env", frozen=True, extra="ignore", hide_input_in_errors=True
@@ -169,7 +169,7 @@ class Settings(BaseSettings):
         return self
 
     def make_data_folder(self) -> None:
-        """Create the folder `data` if something will be kept in it. Raises OSError."""
+        """Create the folder `data` if it will be used. Raises OSError."""
         if self.secret is None or self.database == _database_in(self.data):
             self.data.mkdir(mode=0o700, parents=True, exist_ok=True)
 
@@ -193,7 +193,7 @@ def _database_in(folder: Path) -> str:
 
 
 def _check_proxies(trusted: str) -> None:
-    """Raise ValueError where anybody could write the address that a request comes from."""
+    """Raise ValueError for settings with which any client could forge the address of a request."""
     for one in (piece.strip() for piece in trusted.split(",")):
         remedy = "KITCHENMIND_TRUSTED_PROXIES takes addresses and networks of the TLS proxy, like 172.28.57.0/24"
         try:

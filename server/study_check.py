@@ -1,4 +1,4 @@
-"""Whether a study can be played on this machine: its kitchens, its agents and its predictors."""
+"""Check whether a study can be played on this machine: its kitchens, agents and predictors."""
 
 import difflib
 import json
@@ -18,8 +18,8 @@ from server.study.loader import StudyFile
 
 
 def stage_problems(file: StudyFile, loads: bool = True) -> Iterator[Problem]:
-    """Kitchens that are none, and agents and predictors that are not there, cannot be loaded or do not fit. `loads`
-    False: those that are there are not tried, which takes seconds."""
+    """Yield invalid kitchens, and agents and predictors that are missing, cannot be loaded or do not fit. `loads`
+    False: do not load those that exist, which takes seconds."""
     study = file.study
     places: list[tuple[Path, KitchenChoice]] = [(("layouts", index), one) for index, one in enumerate(study.layouts)]
     places.append((("tutorial", "layout"), study.tutorial.layout))
@@ -33,13 +33,13 @@ def stage_problems(file: StudyFile, loads: bool = True) -> Iterator[Problem]:
         except FileNotFoundError as error:
             remedy = "Correct the name, draw the rows under `grid: |`, or save this kitchen in the dashboard."
             yield Problem((*path, "name"), str(error).rstrip("."), remedy)
-    if len(sound) == len({kitchen.name for _, kitchen in places}):  # models need kitchens that are sound
+    if len(sound) == len({kitchen.name for _, kitchen in places}):  # models need valid kitchens
         yield from _model_problems(file, sound, loads)
 
 
 def _variant_problems(study: Study) -> Iterator[Problem]:
-    """Predictors written with a variant: `sp_predictor_stream@60` would be made worse without a word in conditions
-    that show the predictor itself."""
+    """Predictors written with a variant: `sp_predictor_stream@60` would silently be degraded in conditions that show
+    the predictor itself."""
     places: list[tuple[Path, PartnerSettings]] = [(("agents", index), one) for index, one in enumerate(study.agents)]
     places += [(("waiting_room", "agent"), study.waiting_room.agent), (("tutorial", "agent"), study.tutorial.agent)]
     for place, agent in places:
@@ -50,8 +50,8 @@ def _variant_problems(study: Study) -> Iterator[Problem]:
 
 
 def missing_problems(file: StudyFile, required: RequiredModels) -> Iterator[Problem]:
-    """Agents and predictors that this machine does not have, or that no study may name, each at its place in the
-    file."""
+    """Yield agents and predictors that this machine does not have, or that a study may not name, each with its place in
+    the file."""
     yield from _variant_problems(file.study)
     told = set()
     for place, layout, model in models_named(file.study):
@@ -62,7 +62,7 @@ def missing_problems(file: StudyFile, required: RequiredModels) -> Iterator[Prob
 
 
 def models_named(study: Study) -> Iterator[tuple[Path, str, str]]:
-    """Every model that the study's games ask: place in the file, layout, name; each name as often as it is asked."""
+    """Yield every model of the study's games: place in the file, layout, name; a name occurs as often as it is used."""
     asked = set().union(*models_of(study))
     places: list[tuple[Path, PartnerSettings]] = [(("agents", index), one) for index, one in enumerate(study.agents)]
     places += [(("waiting_room", "agent"), study.waiting_room.agent), (("tutorial", "agent"), study.tutorial.agent)]
@@ -108,7 +108,7 @@ def _model_problems(file: StudyFile, layouts: dict[str, Layout], loads: bool) ->
 
 
 def _intention_problems(study: Study, layouts: dict[str, Layout], required: RequiredModels) -> Iterator[Problem]:
-    """Conditions that draw the predictor's intention where it says none. Random ones need no predictor."""
+    """Yield conditions that draw the intention of a predictor without intentions. Random ones need no predictor."""
     from models.agents.predictors import has_intentions
 
     told: set[tuple[str, str]] = set()
@@ -139,7 +139,8 @@ def _grid_problem(study: Study, layout: Layout, model: str, required: RequiredMo
 
 
 def _unfit(place: Path, layout: Layout, model: str, required: RequiredModels) -> Problem | None:
-    """Why a model that is there cannot be used. A Python class is not run here: the server tries it when it starts."""
+    """Return why an existing model cannot be used. A Python class is not run here: the server tries it when it
+    starts."""
     from models.agents.catalogue import load_agent
     from models.agents.predictors import load_predictor
 
@@ -157,8 +158,8 @@ def _unfit(place: Path, layout: Layout, model: str, required: RequiredModels) ->
 
 
 def doubts(file: StudyFile) -> Iterator[Problem]:
-    """What can be played and is probably not meant so (warnings): predictions are shown that say nothing about the
-    agent that people play with."""
+    """Yield warnings about settings that are probably unintended: predictions are shown that have no relation to the
+    participants' partner."""
     study, required = file.study, required_models([file])
     if not any(condition.predictor in ("tom", "degraded", "misleading") for condition in study.displays):
         return
@@ -168,7 +169,7 @@ def doubts(file: StudyFile) -> Iterator[Problem]:
         if agent.predictor in WITHOUT_WEIGHTS and agent.predictor != agent.catalogue_name:
             scripted = f"knows the scripted {agent.predictor} only"
             what = "guesses at random" if agent.predictor == "random" else scripted
-            reason = f"a condition shows what the predictor says, and `{agent.predictor}` {what}"
+            reason = f"a condition shows predictions, and `{agent.predictor}` {what}"
             yield Problem(place, reason, "Is that intended? Name a predictor that was trained for it.", warning=True)
         names = {without_variant(predictor_of(study, agent, arm) or "") for arm in study.displays}
         for layout, name in product(study.layouts, sorted(names)) if not agent.human else ():
@@ -184,7 +185,8 @@ def doubts(file: StudyFile) -> Iterator[Problem]:
 
 
 def _practice_doubts(study: Study) -> Iterator[Problem]:
-    """A practice that is meant to teach intentions, with an agent that has none: the guide only walks."""
+    """Yield a warning about a practice game that should teach intentions with an agent that has none: the guide only
+    walks."""
     has_intentions = any(study.drawn(arm) in ("intention", "both") for arm in study.conditions)
     is_taught = "tutorial" in study.flow and "marks" in study.tutorial.lessons
     if has_intentions and is_taught and study.tutorial.agent.predictor == "guide":
@@ -195,12 +197,12 @@ def _practice_doubts(study: Study) -> Iterator[Problem]:
 
 
 def _identity(layout: str, model: str, required: RequiredModels) -> str | None:
-    """What a predictor's config calls the agent that it was trained for."""
+    """Return a predictor's identifier of the agent that it was trained for."""
     return None if model in WITHOUT_WEIGHTS else fingerprint(layout, model, required.paths.folders)
 
 
 def _degraded_problems(required: RequiredModels) -> Iterator[Problem]:
-    """A predictor is made worse by leaving what it is right about, so it must be known how often it is right."""
+    """Yield problems of degraded conditions: degrading a predictor to an accuracy needs its measured accuracy."""
     for layout, model in required.predictors:
         name, _, wanted = model.rpartition("@")
         if not wanted.replace(".", "").isdigit():

@@ -1,7 +1,6 @@
-"""What a connection has to do to be kept: say something whole soon. How many there may be: games keep theirs. And how
-much of one is read at a time: nobody holds the others up.
-
-Knows the outermost layer only; what a game's socket says is for server.web.participant.game_socket.
+"""Limits on connections: the time to send a complete request, the number of connections (those of games are kept), and
+the amount read at a time, so that no client delays the others. The messages of game sockets are handled in
+server.web.participant.game_socket.
 """
 
 import asyncio
@@ -25,8 +24,8 @@ log = logging.getLogger(__name__)
 SAY_SOMETHING_WITHIN_S = 10.0  # from the first byte (or none) of a request to the end of its headers
 _FOR_OURSELVES: Final = 128  # descriptors: database, models, files that are being sent
 _WANTED: Final = 65_536
-_MOUTHFUL_BYTES: Final = 2048  # two of the longest messages there are, or some thirty usual ones
-_AFTER_CLOSE_EVERY_S: Final = 0.02  # a mouthful of what still comes then: the peer's own close may be behind it
+_MOUTHFUL_BYTES: Final = 2048  # two of the longest messages, or some thirty usual ones
+_AFTER_CLOSE_EVERY_S: Final = 0.02  # bytes still read after that, as the peer's own close may follow
 _TEXT, _PING, _PONG = 0x81, 0x89, 0x8A  # the first byte of a frame in one piece
 _TWO_MORE_BYTES: Final = 126  # in the place of a size: it follows in two bytes
 _MASKED: Final = 0x80  # added to the size in a browser's frames
@@ -36,12 +35,12 @@ _FULL: Final = b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 5\r\nConnectio
 
 
 def most_connections() -> int:
-    """As many as there are descriptors, less what the server itself needs."""
+    """Return the number of descriptors, less those that the server itself needs."""
     return max(16, resource.getrlimit(resource.RLIMIT_NOFILE)[0] - _FOR_OURSELVES)
 
 
 def raise_descriptor_limit() -> None:
-    """The usual limit of 1024 descriptors is for desktops; the system's own limit stays."""
+    """Raise the usual limit of 1024 descriptors, which is meant for desktops, to the system's own limit."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = _WANTED if hard == resource.RLIM_INFINITY else min(hard, _WANTED)
     if soft != resource.RLIM_INFINITY and soft < wanted:
@@ -49,13 +48,13 @@ def raise_descriptor_limit() -> None:
 
 
 class PatientProtocol(H11Protocol):
-    """uvicorn's HTTP connection, which by itself would wait for ever for a request to be finished.
+    """uvicorn's HTTP connection with a time limit; uvicorn itself would wait forever for a request to be finished.
 
     When all places are taken, the connection that has been silent longest is closed; if none is silent, the newcomer
     gets a 503.
     """
 
-    # By server: who has not said anything whole, oldest first.
+    # By server: connections without a complete request, oldest first.
     _silent: ClassVar["WeakKeyDictionary[ServerState, dict[PatientProtocol, None]]"] = WeakKeyDictionary()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -92,7 +91,7 @@ class PatientProtocol(H11Protocol):
     def _make_room(self) -> bool:
         oldest = next(iter(self._mates), None)
         if oldest is None:
-            log.warning("all %d connections are taken: a newcomer is sent away", most_connections())
+            log.warning("all %d connections are in use: a new one is refused", most_connections())
             return False
         oldest.transport.abort()
         oldest._heard()
@@ -101,9 +100,9 @@ class PatientProtocol(H11Protocol):
 
 
 class QuietProtocol(WebSocketsSansIOProtocol):
-    """uvicorn's websocket, which by itself writes a traceback into the log for every text frame that is not UTF-8, and
-    takes any number of frames that are no message: pings, pongs, pieces of a message without an end. And with
-    `DirectFrames` for the application."""
+    """uvicorn's websocket, with `DirectFrames` for the application, a limit on frames that are no message (pings, pongs,
+    pieces of a message without an end), and without uvicorn's traceback in the log for every text frame that is not
+    UTF-8."""
 
     def __init__(self, **parts: Any) -> None:
         super().__init__(**parts)
@@ -213,8 +212,8 @@ def _end_of_short_frame(data: bytes, begin: int) -> int:
 
 
 class SparingProtocol(asyncio.BufferedProtocol):
-    """uvicorn's websocket, which by itself takes in and parses a quarter of a megabyte at once, and continues with all
-    that comes after it has closed: thousands of messages of one flood, for which every other game would wait."""
+    """uvicorn's websocket, reading small amounts at a time. uvicorn itself parses a quarter of a megabyte at once, and
+    continues after it has closed: every other game would wait for the thousands of messages of one flood."""
 
     def __init__(self, **parts: Any) -> None:
         self._websocket = QuietProtocol(**parts)
@@ -236,7 +235,7 @@ class SparingProtocol(asyncio.BufferedProtocol):
         self._websocket.resume_writing()
 
     def data_received(self, data: bytes) -> None:
-        """The request of the handshake, which HTTP has read."""
+        """Handle the request of the handshake, which the HTTP protocol has read."""
         self._websocket.data_received(data)
 
     def get_buffer(self, _sizehint: int) -> bytearray:

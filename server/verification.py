@@ -1,4 +1,4 @@
-"""Plays stored episodes again by the rules alone and compares everything that the rules decide."""
+"""Re-simulate stored episodes and compare everything that the rules determine."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from server.store.episodes import BrokenEpisode, StoredEpisode
 
 @dataclass(frozen=True)
 class VerificationResult:
-    """One episode: what was compared and the first difference, if any."""
+    """The result for one episode: what was compared and the first difference, if any."""
 
     episode: str
     layout: str

@@ -1,4 +1,4 @@
-"""Which version of the code is running, for the data: the package's version and, in a checkout, the revision."""
+"""The version of the running code, for the data: the package's version and, in a checkout, the revision."""
 
 import subprocess
 from functools import cache
@@ -9,7 +9,7 @@ from server.settings import ROOT
 
 @cache
 def code_version() -> str:
-    """E.g. 0.1.0+59e776d, with .dirty after it if files were changed; 0.1.0 where there is no checkout."""
+    """Return e.g. 0.1.0+59e776d, with .dirty appended if files were changed; 0.1.0 outside a checkout."""
     try:
         released = version("kitchenmind")
     except PackageNotFoundError:

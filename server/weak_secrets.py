@@ -1,4 +1,4 @@
-"""Whether a secret is made of little: digits in order, rows of keys, repetitions, words."""
+"""Detect weak secrets: digits in order, rows of keys, repetitions, words."""
 
 import re
 from typing import Final
@@ -18,10 +18,9 @@ _SHORTEST_RUN: Final = 3
 
 
 def effective_length(secret: str) -> int:
-    """Return how many characters of it are not foreseeable from those before.
-
-    A run of three or more characters that follows a row of keys or of the alphabet, stays on one character, or
-    repeats what stood before counts as one character; so does a word that people put into secrets.
+    """Return how many characters of it are not predictable from those before. A run of three or more characters that
+    follows a row of keys or of the alphabet, stays on one character, or repeats what stood before counts as one
+    character; so does a word that is common in secrets.
     """
     text = _WORDS.sub("\0", secret.lower())
     length, at = 0, 0
@@ -32,7 +31,7 @@ def effective_length(secret: str) -> int:
 
 
 def _run(text: str, at: int) -> int:
-    """Return the length of the longest foreseeable run that begins here; 0: none."""
+    """Return the length of the longest predictable run that begins here; 0: none."""
     longest = 0
     for end in range(at + _SHORTEST_RUN, len(text) + 1):
         piece = text[at:end]
@@ -44,5 +43,5 @@ def _run(text: str, at: int) -> int:
 
 
 def is_weak(secret: str, at_least: int) -> bool:
-    """Return whether somebody could guess it. `at_least`: characters that must not be foreseeable."""
+    """Return whether somebody could guess it. `at_least`: characters that must not be predictable."""
     return effective_length(secret) < at_least or len(set(secret)) < 8

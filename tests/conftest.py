@@ -1,4 +1,4 @@
-"""For all tests: one thread a process, as many run side by side, and child processes inherit it."""
+"""For all tests: one thread per process, as several run in parallel; child processes inherit this."""
 
 import gc
 import os
@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, settings
 from tests.support.postgres_server import PostgresServer
 from tests.support.redis_server import RedisServer
 
-# A machine with much else to do is slow to draw examples: no fault of the code under test.
+# A busy machine is slow to draw examples, which is not a fault of the code under test.
 settings.register_profile("any_machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any_machine")
 
@@ -40,7 +40,7 @@ http_transport.create_ssl_context = lambda *given, **named: _certificates(
     os.environ.get("SSL_CERT_FILE"), *given, **named
 )
 
-# Files are handed out whole, in this order: what takes long first, so that no worker is left with it at the end, with
+# Files are distributed whole, in this order: slow ones first, so that no worker is left with it at the end, with
 # browsers and others in turn, so that those of several files do not run at the same time; then the rest well mixed.
 LONG_FIRST = (
     "test_game_browser_looks.py",
@@ -102,7 +102,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Spare what the imports left to every later collection of garbage: half a million objects that nobody drops."""
+    """Exclude the half a million objects of the imports, which are never freed, from garbage collection."""
     gc.collect()
     gc.freeze()
 

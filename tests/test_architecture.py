@@ -14,16 +14,16 @@ ROOT = Path(__file__).parent.parent
 PACKAGES = ("kitchenmind", "overcooked", "models", "training", "analysis", "server")
 LONGEST_FILE, LONGEST_FUNCTION, MOST_ARGUMENTS = 300, 40, 6
 
-# What is larger than the guide, and why it is better so.
+# Functions above the limits, and why.
 LONG_FILES: dict[str, str] = {}
 LONG_FUNCTIONS = {
     "overcooked.rules._interact": "one branch a tile, in the order of the rules",
     "training.collect.games_with": "one loop over timesteps, in the order in which things happen",
-    "training.commands.predictor.run": "one command from top to bottom: what it reads, trains and ships",
+    "training.commands.predictor.run": "one command from top to bottom: what it reads, trains and writes",
 }
 MANY_ARGUMENTS = {
-    "training.fused_ppo_loss.forward": "what ppo_loss takes",
-    "training.ppo.ppo_loss": "what the formula has, by name",
+    "training.fused_ppo_loss.forward": "the arguments of ppo_loss",
+    "training.ppo.ppo_loss": "the terms of the formula, by name",
 }
 
 Tree = ast.Module
@@ -139,7 +139,7 @@ def functions(tree: Tree) -> Iterator[Function]:
 
 
 def _lines_of_code(function: Function) -> int:
-    """Without signature and docstring: what has to be understood."""
+    """Count lines without signature and docstring."""
     body = function.body[1:] if ast.get_docstring(function) and len(function.body) > 1 else function.body
     return (function.end_lineno or 0) - body[0].lineno + 1
 
@@ -191,7 +191,7 @@ def test_every_module_says_what_it_is_for() -> None:
     assert [module for module, tree in modules().items() if tree.body and not ast.get_docstring(tree)] == []
 
 
-def test_no_module_is_a_box_for_odds_and_ends() -> None:
+def test_no_module_has_a_catch_all_name() -> None:
     odd = {"utils", "helpers", "common", "misc", "tools"}
     assert [module for module in modules() if odd & set(module.split("."))] == []
 
@@ -201,7 +201,7 @@ def test_every_folder_of_tests_is_a_package() -> None:
     assert [folder for folder in folders if not (folder / "__init__.py").exists()] == [], "names could collide"
 
 
-def test_no_file_got_in_that_is_neither_text_nor_weights_nor_a_picture() -> None:
+def test_every_file_is_text_weights_or_a_picture() -> None:
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True)
     binary = set(filter(None, listed.stdout.split("\0"))) - tracked_texts().keys()
     kinds = {Path(name).suffix for name in binary if (ROOT / name).is_file()}

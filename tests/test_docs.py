@@ -134,7 +134,7 @@ def test_decisions_are_listed_with_their_titles() -> None:
     assert {name: f"# {number}{title}" for number, title, name in listed} == titles
 
 
-def test_the_website_asks_no_other_server_for_anything() -> None:
+def test_the_website_loads_nothing_from_other_servers() -> None:
     text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8") + (ROOT / "docs/theme/main.html").read_text("utf-8")
     assert "://" not in text
     assert site()["theme"]["font"] is False

@@ -121,7 +121,7 @@ async def test_every_command_for_containers_does_what_the_guide_says(
     assert re.search(ONE_EPISODE, machine.does(verify), re.MULTILINE)
 
 
-def test_the_prolific_guide_asks_for_no_other_commands_of_containers() -> None:
+def test_the_prolific_guide_uses_no_other_container_commands() -> None:
     prolific = (ROOT / "docs" / "guides" / "run_a_prolific_study.md").read_text(encoding="utf-8")
     others = set(commands(prolific)) - set(commands(guide_machine.GUIDE))
     assert [line.partition(EXEC)[0] for line in others] == [""], "of these only the command of the server is new"

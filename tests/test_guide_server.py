@@ -1,4 +1,4 @@
-"""The guide to a server of one's own, to the letter: its commands, its nginx block, its systemd unit; a person plays
+"""The guide to running a server, to the letter: its commands, its nginx block, its systemd unit; a person plays
 through TLS. Only names that belong to the guide's machine (addresses, paths, `sudo`) are replaced by ours."""
 
 import shlex

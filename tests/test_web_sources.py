@@ -1,4 +1,4 @@
-"""Scripts, styles and templates of the pages: which folder of scripts imports which, names, and lines one can read."""
+"""Scripts, styles and templates of the pages: imports between folders of scripts, names, and line lengths."""
 
 import json
 import re

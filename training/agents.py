@@ -1,4 +1,4 @@
-"""From a run to agents on disk: trains one, keeps its skill levels."""
+"""Train an agent, and write it to disk at several skill levels."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -20,7 +20,7 @@ from training.partners import PartnerPool, load_partners
 from training.ppo import PpoTrainer, Progress, run_settings, train
 from training.runlog import RunFolder
 
-PEOPLE = Mode(temperature=0.0, stuck_after=8, stuck_mix=0.5)  # decided by measurement: docs/decisions
+PEOPLE = Mode(temperature=0.0, stuck_after=8, stuck_mix=0.5)  # chosen by measurement: docs/decisions
 NO_FIGURES: Mapping[str, Any] = MappingProxyType({})
 SKILLS = (35, 70, 100)  # percent of the best reward of a run
 
@@ -33,7 +33,7 @@ def train_agent(
     partners: Sequence[Path] = (),
     progress: Progress | None = None,
 ) -> RunFolder:
-    """One complete run, or the rest of an interrupted one, in the folder `path`."""
+    """Train a complete run, or the rest of an interrupted one, in the folder `path`."""
     torch.set_num_threads(1)
     names = [f"{path.parent.name} {path.name} {load_checkpoint(path).sha256[:12]}" for path in partners]
     folder = RunFolder(path, run_settings(config, layout, seed, names))
@@ -46,7 +46,7 @@ def train_agent(
 
 
 def _partner_pool(folders: Sequence[Path], layout: Layout, config: AgentConfig, compute: Compute) -> PartnerPool:
-    """The partners on the learner's device; their networks may be of another kind than its own."""
+    """Return the partners on the ego agent's device; their networks may be of another kind than its own."""
     networks = load_partners(folders, layout)
     kind = NetworkConfig("mlp" if isinstance(networks[0], MlpPolicy) else "cnn")
     own = compute if kind.kind == config.network else choose_compute(kind, layout)[0]
@@ -54,9 +54,8 @@ def _partner_pool(folders: Sequence[Path], layout: Layout, config: AgentConfig, 
 
 
 def skill_snapshot(folder: RunFolder, skill: int) -> tuple[int, float, Path]:
-    """The snapshot on the way up whose reward is nearest to `skill` percent of the run's best.
-
-    Returns (timesteps, reward then, file).
+    """Return the snapshot, up to the best one, whose reward is nearest to `skill` percent of the run's best:
+    (timesteps, reward, file).
     """
     snapshots = folder.snapshots()
     best = max(range(len(snapshots)), key=lambda k: snapshots[k][1])
@@ -65,7 +64,7 @@ def skill_snapshot(folder: RunFolder, skill: int) -> tuple[int, float, Path]:
 
 
 def snapshot_network(path: Path, config: AgentConfig, layout: Layout) -> tuple[Network, NetworkConfig]:
-    """The network of a snapshot file."""
+    """Load the network of a snapshot file."""
     settings = network_config(config)
     network = build_network(settings, layout)
     network.load_state_dict({name: tensor.float() for name, tensor in load_file(path).items()})
@@ -100,7 +99,7 @@ def write_agent(
 
 
 def publish(folder: Path, target: Path, name: str, figures: Mapping[str, Any]) -> str:
-    """Write a finished agent's checkpoint again under the name that studies use, with what was measured of it in its
+    """Write a finished agent's checkpoint again under the name that studies use, with its measured performance in its
     config and card; return its sha256."""
     checkpoint = load_checkpoint(folder)
     network, layout, config = network_of(checkpoint)
@@ -115,7 +114,7 @@ def publish(folder: Path, target: Path, name: str, figures: Mapping[str, Any]) -
 
 
 def card(folder: RunFolder, name: str, skill: int, mode: Mode, facts: dict[str, Any]) -> str:
-    """The page that travels with the weights: what it is, how it was made, what it does."""
+    """Return the model card: what the agent is, how it was trained, how it performs."""
     settings = folder.settings
     partners = settings["partners"]
     how = f"best response to {len(partners)} partners (fictitious co-play)" if partners else "self-play"
@@ -127,7 +126,7 @@ def card(folder: RunFolder, name: str, skill: int, mode: Mode, facts: dict[str, 
         *_beginning(config),
         f"Acts with temperature {mode.temperature:g}; after {mode.stuck_after} timesteps without a change of its own",
         f"cell, facing or hand, {mode.stuck_mix:.0%} of the probability goes to the four moves, so that two chefs",
-        "never jam for good.",
+        "never block each other for good.",
         "",
         "| fact | value |",
         "|---|---|",
@@ -152,7 +151,7 @@ def _beginning(config: AgentConfig) -> list[str]:
 
 
 def _written(value: Any) -> str:
-    """A figure as people read it; a mean with its standard error."""
+    """Format a figure; a mean with its standard error."""
     if isinstance(value, dict) and set(value) == {"mean", "se"}:
         return f"{value['mean']} ± {value['se']}"
     if isinstance(value, dict):

@@ -1,8 +1,8 @@
-"""Partners like people: small networks that do what humans did in recorded games (behaviour cloning).
+"""Human-like partners: small networks that imitate the people in recorded games (behaviour cloning).
 
-The recordings are Carroll et al.'s human-human games on the five classic layouts (tests/data). On each, the later half
-of the games makes the clone with whom agents and predictors are measured, the earlier half the clones that predictors
-learn with: no game is in both. Run it as `python -m training.behaviour_cloning --layout NAME`.
+The recordings are Carroll et al.'s human-human games on the five classic layouts (tests/data). On each, the
+behaviour-cloned human for measuring agents and predictors learns from the later half of the games, those for training
+predictors from the earlier half: no game is in both. Run it as `python -m training.behaviour_cloning --layout NAME`.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from overcooked.layout import Layout, load_layout
 from overcooked.state import Kitchens
 from training.runlog import revision
 
-RECORDED = {  # games of people on each layout
+RECORDED = {  # human-human games on each layout
     "cramped_room": 8,
     "asymmetric_advantages": 9,
     "coordination_ring": 8,
@@ -36,13 +36,14 @@ RECORDED = {  # games of people on each layout
 _DEFAULT = "coordination_ring"
 _DATA = Path(__file__).parent.parent / "tests" / "data"
 NAME = "human_bc"
-LIKE_PEOPLE = Mode(temperature=1.0, stuck_after=3, stuck_mix=0.5)  # cloned people get stuck far more than people do
+# behaviour-cloned humans get stuck far more than people do
+LIKE_PEOPLE = Mode(temperature=1.0, stuck_after=3, stuck_mix=0.5)
 CLONES_OF_A_KIND = 3
 
 
 @dataclass(frozen=True)
 class CloningConfig:
-    """How the clone learns."""
+    """How the network is trained."""
 
     games: tuple[int, ...]  # that it imitates; the last one only says when to stop
     hidden: tuple[int, ...] = (64, 64)
@@ -56,11 +57,11 @@ class CloningConfig:
 
 @dataclass(frozen=True)
 class HumanGames:
-    """What people saw and did, a row for each of the two."""
+    """Observations and actions of the recorded people, a row for each of the two."""
 
     observations: NDArray[np.int8]  # (rows, width, height, 26)
     actions: NDArray[np.int64]  # (rows,)
-    game: NDArray[np.int64]  # (rows,): which game, so that one can be kept apart
+    game: NDArray[np.int64]  # (rows,): which game, so that one can be held out
 
     @property
     def count(self) -> int:
@@ -74,7 +75,7 @@ def recordings(layout: Layout) -> Path:
 
 
 def read_human_games(path: Path, layout: Layout) -> HumanGames:
-    """All recorded timesteps with an action. Raises OSError or ValueError for a file that is none."""
+    """Return all recorded timesteps with an action. Raises OSError or ValueError for an unreadable file."""
     kitchens = Kitchens.start(layout)
     seen, done, games, game = [], [], [], -1
     with gzip.open(path, "rt", encoding="utf-8") as lines:
@@ -83,7 +84,7 @@ def read_human_games(path: Path, layout: Layout) -> HumanGames:
             game += record["k"] == "ep"
             if record["k"] == "s" and "a" in record:
                 kitchens.restore(record)
-                seen.append(kitchens.encode(horizon=0)[0])  # their games were longer: no hurry is shown
+                seen.append(kitchens.encode(horizon=0)[0])  # their games were longer: the urgency plane stays empty
                 done.append(record["a"])
                 games.append((game, game))
     if not seen:
@@ -93,18 +94,20 @@ def read_human_games(path: Path, layout: Layout) -> HumanGames:
 
 
 def measured_games(count: int) -> tuple[int, ...]:
-    """Return the later half of `count` recorded games: those that the clone for measuring imitates."""
+    """Return the later half of `count` recorded games: the training data of the behaviour-cloned human for
+    measuring."""
     return tuple(range(count // 2, count))
 
 
 def learnt_games(count: int) -> tuple[int, ...]:
-    """Return the earlier half of `count` recorded games: those that predictors' companions imitate."""
+    """Return the earlier half of `count` recorded games: the training data of the behaviour-cloned humans that
+    predictors train with."""
     return tuple(range(count // 2))
 
 
 def companions(count: int) -> dict[str, tuple[CloningConfig, Mode]]:
-    """The clones that predictors learn with, by name, where `count` games are recorded: unlike one another, as people
-    are."""
+    """Return the configs of the behaviour-cloned humans that predictors train with, by name, for `count` recorded
+    games; they differ, as people do."""
     learnt = learnt_games(count)
     decided, patient = replace(LIKE_PEOPLE, temperature=0.7), replace(LIKE_PEOPLE, stuck_after=8)
     kinds = (
@@ -121,14 +124,15 @@ def companions(count: int) -> dict[str, tuple[CloningConfig, Mode]]:
 
 
 def clone(games: HumanGames, layout: Layout, config: CloningConfig) -> tuple[MlpPolicy, dict[str, float]]:
-    """The network that does as they did, and its figures on the one game that it never saw."""
+    """Train the network, and return it with its figures on the held-out game."""
     torch.manual_seed(config.seed)
     draws = np.random.default_rng(config.seed)
     network = build_network(NetworkConfig(hidden=config.hidden), layout)
     assert isinstance(network, MlpPolicy)  # noqa: S101 the default kind
     with torch.no_grad():
         first: Any = network.head.layers[0].weight
-        first *= _changing(games, config, network)  # what never changed for them must not matter
+        # entries that never changed in the recordings must have no influence
+        first *= _changing(games, config, network)
     entries = torch.from_numpy(games.observations).flatten(1)[:, network.columns].float()
     actions = torch.from_numpy(games.actions)
     apart = torch.from_numpy(games.game == config.games[-1])
@@ -157,15 +161,15 @@ def clone(games: HumanGames, layout: Layout, config: CloningConfig) -> tuple[Mlp
 
 
 def _changing(games: HumanGames, config: CloningConfig, network: MlpPolicy) -> torch.Tensor:
-    """(inputs,): 1 for entries that took more than one value in these recordings."""
+    """Return (inputs,): 1 for entries that took more than one value in these recordings."""
     seen = games.observations[np.isin(games.game, config.games)]
     seen = seen.reshape(len(seen), -1)[:, network.columns.numpy()]
     return torch.from_numpy((seen != seen[0]).any(0).astype(np.float32))
 
 
 def make_companions(folder: Path, layout: Layout, recorded: Path | None = None) -> list[Path]:
-    """Write the clones that predictors learn with, a checkpoint folder each, and say where they are; those that are
-    there already stay."""
+    """Write the behaviour-cloned humans that predictors train with, a checkpoint folder each, and return the folders;
+    existing ones stay."""
     made: list[Path] = []
     games = read_human_games(recorded or recordings(layout), layout)
     for name, (config, mode) in companions(games.count).items():
@@ -193,7 +197,7 @@ def save_clone(
             "",
             f"A small network that imitates the people of games {numbers} of the human-human games recorded on this",
             "layout (150 ms a step): Carroll et al. 2019, collected by CHAI, UC Berkeley, anonymised by them, MIT.",
-            "Predictors learn with clones of the earlier half of the games; one of the later half measures them.",
+            "Predictors train with such networks from the earlier half; one from the later half measures them.",
             "It is not a study partner.",
             f"Samples (temperature {mode.temperature:g}); after {mode.stuck_after}",
             f"timesteps without a change of its own cell, facing or hand, {mode.stuck_mix:.0%} of the probability goes",
@@ -223,12 +227,14 @@ def save_clone(
 
 
 def main() -> None:
-    """Clone the bundled recordings and write the agent where studies and evaluations find it."""
+    """Train on the bundled recordings and write the agent where studies and evaluations find it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--recordings", type=Path, help="default: tests/data/LAYOUT_train.jsonl.gz")
     parser.add_argument("--layout", default=_DEFAULT)
     parser.add_argument("--out", type=Path, help="default: models/weights/LAYOUT/human_bc")
-    parser.add_argument("--companions", type=Path, metavar="FOLDER", help="instead those that predictors learn with")
+    parser.add_argument(
+        "--companions", type=Path, metavar="FOLDER", help="make those that predictors train with instead"
+    )
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     layout = load_layout(arguments.layout)

@@ -1,4 +1,4 @@
-"""Which runs become the agents that people meet, by measurement in the mode in which they meet them."""
+"""Choose the runs that become the agents of studies, by measurement in the mode in which participants meet them."""
 
 import json
 import shutil
@@ -22,7 +22,7 @@ _DECISION = "decision.json"
 
 
 def choose_sp(work: Work, layout: Layout) -> None:
-    """The target run that scores best with itself. Leaves <folder>/agent."""
+    """Choose the target run with the best self-play score. Writes <folder>/agent."""
     runs = work.inputs.items()
     entries = {name: measured(layout, "sp", EvaluatedAgent(_policy(folder), PEOPLE), ()) for name, folder in runs}
     scores = {name: {"self_play": entry["self_play"]["mean"]} for name, entry in entries.items()}
@@ -31,8 +31,8 @@ def choose_sp(work: Work, layout: Layout) -> None:
 
 
 def choose_fcp(work: Work, layout: Layout) -> None:
-    """The FCP run that scores best with partners it never met, among those that score half of SP's with themselves (or
-    the one that comes nearest)."""
+    """Choose the FCP run with the best score with unseen partners, among those with at least half of SP's self-play
+    score (or the one that comes nearest)."""
     sp = work.inputs["choose_sp"]
     decision = json.loads((sp / _DECISION).read_text(encoding="utf-8"))
     unseen_partners = [
@@ -49,7 +49,7 @@ def choose_fcp(work: Work, layout: Layout) -> None:
 
 
 def best_fcp(scores: Mapping[str, Mapping[str, float]], of_sp: float) -> str:
-    """The run that `choose_fcp` takes; `of_sp`: what SP scores with itself, 0 where it never served a soup."""
+    """Return the run that `choose_fcp` takes; `of_sp`: SP's self-play score, 0 if it never served a soup."""
     enough = 0.5 * of_sp
     return max(scores, key=lambda name: (min(enough, scores[name]["self_play"]), scores[name]["held_out"]))
 
@@ -78,9 +78,9 @@ def publish_agents(work: Work, layout: Layout) -> None:
 def evaluate_bundled(
     layout: Layout, names: Sequence[str] = ("sp", "fcp"), episodes: int = 40, timesteps: int = HORIZON
 ) -> list[dict[str, Any]]:
-    """What `kitchenmind evaluate agents --json` prints for one layout: the bundled agents with themselves and with the
-    partners that travel with them and that neither ever met."""
-    torch.set_num_threads(1)  # networks this small only wait for each other
+    """Return what `kitchenmind evaluate agents --json` prints for one layout: the bundled agents in self-play and with
+    the bundled partners that neither has met in training."""
+    torch.set_num_threads(1)  # for networks this small, threads only cost time
     bundled = WEIGHTS / layout.name
     folders = sorted([*(bundled / HELD_OUT).glob("*"), *(bundled / "population").glob("fcp_*")])
     unseen_partners: list[Policy] = [NetworkPolicy(load_network(folder)) for folder in folders]
@@ -92,8 +92,8 @@ def evaluate_bundled(
 def evaluate_with(
     layout: Layout, partner: str, names: Sequence[str] = ("sp", "fcp"), episodes: int = 40, timesteps: int = HORIZON
 ) -> list[dict[str, Any]]:
-    """What `kitchenmind evaluate agents --partner PARTNER --json` prints for one layout. Raises what `load_agent`
-    raises."""
+    """Return what `kitchenmind evaluate agents --partner PARTNER --json` prints for one layout. Raises what
+    `load_agent` raises."""
     torch.set_num_threads(1)
     present = [name for name in names if (WEIGHTS / layout.name / name).is_dir()]
     other = EvaluatedAgent(*load_agent(partner, layout))
@@ -104,8 +104,8 @@ def evaluate_with(
 
 
 def _is_unseen(name: str, chosen: str, inputs: Iterable[str]) -> bool:
-    """Whether neither target ever met this agent: SP targets that were not chosen, the last SP agent of the population
-    (kept from the FCP targets), and the population's FCP agents."""
+    """Return whether neither target met this agent in training: SP targets that were not chosen, the last SP agent of
+    the population (not used to train the FCP targets), and the population's FCP agents."""
     last = max((other for other in inputs if other.startswith("population_sp_")), key=_seed)
     unchosen = name.startswith("target_sp_") and name != chosen
     return name == last or unchosen or name.startswith("population_fcp_")
@@ -116,7 +116,7 @@ def _seed(name: str) -> int:
 
 
 def _leave(work: Work, best: str, entry: Mapping[str, Any], scores: Mapping[str, Any]) -> None:
-    """The chosen agent as <folder>/agent with its figures, and the decision next to it."""
+    """Write the chosen agent to <folder>/agent with its figures, and the decision next to it."""
     figures = {key: entry[key] for key in ("self_play", "held_out", "episodes") if key in entry}
     publish(work.inputs[best] / "100", work.folder / "agent", entry["agent"], {**figures, "candidates": dict(scores)})
     decision = {"best": best, "scores": dict(scores), "measured": entry}

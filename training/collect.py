@@ -1,5 +1,5 @@
-"""Collects what a predictor learns from: the target with every partner, in both seats, each partner decided and
-sampling.
+"""Collect the training data of a predictor: the target with every partner, in both seats, each partner deterministic
+and sampling.
 
 Algorithm 1 of the paper: partners x 4 settings x 5 trajectories x 800 timesteps, one shard a partner, and a
 manifest. The split is by partner agent (all its skill levels together), never by window.
@@ -28,7 +28,7 @@ MANIFEST = "manifest.json"
 
 @dataclass(frozen=True)
 class Target:
-    """The agent that will be predicted, as people meet it. `sha256` names its weights."""
+    """The agent to predict, acting as in a study. `sha256` identifies its weights."""
 
     name: str
     policy: Policy
@@ -38,7 +38,7 @@ class Target:
 
 @dataclass(frozen=True)
 class Partner:
-    """Somebody to play with. `agent` groups what must not be torn apart by the split; `mode` None: decided and
+    """A partner of the target. The split keeps partners of the same `agent` together; `mode` None: deterministic and
     sampling."""
 
     name: str
@@ -62,9 +62,8 @@ Report = Callable[[float], None]
 
 
 def split_by_agent(partners: Iterable[Partner]) -> dict[str, str]:
-    """Agent -> train, validation or test, about 3:1:1 within each kind; the target itself and extras are trained on.
-
-    Raises ValueError where there are too few agents to keep any apart.
+    """Return agent -> train, validation or test, about 3:1:1 within each kind; the target itself and extras are for
+    training. Raises ValueError if there are too few agents to hold any out.
     """
     kinds: dict[str, list[str]] = {}
     for partner in partners:
@@ -92,8 +91,8 @@ def collect(
     plan: CollectionPlan,
     report: Report | None = None,
 ) -> Path:
-    """Write a shard a partner and the manifest to `folder`; what is there already from the same settings stays.
-    Returns the manifest's path. Raises ValueError where `folder` holds other games."""
+    """Write one shard per partner and the manifest to `folder`; existing shards of the same settings stay. Returns the
+    manifest's path. Raises ValueError if `folder` holds other games."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / MANIFEST
     head = {
@@ -120,7 +119,7 @@ def collect(
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """The manifest of collected games. Raises FileNotFoundError with the remedy."""
+    """Read the manifest of collected games. Raises FileNotFoundError with the remedy."""
     path = folder / MANIFEST
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no games were collected here. Run kitchenmind collect first.")
@@ -129,7 +128,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def read_shard(folder: Path, name: str, sha256: str) -> Shard:
-    """One partner's games. Raises ValueError where its bytes are not those of the manifest."""
+    """Read one partner's games. Raises ValueError if the bytes are not those of the manifest."""
     file = folder / f"{name}.safetensors"
     if _digest(file) != sha256:
         raise ValueError(f"{file}: is missing or was changed. Remove it and collect again.")

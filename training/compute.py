@@ -1,7 +1,7 @@
-"""Where and how a run computes: device, number format and form of the first layers, chosen by a short measurement.
+"""Choose how a run computes by a short measurement: device, number format and form of the first layers.
 
 Processors differ by more than a factor of ten in which of these is fast (bfloat16 without its instructions, a dense
-convolution on a wide grid), so nothing is assumed. The choice changes rounding only, so a run is not named by it.
+convolution on a wide grid), so nothing is assumed. The choice changes rounding only, so it is not part of a run's name.
 """
 
 import contextlib
@@ -23,7 +23,7 @@ Choice = TypeVar("Choice")
 
 
 class ComputeError(ValueError):
-    """A device or number format that this machine does not have; says what to write instead."""
+    """A device or number format that this machine does not have; the message says what to write instead."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Request:
     precision: str = "auto"
 
     def chosen_device(self) -> str:
-        """The device to use. Raises ComputeError where it does not exist here."""
+        """Return the device to use. Raises ComputeError if it does not exist here."""
         here = available_devices()
         if self.device == "auto":
             return here[0]
@@ -66,7 +66,7 @@ class Request:
         return self.device
 
     def precisions(self, device: str) -> tuple[str, ...]:
-        """The number formats that are worth measuring on the device."""
+        """Return the number formats that are worth measuring on the device."""
         if self.precision != "auto":
             return (self.precision,)
         return ("float32", "bfloat16") if bfloat16_is_fast(device) else ("float32",)
@@ -87,18 +87,18 @@ def request(device: str = "auto", precision: str = "auto") -> Request:
 
 
 def requested() -> Request:
-    """What this process was asked to compute with."""
+    """Return the request of this process."""
     return _requested[0]
 
 
 def collecting_device() -> str:
-    """Where agents answer while games are collected: a partner has 20 games at once, too few to be worth a GPU unless
-    it is asked for."""
+    """Return the device of agents while games are collected: a partner has 20 games at once, too few for a GPU unless
+    the user requests one."""
     return "cpu" if requested().device == "auto" else requested().chosen_device()
 
 
 def available_devices() -> list[str]:
-    """The devices of this machine, the quickest first."""
+    """Return the devices of this machine, the fastest first."""
     devices = ["cuda"] if torch.cuda.is_available() else []
     if torch.backends.mps.is_available():
         devices.append("mps")
@@ -106,7 +106,7 @@ def available_devices() -> list[str]:
 
 
 def bfloat16_is_fast(device: str) -> bool:
-    """Whether bfloat16 products are faster than float32 ones here, measured."""
+    """Measure whether bfloat16 products are faster than float32 ones here."""
     rows, inner, columns = _PRODUCT
     seconds = {}
     for dtype in (torch.float32, torch.bfloat16):
@@ -121,9 +121,8 @@ def bfloat16_is_fast(device: str) -> bool:
 def quickest(
     candidates: Sequence[Choice], prepare: Callable[[Choice], Callable[[], object]], device: str = "cpu"
 ) -> tuple[Choice, dict[str, float]]:
-    """The candidate whose prepared function runs in the least time, and the milliseconds of each.
-
-    The first call of a function is not measured: it compiles or allocates.
+    """Return the candidate whose prepared function takes the least time, and the milliseconds of each. The first call
+    of a function is not measured: it compiles or allocates.
     """
     best: dict[Choice, float] = {}
     for candidate in candidates:
@@ -139,14 +138,15 @@ def quickest(
 
 
 def autocast(device: str, precision: str) -> contextlib.AbstractContextManager[Any]:
-    """Matrix products in `precision` on `device`."""
+    """Compute matrix products in `precision` on `device`."""
     if precision == "float32":
         return contextlib.nullcontext()
     return torch.autocast(device, torch.bfloat16)
 
 
 def _timed(function: Callable[[], object], device: str) -> float:
-    """Seconds: of this process on the CPU, so that other programs do not decide, and of the clock on a GPU."""
+    """Return the seconds of a call: this process's CPU time, so that other programs do not count, or wall time on a
+    GPU."""
     clock = time.process_time if device == "cpu" else time.perf_counter
     _wait(device)
     began = clock()
@@ -156,7 +156,7 @@ def _timed(function: Callable[[], object], device: str) -> float:
 
 
 def _wait(device: str) -> None:
-    """A GPU works on after a call has returned: wait for it before looking at the clock."""
+    """Wait for the GPU before reading the clock: it keeps working after a call has returned."""
     if device == "cuda":
         torch.cuda.synchronize()
     elif device == "mps":

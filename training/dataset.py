@@ -1,6 +1,4 @@
-"""From collected games to what a predictor sees and should say: features kept once, joint actions, the next three
-actions.
-"""
+"""Turn collected games into a predictor's inputs and labels: cached features, joint actions, the next three actions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,7 +23,7 @@ _AT_ONCE = 20_000  # states that go through the encoder together
 class Episodes:
     """E episodes of one kitchen, each of T timesteps."""
 
-    features: torch.Tensor  # (E, T, size) float16: what the encoder makes of each state as the target sees it
+    features: torch.Tensor  # (E, T, size) float16: the encoder's features of each state as the target sees it
     before: NDArray[np.int8]  # (E, T, 2): the joint action that led to the state, target first; -1 at the start
     own: NDArray[np.int8]  # (E, T): the action taken in the state
     certainty: NDArray[np.float32]  # (E, T): the largest probability of that action's distribution
@@ -35,11 +33,11 @@ class Episodes:
         return len(self.own)
 
     def labels(self) -> NDArray[np.int64]:
-        """(E, T, 3): the target's next actions, from the one in the state on; NONE beyond the end."""
+        """(E, T, 3): the target's next actions, starting with the one in the state; NONE beyond the end."""
         return _coming(self.own)
 
     def partner_labels(self) -> NDArray[np.int64]:
-        """(E, T, 3): the same of the partner, as far as the next state tells."""
+        """(E, T, 3): the same of the partner, derived from the next state."""
         partner = np.full_like(self.own, NONE)
         partner[:, :-1] = self.before[:, 1:, 1]
         return _coming(partner)
@@ -54,7 +52,7 @@ def _coming(actions: NDArray[np.int8]) -> NDArray[np.int64]:
 
 
 def load_episodes(folder: Path, split: str, layout: Layout, encoder: Encoder) -> Episodes:
-    """All collected games of a split. Raises ValueError where there are none."""
+    """Load all collected games of a split. Raises ValueError if there are none."""
     shards = {name: facts for name, facts in read_manifest(folder)["shards"].items() if facts["split"] == split}
     if not shards:
         raise ValueError(f"{folder}: no partner is kept for {split}. Collect with at least 3 partner agents.")
@@ -64,7 +62,7 @@ def load_episodes(folder: Path, split: str, layout: Layout, encoder: Encoder) ->
 
 
 def joined(parts: Sequence[Episodes]) -> Episodes:
-    """Episodes one after the other."""
+    """Concatenate episodes."""
     return Episodes(
         torch.cat([part.features for part in parts]),
         *(np.concatenate([getattr(part, name) for part in parts]) for name in ("before", "own", "certainty", "stuck")),
@@ -72,7 +70,7 @@ def joined(parts: Sequence[Episodes]) -> Episodes:
 
 
 def episodes_of(shard: Shard, layout: Layout, encoder: Encoder) -> Episodes:
-    """One partner's games, cut into episodes."""
+    """Cut one partner's games into episodes."""
     timesteps = min(HORIZON, shard["timestep"].shape[1])
     episodes = shard["timestep"].shape[1] // timesteps
     cut = {

@@ -1,4 +1,4 @@
-"""How well agents cook: with themselves and with partners they never met, in the mode in which people meet them."""
+"""Measure agents' points: in self-play and with unseen partners, in the mode that studies use."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -17,7 +17,7 @@ from overcooked.vector_env import VectorEnv
 
 @dataclass(frozen=True)
 class EvaluatedAgent:
-    """An agent at the table: what it would do, and how it makes up its mind."""
+    """An agent in an evaluation: its policy, and how actions are drawn from it."""
 
     policy: Policy
     mode: Mode
@@ -25,7 +25,7 @@ class EvaluatedAgent:
 
 @dataclass(frozen=True)
 class PlayedGames:
-    """What came of some games; the second and third figure are about the chef in the first seat given."""
+    """The results of some games; the second and third figure are about the chef of the first player given."""
 
     scores: NDArray[np.float64]  # (games,): points per 400 timesteps
     certainty: float  # mean of the largest probability of its action: the ceiling of a step-1 predictor
@@ -65,7 +65,7 @@ def play(
 def with_itself(
     layout: Layout, player: EvaluatedAgent, episodes: int = 40, seed: int = 0, timesteps: int = HORIZON
 ) -> PlayedGames:
-    """Self-play."""
+    """Measure self-play."""
     return play(layout, (player, player), episodes, seed, timesteps)
 
 
@@ -77,7 +77,8 @@ def with_partners(
     seed: int = 0,
     timesteps: int = HORIZON,
 ) -> NDArray[np.float64]:
-    """Mean points with each partner, (partners, 2 seats, 2 modes): the partner in our own mode, then sampling."""
+    """Return mean points with each partner, (partners, 2 seats, 2 modes): the partner in our own mode, then
+    sampling."""
     modes = (player.mode, replace(player.mode, temperature=1.0))
 
     def points(partner: EvaluatedAgent, seat: int) -> float:

@@ -1,4 +1,4 @@
-"""How well a predictor says an agent's next interaction, next to two baselines that need no predictor."""
+"""Measure how well a predictor predicts an agent's next interaction, next to two baselines that need no predictor."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,7 +24,8 @@ Places = NDArray[np.int64]  # in `possible_interactions(layout)`
 
 @dataclass(frozen=True)
 class SaidIntentions:
-    """What a predictor said in N states, what came, and what the baselines say in those that are `BEFORE`."""
+    """A predictor's intentions in N states, the actual next interaction, and the baselines in those states that are
+    `BEFORE`."""
 
     said: Places
     second: Places  # the runner-up
@@ -39,7 +40,7 @@ class SaidIntentions:
 def said_intentions(
     network: PredictorNetwork, shards: Sequence[Shard], layout: Layout, frequent: FrequentNext
 ) -> SaidIntentions:
-    """What the network's decoder of intentions says in every state whose next interaction is known."""
+    """Return the predictions of the network's decoder of intentions for every state whose next interaction is known."""
     parts = [_of_shard(network, shard, layout, frequent) for shard in shards]
     return SaidIntentions(
         *(np.concatenate([getattr(part, name) for part in parts]) for name in SaidIntentions.__dataclass_fields__)
@@ -69,10 +70,11 @@ def _of_shard(network: PredictorNetwork, shard: Shard, layout: Layout, frequent:
 
 @torch.inference_mode()
 def _decoded(network: PredictorNetwork, tokens: torch.Tensor) -> tuple[Places, NDArray[np.float32], NDArray[np.int64]]:
-    """The two likeliest classes (N, 2), the probability of the first and the median timesteps until it is done."""
+    """Return the two most likely classes (N, 2), the probability of the first and the median timesteps until it is
+    done."""
     decoder = network.intentions
     if decoder is None:
-        raise ValueError("this predictor says no intentions. Add a decoder: kitchenmind train intentions.")
+        raise ValueError("this predictor has no intentions. Add a decoder: kitchenmind train intentions.")
     inside = decoder.inside(tokens.float())
     top = decoder.class_logits(inside).softmax(-1).topk(2, -1)
     when = 1 + (decoder.when_logits(inside, top.indices[:, 0]).softmax(-1).cumsum(-1) < _HALF).sum(-1)

@@ -1,4 +1,4 @@
-"""How well a predictor predicts an agent: accuracy by step, next to the ceiling and what needs no model at all."""
+"""Measure a predictor: accuracy by step, next to the ceiling and to baselines without a model."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -31,11 +31,11 @@ class OfflineAccuracy:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What one predictor does on one set of games."""
+    """The figures of one predictor on one set of games."""
 
     accuracy: OfflineAccuracy
-    repeat: OfflineAccuracy  # the target's last action, said three times
-    frequent: OfflineAccuracy  # the action that it takes most
+    repeat: OfflineAccuracy  # baseline: the target's last action, three times
+    frequent: OfflineAccuracy  # baseline: the action that it takes most
     ceiling: float  # of step 1: mean of the largest probability of the target's action distribution
     free: OfflineAccuracy  # where nobody was stuck
     free_repeat: OfflineAccuracy
@@ -62,13 +62,14 @@ class Evaluation:
 
 
 def logits(network: PredictorNetwork, episodes: Episodes) -> torch.Tensor:
-    """What the network says about every state: (E, T, 3, 6), by its training forward; serving gives the same."""
+    """Return the network's logits for every state: (E, T, 3, 6), by its forward pass in training; serving gives the
+    same."""
     return over_all_states(network, episodes, network)
 
 
 @torch.inference_mode()
 def over_all_states(network: PredictorNetwork, episodes: Episodes, answer: Callable[..., torch.Tensor]) -> torch.Tensor:
-    """`answer`, one of the network's functions of features, actions and (window form) presence, for every state:
+    """Apply `answer`, one of the network's functions of features, actions and (window form) presence, to every state:
     (E, T, ...)."""
     network.eval()
     device = network.temperature.device
@@ -129,7 +130,8 @@ def calibration_error(confidence: NDArray[np.floating[Any]], right: NDArray[np.b
 
 
 def fitted_temperature(said: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
-    """(STEPS,): by which logits (E, T, 3, 6) must be divided so that the labels are likeliest. [temperature scaling]"""
+    """Return (STEPS,): the divisors of the logits (E, T, 3, 6) that maximise the likelihood of the labels. [temperature
+    scaling]"""
     candidates = torch.logspace(-0.5, 0.7, 61)
     chosen = []
     for step in range(STEPS):

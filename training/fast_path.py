@@ -1,4 +1,4 @@
-"""The same networks arranged for speed in training: they read the entries that can change, in one of several forms.
+"""The same networks, arranged for fast training: they read only the entries that can change, in one of several forms.
 
 Which form and number format is fast depends on the processor: `choose_compute` measures them. The weights stay in the
 network that is given.
@@ -31,7 +31,7 @@ Function = Callable[[Tensor], tuple[Tensor, Tensor]]
 
 
 class FastPath(Protocol):
-    """A network on entries (rows, columns) int8: logits (rows, 6) and values (rows,), both float32."""
+    """A network applied to entries (rows, columns) int8: logits (rows, 6) and values (rows,), both float32."""
 
     columns: NDArray[np.int64]  # which entries of the flat encoding it wants
     compute: Compute  # its device takes the entries
@@ -44,7 +44,7 @@ class FastPath(Protocol):
 
 
 class FastMlp:
-    """The MLP, whose wide first layer is the only one that costs much."""
+    """The MLP, in which only the wide first layer is expensive."""
 
     def __init__(self, network: MlpPolicy, layout: Layout, compute: Compute) -> None:
         self.network, self.compute = network, compute
@@ -155,7 +155,7 @@ class FastCnn:
         return logits, values
 
     def _direct(self, entries: Tensor) -> tuple[Tensor, Tensor]:
-        """The network as it is written, on whole observations: what a GPU does best."""
+        """Apply the network as it is written, to whole observations: the fastest form on a GPU."""
         seen = self._static.to(self.compute.dtype).expand(len(entries), *self._static.shape).flatten(1).clone()
         seen[:, self._on_device] = entries.to(self.compute.dtype)
         with autocast(self.compute.device, self.compute.precision):
@@ -165,8 +165,7 @@ class FastCnn:
 
 class DenseConvolution:
     """One convolution as a matrix (outputs, inputs), built from the kernel by a list of places; gradients flow back.
-
-    The matrix has a row for every (filter, cell) it gives and a column for every entry it takes.
+    The matrix has a row for every output (filter, cell) and a column for every input entry.
     """
 
     def __init__(
@@ -236,14 +235,15 @@ def fast_path(network: Network, layout: Layout, compute: Compute) -> FastPath:
 
 
 def choose_compute(config: NetworkConfig, layout: Layout) -> tuple[Compute, dict[str, float]]:
-    """The quickest way to train such a network here, and the milliseconds of each candidate (empty if there is one).
+    """Return the fastest way to train such a network here, and the milliseconds of each candidate (empty if there is
+    only one).
 
     Raises ComputeError for a device that does not exist.
     """
     return _chosen(config, layout.text, requested())
 
 
-@lru_cache(maxsize=16)  # a process asks for the same network again and again: a population, a test
+@lru_cache(maxsize=16)  # a process often asks for the same network: a population, a test
 def _chosen(config: NetworkConfig, grid: str, wanted: Request) -> tuple[Compute, dict[str, float]]:
     layout, device = parse_layout(grid, "grid"), wanted.chosen_device()
     formats = wanted.precisions(device)

@@ -1,7 +1,7 @@
 """`ppo_loss` and its gradient in one pass over the samples, for the CPU.
 
 A minibatch has about a thousand rows of six numbers. As some thirty operations of torch, each with its gradient, the
-loss costs a quarter as much as the network; as one compiled loop it costs next to nothing.
+loss costs a quarter as much as the network; as one compiled loop its cost is negligible.
 """
 
 from typing import Any
@@ -43,7 +43,7 @@ def _loss_and_gradient(  # type: ignore[no-untyped-def]
     logits, values, actions, old_log_probabilities, advantages, targets, clip, value_weight, entropy_weight,
     by_logit, by_value, parts,
 ):  # fmt: skip
-    """Return the loss; write its gradient to `by_logit` and `by_value` and what there is to look at to `parts` (4,)."""
+    """Return the loss; write its gradient to `by_logit` and `by_value` and the metrics to `parts` (4,)."""
     rows, count = logits.shape
     mean = advantages.mean()
     deviation = np.sqrt(np.square(advantages - mean).sum() / (rows - 1)) + 1e-8

@@ -1,6 +1,5 @@
-"""A first idea of cooking, taken from the scripted planner, for kitchens in which chance finds the first soup too late.
-
-Self-play continues from there.
+"""Imitate the scripted planner before self-play, for kitchens in which random exploration finds the first soup too
+late.
 """
 
 import numpy as np
@@ -20,7 +19,8 @@ _SAMPLES = 1280  # in a gradient step
 
 
 def imitate(fast: FastPath, optimizer: torch.optim.Optimizer, layout: Layout, config: AgentConfig, seed: int) -> None:
-    """Cross-entropy towards what two planners do, in games disturbed by random actions to see strange states too."""
+    """Minimise the cross-entropy to the actions of two planners, in games with some random actions for more varied
+    states."""
     device = fast.compute.device
     entries, actions = (tensor.to(device) for tensor in _lessons(fast, layout, config.imitation_noise, seed))
     random = np.random.default_rng(seed)
@@ -35,7 +35,7 @@ def imitate(fast: FastPath, optimizer: torch.optim.Optimizer, layout: Layout, co
 
 
 def _lessons(fast: FastPath, layout: Layout, noise: float, seed: int) -> tuple[torch.Tensor, torch.Tensor]:
-    """What the planners saw and did: entries (samples, columns) int8, actions (samples,)."""
+    """Return the planners' observations and actions: entries (samples, columns) int8, actions (samples,)."""
     random = np.random.default_rng((seed, 1))
     env, planner = VectorEnv(layout, _GAMES, seed=seed), PlannerPolicy()
     seen = np.zeros((_GAMES, *env.observation_shape), np.int8)

@@ -1,4 +1,6 @@
-"""What needs no predictor: the nearest station that makes sense, and what mostly follows a state of hand and pots."""
+"""Baselines without a predictor: the nearest useful station, and the most frequent next interaction by hand and
+pots.
+"""
 
 from collections.abc import Sequence
 from typing import Final
@@ -56,7 +58,7 @@ def _next_interaction(seen: ParsedObservation) -> PossibleInteraction:
 
 
 class FrequentNext:
-    """What happened most often next, in training, in this state of the target's hand and of the pots."""
+    """The most frequent next interaction in training, for this state of the target's hand and of the pots."""
 
     def __init__(self, shards: Sequence[Shard], layout: Layout) -> None:
         self._layout = layout
@@ -66,7 +68,7 @@ class FrequentNext:
             classes = labels_of(shard, layout).classes
             keys = self._keys(shard).reshape(classes.shape)
             np.add.at(counts, (keys[classes != UNKNOWN], classes[classes != UNKNOWN]), 1)
-        counts[counts.sum(1) == 0] = counts.sum(0)  # never seen in training: what happens most anywhere
+        counts[counts.sum(1) == 0] = counts.sum(0)  # never seen in training: the most frequent of all
         self._most: NDArray[np.int64] = counts.argmax(1)
 
     def __call__(self, shard: Shard) -> NDArray[np.int64]:

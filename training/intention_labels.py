@@ -1,4 +1,4 @@
-"""What a predictor of intentions learns: the target's next interaction, from recorded states and actions alone."""
+"""The labels of intentions: the target's next interaction, from recorded states and actions."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -76,7 +76,7 @@ def next_interactions(done: NDArray[np.int64]) -> IntentionLabels:
         now = done[:, t] != NOTHING_HAPPENS
         coming = np.where(now, done[:, t], coming)
         within = np.where(now, 1, within + 1)
-        if t + INTENTION_HORIZON <= timesteps:  # else what is done within the horizon is not all recorded
+        if t + INTENTION_HORIZON <= timesteps:  # otherwise the recording ends before the horizon
             soon = within <= INTENTION_HORIZON
             classes[:, t], steps[:, t] = np.where(soon, coming, NOTHING_HAPPENS), np.where(soon, within, 0)
     return IntentionLabels(classes, steps)

@@ -23,7 +23,7 @@ _ROWS_AT_ONCE = 16
 _SIDE = 3
 _FORWARD, _INPUT_GRADIENT, _KERNEL_GRADIENT = 0, 1, 2
 
-# numba makes a float of uint64 + int64, and only unsigned places are known not to count from an array's end.
+# numba makes a float of uint64 + int64, and only with unsigned indices can it skip the check for negative ones.
 _1, _2, _3, _4, _5 = (np.uint64(n) for n in range(1, 6))
 
 

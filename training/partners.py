@@ -1,4 +1,4 @@
-"""Frozen agents that play with a learner, answered together as far as possible."""
+"""Frozen agents that play with the ego agent, computed in batches where possible."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ from training.compute import Compute
 from training.fast_path import fast_path
 from training.sparse_layer import linear_forward
 
-# Half of a partner's games are played as its probabilities say, half nearly decided: people meet decided agents.
+# A partner samples in half of its games and is nearly deterministic in the other half, as agents in studies are.
 TEMPERATURES = (1.0, 1.0, 0.2, 0.2)
 
 
@@ -46,7 +46,7 @@ class PartnerPool:
 
 
 class _Stack:
-    """Networks of equal shape as one: a batched product a layer instead of a call for each network."""
+    """Networks of equal shape in one batch: one batched product per layer instead of a call for each network."""
 
     def __init__(self, networks: Sequence[MlpPolicy]) -> None:
         heads = [network.head for network in networks]
@@ -66,7 +66,8 @@ class _Stack:
         if entries.device.type != "cpu":
             return torch.baddbmm(bias, entries.float(), weight)
         out = torch.empty(*entries.shape[:2], weight.shape[2])
-        for k, rows in enumerate(entries.numpy()):  # only what is not zero: a partner has few rows and a wide layer
+        # only entries that are not zero: a partner has few rows and a wide layer
+        for k, rows in enumerate(entries.numpy()):
             linear_forward(rows, weight[k].numpy(), bias[k, 0].numpy(), out[k].numpy())
         return out
 
@@ -78,7 +79,8 @@ def _stacked(layers: Sequence[tuple[torch.Tensor, torch.Tensor]]) -> tuple[torch
 
 
 def load_partners(folders: Sequence[Path], layout: Layout) -> list[Network]:
-    """The networks of a population. Raises CheckpointError where one is for another layout, or they mix their kinds."""
+    """Load the networks of a population. Raises CheckpointError if one is for another layout, or they are of different
+    kinds."""
     networks: list[Network] = []
     for folder in folders:
         network, trained_on, _ = network_of(load_checkpoint(folder))

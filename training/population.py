@@ -1,4 +1,6 @@
-"""Who a target plays with while games are collected: the population of other agents, itself, and extras for variety."""
+"""The partners with which a target plays while games are collected: the population, itself, and extra agents for
+variety.
+"""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -22,7 +24,7 @@ _NOISES = (0.15, 0.3, 0.6)  # shares of random actions among the extras
 
 
 class NoisyPolicy:
-    """An agent at its most decided, which does anything at all in a share of its timesteps."""
+    """A greedy agent that takes a random action in a share of its timesteps."""
 
     def __init__(self, policy: Policy, share: float) -> None:
         self._policy, self._share = policy, share
@@ -34,7 +36,7 @@ class NoisyPolicy:
 
 
 def load_target(name: str, layout: Layout) -> Target:
-    """The agent to be predicted, as `load_agent` knows it, under a name that can be a folder's: `mine` for mine.onnx,
+    """Load the agent to be predicted with `load_agent`, under a name that is a valid folder name: `mine` for mine.onnx,
     `kitchen_Cook` for kitchen:Cook. Raises what `load_agent` raises."""
     agent = load_agent(name, layout)
     short = re.sub(r"[^A-Za-z0-9]+", "_", Path(name).name.removesuffix(".onnx")).strip("_")
@@ -42,8 +44,8 @@ def load_target(name: str, layout: Layout) -> Target:
 
 
 def load_population(folders: Path | Sequence[Path], layout: Layout) -> list[Partner]:
-    """The partner agents found in and below `folders`, at each of their skill levels. Raises CheckpointError where
-    there are none, or one is for another kitchen."""
+    """Load the partner agents in and below `folders`, at each of their skill levels. Raises CheckpointError if there
+    are none, or one is for another kitchen."""
     partners = []
     folders = [folders] if isinstance(folders, Path) else folders
     for config in sorted(config for folder in folders for config in folder.glob("**/config.json")):
@@ -83,7 +85,7 @@ def load_partner_folder(folder: Path, layout: Layout) -> list[Partner]:
 
 
 def how_to_get_partners(layout: Layout) -> str:
-    """Return what is needed and the commands that make it, for a message."""
+    """Return which partners are needed and the commands that make them, for a message."""
     place = layout.name if layout.name in layout_names() else f"{layout.name}.layout"
     return (
         f"A predictor learns from games with at least {FEWEST_PARTNERS} other agents of the kitchen: one is kept for "
@@ -104,9 +106,9 @@ def _is_agent(config: Path) -> bool:
 
 
 def load_extras(folders: Mapping[str, Path], layout: Layout) -> list[Partner]:
-    """Agents in these checkpoint folders, by name, that are only ever trained on: the more ways of cooking a predictor
-    has met, the better it predicts with unseen partners. Who samples by its card always does. Raises what `load_agent`
-    raises."""
+    """Load agents from these checkpoint folders, by name, that are used for training only: the more varied a
+    predictor's training partners are, the better it predicts with unseen partners. An agent whose card says that it
+    samples always samples. Raises what `load_agent` raises."""
     extras = []
     for name, folder in folders.items():
         policy, mode = load_agent(str(folder.resolve()), layout)
@@ -118,8 +120,8 @@ def with_itself_and_extras(
     target: Target, population: Sequence[Partner], layout: Layout, extras: bool = True
 ) -> list[Partner]:
     """The paper's 31 partners: the target itself and the population; and, if wanted, extras that are only trained on:
-    noisy selves, noisy agents of the training split at all their skills, the scripted planner, and one who does
-    anything."""
+    noisy copies of the target, noisy agents of the training split at all their skills, the scripted planner, and the
+    random agent."""
     itself = Partner("itself", "itself", "self", target.policy)
     everybody = [itself, *population]
     if not extras:

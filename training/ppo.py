@@ -37,7 +37,7 @@ Progress = Callable[[int, dict[str, float]], None]  # timesteps done, newest met
 
 
 class SeatRows:
-    """Who sits where. Rows count the seats of all games: row = 2 * game + seat."""
+    """Which agent has which seat. Rows count the seats of all games: row = 2 * game + seat."""
 
     def __init__(self, config: AgentConfig, partners: PartnerPool | None) -> None:
         self_play = config.self_play_games if partners else config.num_envs
@@ -45,12 +45,12 @@ class SeatRows:
         self.games = self_play + taken
         both = np.arange(PLAYERS * self_play)
         games = np.arange(self_play, self.games)  # each partner's games lie together and its seat alternates
-        self.learner = np.concatenate([both, PLAYERS * games + (games % 2)])  # (rows of the learner,)
+        self.learner = np.concatenate([both, PLAYERS * games + (games % 2)])  # (rows of the ego agent,)
         self.partner = PLAYERS * games + 1 - (games % 2)  # (rows of the partners,)
 
 
 class PpoTrainer:
-    """One run: the learner, its games and all that a resumed run needs."""
+    """One run: the ego agent, its games and the state that a resumed run needs."""
 
     def __init__(
         self,
@@ -58,7 +58,7 @@ class PpoTrainer:
         layout: Layout,
         seed: int,
         partners: PartnerPool | None = None,
-        compute: Compute | None = None,  # None: the quickest, measured
+        compute: Compute | None = None,  # None: the fastest, measured
     ) -> None:
         self.config, self.layout, self.seed, self.partners = config, layout, seed, partners
         self.compute = compute or choose_compute(network_config(config), layout)[0]
@@ -75,7 +75,7 @@ class PpoTrainer:
         games, rows, T = self.seats.games, len(self.seats.learner), config.num_steps
         self.observations = np.zeros((games, *self.env.observation_shape), np.int8)
         self.env.encode(self.observations)
-        # What the learner saw, did and got: (timesteps, rows) and one value more.
+        # The rollout of the ego agent: (timesteps, rows) and one more value.
         self.entries = Entries((T + 1, rows, len(self.fast.columns)), self.compute.device)
         self.actions = np.zeros((T, rows), np.int64)
         self.log_probabilities = np.zeros((T, rows), np.float32)
@@ -84,7 +84,7 @@ class PpoTrainer:
         self.dones = np.zeros((T, games), np.bool_)
 
     def iteration(self) -> dict[str, float]:
-        """One rollout and the learning from it; returns the metrics."""
+        """Collect one rollout and learn from it; return the metrics."""
         config = self.config
         random = np.random.default_rng((self.seed, self.timesteps))
         share = self.timesteps / config.total_timesteps
@@ -142,7 +142,7 @@ class PpoTrainer:
     def _learn(
         self, random: np.random.Generator, advantages: NDArray[np.float32], entropy_weight: float
     ) -> dict[str, float]:
-        """`update_epochs` passes over the rollout in shuffled minibatches."""
+        """Make `update_epochs` passes over the rollout in shuffled minibatches."""
         config = self.config
         device = self.compute.device
         entries = self.entries.samples()  # (samples, columns)
@@ -177,7 +177,7 @@ class PpoTrainer:
         return dict(zip(names, (sums / steps).tolist(), strict=True))
 
     def state(self) -> tuple[dict[str, Tensor], dict[str, Any]]:
-        """What `restore` needs to go on exactly: network, optimizer, games."""
+        """Return what `restore` needs to continue exactly: network, optimizer, games."""
         tensors = {f"network.{name}": tensor for name, tensor in self.network.state_dict().items()}
         names = [name for name, _ in self.network.named_parameters()]
         for index, moments in self.optimizer.state_dict()["state"].items():
@@ -202,7 +202,7 @@ class PpoTrainer:
 
 
 def train(trainer: PpoTrainer, folder: RunFolder, progress: Progress | None = None, save_every_s: float = 60) -> None:
-    """Run to the end of the config, from where the folder's state left off. Snapshots go to the folder."""
+    """Train to the end of the config, continuing from the folder's state. Snapshots go to the folder."""
     config = trainer.config
     state = folder.load()
     if state is not None:
@@ -229,7 +229,7 @@ def train(trainer: PpoTrainer, folder: RunFolder, progress: Progress | None = No
 
 
 def run_settings(config: AgentConfig, layout: Layout, seed: int, partners: list[str]) -> dict[str, Any]:
-    """What makes a run the run it is; a changed word is another run."""
+    """Return the settings that identify a run; any change makes it another run."""
     settings = {
         "layout": layout.name,
         "grid": layout.text,
@@ -250,7 +250,7 @@ def ppo_loss(
     config: AgentConfig,
     entropy_weight: float,
 ) -> tuple[Tensor, Tensor]:
-    """PPO's clipped objective, to be minimised, and (policy loss, value loss, entropy, share clipped) to look at."""
+    """Return PPO's clipped loss, and as metrics (policy loss, value loss, entropy, share clipped)."""
     logs = logits.log_softmax(-1)
     entropy = -(logs.exp() * logs).sum(-1).mean()
     ratio = (logs.gather(1, actions[:, None]).squeeze(1) - old_log_probabilities).exp()
@@ -265,7 +265,7 @@ def ppo_loss(
 
 @njit(cache=True)
 def advantage_estimates(rewards, values, dones, gamma, gae_lambda):  # type: ignore[no-untyped-def]
-    """Generalised advantage estimation [Schulman et al. 2016]: (timesteps, rows) float32.
+    """Return advantages by generalised advantage estimation [Schulman et al. 2016]: (timesteps, rows) float32.
 
     `rewards`, `dones` (timesteps, rows); `values` (timesteps + 1, rows). `dones[t]`: the episode ended with timestep
     t, so nothing after it counts.
@@ -292,7 +292,7 @@ def _under(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
 
 
 def _signed(array: NDArray[Any]) -> NDArray[Any]:
-    return array.view(np.int64) if array.dtype == np.uint64 else array  # torch hardly knows uint64
+    return array.view(np.int64) if array.dtype == np.uint64 else array  # torch has little support for uint64
 
 
 def _last_reward(folder: RunFolder) -> float | None:

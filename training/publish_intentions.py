@@ -1,5 +1,4 @@
-"""From a predictor and its collected games to the same predictor with a decoder of intentions, measured, in its
-folder."""
+"""Add a measured decoder of intentions to a predictor, from its collected games."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
@@ -65,8 +64,9 @@ def measured_intentions(
     known: Sequence[Partner],
     plan: CollectionPlan,
 ) -> dict[str, Any]:
-    """Measure what a predictor says of the target's games with `partners`, played again; the baseline of what is most
-    frequent is counted in one trajectory a setting with `known`. Raises ValueError without a decoder."""
+    """Measure a predictor's intentions in the target's games with `partners`, played again; the most frequent
+    interactions (a baseline) are counted in one trajectory per setting with `known`. Raises ValueError without a
+    decoder."""
     counted = CollectionPlan(1, plan.timesteps, plan.seed)
     frequent = FrequentNext([games_with(layout, target, partner, counted) for partner in known], layout)
     shards = [games_with(layout, target, partner, plan) for partner in partners]
@@ -89,7 +89,7 @@ def write_intentions(
 
 
 def section(measured: Mapping[str, Any], how: Mapping[str, Any]) -> str:
-    """The part of the card that is about intentions."""
+    """Return the card's section on intentions."""
     columns = {
         "kind": "kind",
         "kind_and_station": "kind and station",

@@ -1,4 +1,4 @@
-"""From a trained predictor to the folder that travels: measured on partners it never saw, with its card."""
+"""Publish a trained predictor: measure it on unseen partners and write its checkpoint folder with a card."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -36,21 +36,22 @@ def unseen_games(
     partner: str | None = None,
 ) -> Episodes:
     """The agent's games with the test partners of a population (a folder, or the partners themselves), or with one
-    other agent as people meet it, played again (the same seed gives the same games)."""
+    other agent in the mode of studies, played again (the same seed gives the same games)."""
     others = unseen_partners(layout, population, partner)
     return games_of(layout, target, others, network, plan)
 
 
 def unseen_partners(layout: Layout, population: Path | Sequence[Partner], partner: str | None = None) -> list[Partner]:
-    """The test partners of a population (a folder, or the partners themselves), or one other agent as people meet
-    it."""
+    """The test partners of a population (a folder, or the partners themselves), or one other agent in the mode of
+    studies."""
     if partner is not None:
         return [Partner(partner, partner, "extra", *load_agent(partner, layout))]
     return partners_in(TEST, layout, population)
 
 
 def partners_in(split: str, layout: Layout, population: Path | Sequence[Partner]) -> list[Partner]:
-    """The partners of a population in a part of its split; nothing is trained or stopped on those of `TEST`."""
+    """Return the partners of a population in one part of its split; those of `TEST` are used neither for training nor
+    for early stopping."""
     everybody = load_population(population, layout) if isinstance(population, Path) else list(population)
     part_of = split_by_agent(everybody)
     return [partner for partner in everybody if part_of[partner.agent] == split]
@@ -59,14 +60,15 @@ def partners_in(split: str, layout: Layout, population: Path | Sequence[Partner]
 def games_of(
     layout: Layout, target: Target, partners: list[Partner], network: PredictorNetwork, plan: CollectionPlan
 ) -> Episodes:
-    """Games with each of these partners, as the network's encoder sees them."""
+    """Return games with each of these partners, encoded by the network's encoder."""
     return joined(
         [episodes_of(games_with(layout, target, partner, plan), layout, network.encoder) for partner in partners]
     )
 
 
 def partners_met(manifest: Mapping[str, Any]) -> dict[str, str]:
-    """Rows for a card, from the manifest of its games: with whom it learned, stopped and is measured."""
+    """Return rows for a card, from the manifest of its games: the partners for training, early stopping and
+    measuring."""
     by_split: dict[str, set[str]] = {split: set() for split in (TRAIN, VALIDATION, TEST)}
     extras = Counter[str]()
     for name, facts in manifest["shards"].items():
@@ -98,7 +100,7 @@ def write_predictor(
 
 
 def card(network: PredictorNetwork, layout: Layout, target: Target, result: Evaluation, how: Mapping[str, Any]) -> str:
-    """The page that travels with the weights: what it predicts, how well, how it came about."""
+    """Return the model card: what it predicts, how well, and how it was trained."""
     config, mode = network.config, target.mode
     form = (
         f"a window of 10 timesteps, {config.layers} layers, the last token answers (the paper's form)"

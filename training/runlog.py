@@ -1,6 +1,5 @@
-"""A run's folder: its settings, its metrics, its snapshots and the state from which the same command continues.
-
-One state file, replaced in one piece; no pickle.
+"""A run's folder: its settings, its metrics, its snapshots and the state from which the same command continues. There
+is one state file, replaced atomically; no pickle.
 """
 
 import json
@@ -18,11 +17,11 @@ State = tuple[dict[str, torch.Tensor], dict[str, Any]]
 
 
 class RunError(ValueError):
-    """A run folder that belongs to another run, or cannot be gone on with; says what to do."""
+    """A run folder that belongs to another run, or from which a run cannot continue; the message says what to do."""
 
 
 class RunFolder:
-    """`settings` name the run: a folder that holds another run's is refused."""
+    """`settings` identify the run: a folder with other settings is refused."""
 
     def __init__(self, path: Path, settings: Mapping[str, Any]) -> None:
         self.path = path
@@ -38,7 +37,8 @@ class RunFolder:
         self._writer: Any = None
 
     def load(self) -> State | None:
-        """The newest state, or None at the beginning. Metrics written after it are dropped: they come again."""
+        """Return the newest state, or None at the beginning. Metrics written after it are dropped: they will be written
+        again."""
         path = self.path / "state.safetensors"
         if not path.is_file():
             return None
@@ -55,7 +55,7 @@ class RunFolder:
         _replace(self.path / "state.safetensors", save(contiguous, {"numbers": json.dumps(numbers)}))
 
     def log(self, values: Mapping[str, float]) -> None:
-        """A line of metrics (with `timesteps`), also to TensorBoard where that is installed."""
+        """Write a line of metrics (with `timesteps`), also to TensorBoard if it is installed."""
         with (self.path / "metrics.jsonl").open("a", encoding="utf-8") as file:
             file.write(json.dumps({key: round(value, 6) for key, value in values.items()}) + "\n")
         if self._writer is None:
@@ -70,13 +70,13 @@ class RunFolder:
         return [json.loads(line) for line in lines if line.endswith("}")]
 
     def snapshot(self, tensors: Mapping[str, torch.Tensor], timesteps: int, reward: float) -> None:
-        """Keep a copy of the network as it is now, named by when it was and what it earned then."""
+        """Keep a copy of the network, named by its timesteps and its reward."""
         contiguous = {name: tensor.detach().half().contiguous() for name, tensor in tensors.items()}
         numbers = json.dumps({"timesteps": timesteps, "reward": reward})
         _replace(self.path / "snapshots" / f"{timesteps:010d}.safetensors", save(contiguous, {"numbers": numbers}))
 
     def snapshots(self) -> list[tuple[int, float, Path]]:
-        """(timesteps, reward then, file) of every snapshot, oldest first."""
+        """Return (timesteps, reward, file) of every snapshot, oldest first."""
         found = []
         for path in sorted((self.path / "snapshots").glob("*.safetensors")):
             with safe_open(path, framework="pt") as file:
@@ -92,20 +92,20 @@ class RunFolder:
             file.write(json.dumps(line) + "\n")
 
     def compute(self) -> str:
-        """What the run was computed with: one entry for each way, or "unknown" for a run of an older version."""
+        """Return what the run was computed with: one entry for each way, or "unknown" for a run of an older version."""
         path = self.path / "compute.jsonl"
         lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
         return "; ".join(dict.fromkeys(json.loads(line)["chosen"] for line in lines)) or "unknown"
 
     def seconds(self) -> float:
-        """Time that the run took, without its breaks."""
+        """Return the time that the run took, without interruptions."""
         return sum(line.get("seconds", 0.0) for line in self.metrics())
 
     def done(self) -> bool:
         return (self.path / "done").is_file()
 
     def finish(self) -> None:
-        """The run is complete: its state is not needed any more."""
+        """Mark the run as complete: delete its state."""
         (self.path / "done").touch()
         (self.path / "state.safetensors").unlink(missing_ok=True)
         if self._writer:
@@ -113,7 +113,7 @@ class RunFolder:
 
 
 def open_run(path: Path) -> RunFolder:
-    """A run folder that exists, whatever its settings. Raises RunError."""
+    """Open an existing run folder, whatever its settings. Raises RunError."""
     known = path / "run.json"
     if not known.is_file():
         raise RunError(f"{path}: there is no run here.")
@@ -121,7 +121,7 @@ def open_run(path: Path) -> RunFolder:
 
 
 def revision() -> str:
-    """The short name of the code's revision, "unknown" outside a repository."""
+    """Return the short name of the code's revision, "unknown" outside a repository."""
     command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"]  # fixed words only
     found = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
     return found.stdout.strip() or "unknown"

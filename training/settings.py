@@ -1,4 +1,4 @@
-"""The base of every model of training settings: what may be written, what is stored, and errors with place and remedy.
+"""The base class of all training settings: validation, stored names, and errors with place and remedy.
 
 A setting has the name of the field (CleanRL's for PPO). Runs, task keys and checkpoints of earlier versions know some
 settings by another name, its `serialization_alias`: that name is still written to disk, so that the hash of a run does
@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-# What pydantic calls a fault -> what to write instead; {} are the fault's own numbers.
+# pydantic's type of an error -> what to write instead; {} are limits of the error's context.
 _REMEDIES = {
     "int_type": "Write a whole number.",
     "float_type": "Write a number.",

@@ -78,7 +78,7 @@ class SparseConvolution(torch.autograd.Function):
 def _by_plane(kernel: Tensor) -> NDArray[np.float32]:
     """Return a Conv2d's weight as (planes, 5, 5 * filters), the second axis of places reversed.
 
-    What one entry adds to the cells of a column around it then lies in one run, ordered as in the output.
+    The values that one entry adds to the cells of a column around it are then contiguous, ordered as in the output.
     """
     reordered = kernel.detach().permute(1, 2, 3, 0).flip(2).contiguous()
     return reordered.flatten(2).numpy()
@@ -86,8 +86,8 @@ def _by_plane(kernel: Tensor) -> NDArray[np.float32]:
 
 @njit(cache=True, fastmath=True)
 def _set_places(entries, r, places):  # type: ignore[no-untyped-def]
-    """Write the columns that are not zero in row `r` to `places`; return how many. Without a branch: what is set
-    differs from row to row, and a wrongly predicted branch costs more than a write."""
+    """Write the columns that are not zero in row `r` to `places`; return how many. Without a branch: the set entries
+    differ from row to row, and a mispredicted branch costs more than a write."""
     count = 0
     for c in range(entries.shape[1]):
         places[count] = c

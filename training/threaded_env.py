@@ -1,4 +1,4 @@
-"""Games of one layout stepped by several threads: what keeps a GPU fed from the cores of its machine.
+"""Step the games of one layout in several threads, so that the CPU cores keep up with a GPU.
 
 With one thread it is the plain `VectorEnv`. Each thread has games of its own; results do not depend on timing, but the
 number of threads decides which random stream a game gets.
@@ -19,14 +19,14 @@ _MOST_THREADS = 16
 
 
 def threads_for(device: str) -> int:
-    """How many threads step the games: one on the CPU, whose cores train other agents; all cores for a GPU."""
+    """Return how many threads step the games: one on the CPU, whose cores train other agents; all cores for a GPU."""
     return 1 if device == "cpu" else min(os.cpu_count() or 1, _MOST_THREADS)
 
 
 def threaded_env(
     layout: Layout, games: int, starts: Starts | None, seed: int, threads: int
 ) -> "VectorEnv | ThreadedEnv":
-    """An environment of `games` games on as many threads as there are games for."""
+    """Return an environment of `games` games on at most one thread per game."""
     threads = min(threads, games)
     if threads == 1:
         return VectorEnv(layout, games, starts=starts, seed=seed)
@@ -34,7 +34,7 @@ def threaded_env(
 
 
 class ThreadedEnv:
-    """The same calls as `VectorEnv`, divided over threads by ranges of games."""
+    """The interface of `VectorEnv`, with the games divided over threads in ranges."""
 
     def __init__(self, layout: Layout, games: int, starts: Starts | None, seed: int, threads: int) -> None:
         edges = [games * k // threads for k in range(threads + 1)]
@@ -61,7 +61,7 @@ class ThreadedEnv:
         dones: NDArray[np.bool_],
         observations: NDArray[Any],
     ) -> None:
-        """One timestep of every game, as `VectorEnv.step` does it."""
+        """Play one timestep of every game, like `VectorEnv.step`."""
 
         def step(part: VectorEnv, here: slice) -> None:
             part.step(actions[here], sparse[here], shaped[here], dones[here], observations[here])
@@ -69,22 +69,22 @@ class ThreadedEnv:
         list(self._threads.map(step, self.parts, self._ranges))
 
     def encode(self, observations: NDArray[Any]) -> None:
-        """The current states as the chefs see them: `observations` (games, 2, width, height, 26) out."""
+        """Encode the current states as the chefs see them: `observations` (games, 2, width, height, 26) out."""
         for part, here in zip(self.parts, self._ranges, strict=True):
             part.encode(observations[here])
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Everything that decides how the games continue, as of one `VectorEnv`: a run that was stored with so many
-        threads continues with any other number of them."""
+        """Return everything that determines how the games continue, in the form of one `VectorEnv`: a stored run can
+        continue with any number of threads."""
         states = [part.state() for part in self.parts]
         return {name: np.concatenate([state[name] for state in states]) for name in states[0]}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Continue from what `state` gave, with this or another number of threads."""
+        """Continue from a `state`, with this or another number of threads."""
         for part, here in zip(self.parts, self._ranges, strict=True):
             part.restore({name: array[here] for name, array in state.items()})
 
     def take_finished(self) -> Finished:
-        """The episodes that ended since the last call."""
+        """Return the episodes that ended since the last call."""
         finished = [part.take_finished() for part in self.parts]
         return Finished(*(np.concatenate(columns) for columns in zip(*finished, strict=True)))

@@ -1,4 +1,4 @@
-"""Trains the decoder of intentions on the tokens of a predictor that stays as it is.
+"""Train a decoder of intentions on the tokens of a frozen predictor.
 
 The tokens are computed once; then only the decoder learns, by cross-entropy over the interactions that the kitchen
 allows and over the timesteps until they are done. Validation chooses its weights and calibrates it.
@@ -43,8 +43,8 @@ class IntentionStates:
 
 
 def read_shards(folder: Path, split: str, states: int | None = None) -> list[Shard]:
-    """The collected games of a split, of each partner the same share of games if all have more states than wanted.
-    Raises ValueError where there are none."""
+    """Read the collected games of a split; if they have more states than wanted, the same share of every partner's
+    games. Raises ValueError if there are none."""
     found = {name: facts for name, facts in read_manifest(folder)["shards"].items() if facts["split"] == split}
     if not found:
         raise ValueError(f"{folder}: no partner is kept for {split}. Collect with at least 3 partner agents.")
@@ -54,15 +54,15 @@ def read_shards(folder: Path, split: str, states: int | None = None) -> list[Sha
 
 
 def _some_games(shard: Shard, share: float) -> Shard:
-    """A share of the games, evenly from all seats and settings."""
+    """Return a share of the games, evenly from all seats and settings."""
     games = len(shard["seat"])
     chosen = np.unique(np.linspace(0, games - 1, max(1, round(share * games))).round().astype(int))
     return {name: values[chosen] for name, values in shard.items()}
 
 
 def states_of(shards: list[Shard], layout: Layout, network: PredictorNetwork) -> IntentionStates:
-    """All states of these games whose next interaction is known, as the predictor's layers see them. Raises ValueError
-    where there are none."""
+    """Return all states of these games whose next interaction is known, as tokens of the predictor's layers. Raises
+    ValueError if there are none."""
     parts = []
     for shard in shards:
         labels = labels_of(shard, layout)
@@ -88,7 +88,7 @@ def train_intentions(
     settings: IntentionSettings,
     progress: Progress | None = None,
 ) -> IntentionDecoder:
-    """Return a calibrated decoder for this predictor, the best on validation. Nothing of the predictor is changed."""
+    """Return a calibrated decoder for this predictor, the best on validation. The predictor itself does not change."""
     torch.manual_seed(settings.seed)
     config = IntentionConfig(settings.hidden, settings.when_hidden)
     decoder = intention_decoder(layout, network.config, config)
@@ -134,7 +134,7 @@ def _validated(decoder: IntentionDecoder, states: IntentionStates, when_weight: 
 
 @torch.inference_mode()
 def calibrate(decoder: IntentionDecoder, states: IntentionStates) -> None:
-    """Set both temperatures so that what happened in these states is likeliest. [temperature scaling]"""
+    """Set both temperatures to maximise the likelihood of what happened in these states. [temperature scaling]"""
     decoder.temperature.fill_(1.0)
     inside = decoder.inside(states.tokens.float())
     done = states.classes != NOTHING_HAPPENS

@@ -32,11 +32,11 @@ from training.predictor_config import TrainingConfig
 from training.runlog import RunFolder
 
 Progress = Callable[[float, Mapping[str, float]], None]
-LOOK_IS_NEAR_S = 10.0  # when time is over, a look at validation that is so near is still made
+LOOK_IS_NEAR_S = 10.0  # when the time is up, a validation that is due this soon is still made
 
 
 class PredictorTrainer:
-    """One predictor while it learns: network, its average, optimiser, the best weights so far."""
+    """The training state of a predictor: network, its average, optimiser, the best weights so far."""
 
     def __init__(
         self,
@@ -44,7 +44,7 @@ class PredictorTrainer:
         config: TrainingConfig,
         train: Episodes,
         validation: Episodes,
-        compute: Compute | None = None,  # None: the quickest, measured at the first update
+        compute: Compute | None = None,  # None: the fastest, measured at the first update
     ) -> None:
         self.device = compute.device if compute else requested().chosen_device()
         self.network, self.config, self._compute = network.to(self.device), config, compute
@@ -59,11 +59,11 @@ class PredictorTrainer:
         self.average = {name: value.clone() for name, value in self._learned().items()}
         self.best = {name: value.clone() for name, value in self.average.items()}
         self.best_accuracy, self.looks_since_best, self.update = 0.0, 0, 0
-        self.measured: dict[str, float] = {}  # milliseconds of the ways to compute that were tried
+        self.measured: dict[str, float] = {}  # milliseconds of each candidate
 
     @property
     def compute(self) -> Compute:
-        """What updates are computed with. The measurement leaves no trace in the run."""
+        """Return how updates are computed. The measurement does not affect the run."""
         if self._compute is None:
             self._compute, self.measured = self._choose_compute()
         return self._compute
@@ -79,7 +79,7 @@ class PredictorTrainer:
         return chosen
 
     def _learn_once(self, compute: Compute) -> Tensor:
-        """Forward and backward pass of the next update; returns its loss."""
+        """Do the forward and backward pass of the next update; return its loss."""
         with autocast(compute.device, compute.precision):
             loss = self._loss(np.random.default_rng([self.config.seed, self.update]))
         self._optimiser.zero_grad(set_to_none=True)
@@ -87,7 +87,7 @@ class PredictorTrainer:
         return loss.detach()
 
     def step(self) -> float:
-        """One update; returns its loss."""
+        """Make one update; return its loss."""
         config = self.config
         share = max(0.0, (self.update - config.warm_up) / max(1, config.updates - config.warm_up))
         warm = min(1.0, (self.update + 1) / config.warm_up)
@@ -144,13 +144,13 @@ class PredictorTrainer:
         return self.update >= self.config.updates or self.looks_since_best >= self.config.patience
 
     def use_best(self) -> None:
-        """Leave the best weights in the network, calibrated on validation."""
+        """Load the best weights into the network, and calibrate it on validation."""
         self._load(self.best)
         said = logits(self.network, self.validation) * self.network.temperature.cpu()[:, None]
         self.network.temperature.copy_(fitted_temperature(said, torch.from_numpy(self.validation.labels())))
 
     def state(self) -> tuple[dict[str, Tensor], dict[str, Any]]:
-        """Everything that decides how it continues, for a run folder."""
+        """Return everything that determines how training continues, for a run folder."""
         aside = {name: value.detach() for name, value in self._of_partner.named_parameters()}
         kept = {"now": self._learned(), "average": self.average, "best": self.best, "partner": aside}
         tensors = {f"{group}.{name}": value for group, values in kept.items() for name, value in values.items()}
@@ -163,7 +163,7 @@ class PredictorTrainer:
         return tensors, numbers
 
     def restore(self, tensors: dict[str, Tensor], numbers: dict[str, Any]) -> None:
-        """Continue from what `state` gave."""
+        """Continue from a `state`."""
         names = ("now", "average", "best", "partner", "adam", "random")
         groups: dict[str, dict[str, Tensor]] = {name: {} for name in names}
         for full, value in tensors.items():
@@ -205,9 +205,9 @@ def prepared(
     encoder_from: Path | None = None,
     begin_with: Path | None = None,
 ) -> PredictorTrainer:
-    """A trainer with its games loaded. `encoder_from`: the agent whose convolutions a CNN encoder has.
-    `begin_with`: a predictor of the same kitchen and shape whose weights are the first. Raises ValueError or OSError
-    where one of them cannot be used."""
+    """Return a trainer with its games loaded. `encoder_from`: the agent whose convolutions a CNN encoder has.
+    `begin_with`: a predictor of the same kitchen and shape to start from. Raises ValueError or OSError if one of them
+    cannot be used."""
     torch.manual_seed(config.seed)
     learner = PredictorNetwork(layout, network)
     if begin_with is not None:
@@ -226,7 +226,7 @@ def prepared(
 def _take_weights(learner: PredictorNetwork, folder: Path) -> None:
     other, _ = predictor_network(load_checkpoint(folder))
     try:
-        other.intentions = None  # it belongs to the tokens of the other
+        other.intentions = None  # it was trained on the tokens of the other predictor
         learner.load_state_dict(other.state_dict())
     except RuntimeError as error:
         raise ValueError(
@@ -236,10 +236,9 @@ def _take_weights(learner: PredictorNetwork, folder: Path) -> None:
 
 
 def train_predictor(trainer: PredictorTrainer, folder: RunFolder, progress: Progress | None = None) -> PredictorNetwork:
-    """Train until validation gets no better (or continue with an interrupted run); return the calibrated best.
-
-    Raises TimeoutError when the config's `minutes` are over before: the next call continues, and `usable` gives what
-    has been learned so far.
+    """Train until validation no longer improves (or continue an interrupted run); return the calibrated best network.
+    Raises TimeoutError if the config's `minutes` are over first: the next call continues, and `usable` returns the best
+    network so far.
     """
     torch.set_num_threads(1)
     state = folder.load()
@@ -278,8 +277,8 @@ def train_predictor(trainer: PredictorTrainer, folder: RunFolder, progress: Prog
 
 
 def usable(trainer: PredictorTrainer) -> PredictorNetwork:
-    """Return the calibrated best network so far of a training that was stopped. Not to be trained on."""
-    if not trainer.best_accuracy:  # nobody has looked yet
+    """Return the calibrated best network so far of a training that was stopped. Do not continue to train it."""
+    if not trainer.best_accuracy:  # no validation was made yet
         trainer.look()
     trainer.use_best()
     return trainer.network

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """Episodes of a participant, participants planned, and the spread of reward where data say it."""
+    """Episodes of a participant, planned participants, and the variance of reward if data are given."""
 
     episodes: int
     participants: int
@@ -30,7 +30,7 @@ class StudyPlan:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what the verb takes."""
+    """Add the options of the command."""
     parser.add_argument("source", type=Path, metavar="STUDY_OR_EXPORT", help="a study file, or the export of a pilot")
     parser.add_argument(
         "--effect",
@@ -168,7 +168,7 @@ def _design(arguments: argparse.Namespace) -> "tuple[PowerDesign, StudyPlan, int
     residual_sd = plan.residual_sd if arguments.residual_sd is None else arguments.residual_sd
     if person_sd is None or residual_sd is None:
         raise ValueError(
-            "nothing says how much reward varies. Give --pilot with the export of a pilot or of bots, or both "
+            "the variance of reward is unknown. Give --pilot with the export of a pilot or of bots, or both "
             "--person-sd and --residual-sd."
         )
     participants = plan.participants if arguments.participants is None else arguments.participants

@@ -9,7 +9,7 @@ WEIGHTS: Final = Path(__file__).parents[2] / "models" / "weights"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare what the verb takes."""
+    """Add the options of the command."""
     parser.add_argument("export", type=Path, metavar="EXPORT_DIR", help="the folder that `kitchenmind export` wrote")
     parser.add_argument("--out", type=Path, default=Path("report"), help="folder to write (default: report)")
     parser.add_argument("--study", help="which study, if the export holds several")

@@ -1,7 +1,6 @@
-"""Games of simulated participants with the bundled agents, many at once: what benchmarks/foresight.py plays.
-
-Each episode has the same person, the same seat and the same chance whatever is shown. The agent's third action ahead
-depends on what the participant does meanwhile; "true" takes it from a game that is played ahead.
+"""Play games of simulated participants with the bundled agents in batches, for benchmarks/foresight.py. Each episode
+has the same person, seat and random numbers whatever is shown. The agent's third action ahead depends on what the
+participant does meanwhile; "true" takes it from a game that is played ahead.
 """
 
 from dataclasses import dataclass
@@ -53,7 +52,7 @@ class Cell:
 
 @dataclass
 class _Batch:
-    """Games that are played together, and everything that decides what happens in them."""
+    """Games that are played together, and everything that determines their course."""
 
     kitchens: Kitchens
     seat: int  # of the participants
@@ -128,7 +127,7 @@ def _begun(layout: Layout, cell: Cell, games: range, seat: int) -> _Batch:
 def _arrows(
     batch: _Batch, cell: Cell, predictor: Predictor | None, timestep: int, chance: np.random.Generator
 ) -> NDArray[np.int64]:
-    """Return what is shown on this state, (games, 3)."""
+    """Return the arrows shown on this state, (games, 3)."""
     games = len(batch.actions)
     if cell.shown == NONE:
         return np.full((games, ARROWS), NO_ARROW)

@@ -1,4 +1,4 @@
-"""What benchmarks share whose figures are kept in a file and written into documents."""
+"""Shared code of the benchmarks whose figures are stored in a file and written into documents."""
 
 import argparse
 import json
@@ -7,13 +7,15 @@ from typing import Any
 
 
 def parsed(description: str | None) -> argparse.Namespace:
-    """Return the command line: `write` and `quick`. Ends the program for both at once."""
+    """Return the command line: `write` and `quick`. Exit if both are given."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="write the figures and the tables")
-    parser.add_argument("--quick", action="store_true", help="one short game of each: a rough look, not to be kept")
+    parser.add_argument(
+        "--quick", action="store_true", help="one short game of each: rough figures that are not stored"
+    )
     arguments = parser.parse_args()
     if arguments.quick and arguments.write:
-        parser.error("--quick measures too little to be kept: leave out --write.")
+        parser.error("--quick measures too little to be stored: leave out --write.")
     return arguments
 
 

@@ -1,8 +1,8 @@
-"""A partner whose goals come from a language model, and who never waits for it.
+"""A partner whose goals come from a language model, and that never waits for it.
 
 A language model takes seconds, a timestep has 200 ms. So the two run side by side: the model is asked in the background
 what to do next in a situation (what the chef holds, how full the pots are), and the chef acts on the last plan there
-is. Where there is none yet, or the model is down, it does what a cook would do anyway.
+is. If there is no plan yet, or the model cannot be reached, it falls back to a simple rule.
 
     export LLM_URL=http://127.0.0.1:11434/v1  LLM_MODEL=llama3.2  LLM_API_KEY=...
     cd docs/examples && kitchenmind agent serve language_model_partner:LanguageModelPartner --port 9000
@@ -97,7 +97,7 @@ class LanguageModelPartner:
                 goal = self._answer_of_the_model(held, situation)
             except (httpx.HTTPError, ValueError, KeyError, IndexError, TypeError) as error:
                 self.failures += 1
-                print(f"the language model did not help ({error!r}); the last plan holds", flush=True)
+                print(f"the language model gave no plan ({error!r}); the last plan holds", flush=True)
                 time.sleep(min(REST_S[1], REST_S[0] * 2 ** min(self.failures - 1, 10)))
                 continue
             self.failures = 0
@@ -130,7 +130,7 @@ class LanguageModelPartner:
 
 
 def describe(seen: ParsedObservation) -> str:
-    """Return the situation in words, without places: the same words for what needs the same goal."""
+    """Return the situation in words, without positions: situations that need the same goal have the same words."""
     names = ["nothing" if name is None else name for name in ITEM_NAMES]
     pots = sorted("a soup is ready" if pot.left == 0 else "a soup cooks" if pot.left else f"{pot.onions} onions"
                   for pot in seen.pots)  # fmt: skip
@@ -142,7 +142,7 @@ def describe(seen: ParsedObservation) -> str:
 
 
 def usual_goal(seen: ParsedObservation) -> str:
-    """Return what a cook does who was told nothing."""
+    """Return the goal of a cook without a plan."""
     if seen.held == SOUP:
         return "serve"
     if seen.held == DISH:

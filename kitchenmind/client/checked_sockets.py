@@ -1,4 +1,4 @@
-"""Sockets of one participant for the checks of `kitchenmind conformance`: what should come, within some seconds."""
+"""One participant's sockets for the checks of `kitchenmind conformance`: expect a message within some seconds."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -19,7 +19,7 @@ WITHIN_S: Final = 15.0  # longer than any countdown
 
 
 class Unmet(Exception):
-    """The server did something else; the text says what."""
+    """The server did something unexpected; the message says what."""
 
 
 class CheckedSockets:
@@ -84,7 +84,7 @@ async def _next(socket: ClientConnection) -> messages.Outgoing:
     """Return the next message, and answer it if it is a ping."""
     message = decoded(await socket.recv())
     if isinstance(message, messages.Ping):
-        with suppress(ConnectionClosed):  # what came before the close is still to be read
+        with suppress(ConnectionClosed):  # messages that arrived before the close are still to be read
             await send(socket, messages.Pong(message.id))
     return message
 

@@ -29,7 +29,7 @@ _CANNOT_CONNECT: Final = (OSError, TimeoutError, InvalidHandshake)
 
 @dataclass(frozen=True)
 class Finding:
-    """What came of one check. `reason`: why it failed."""
+    """The result of one check. `reason`: why it failed."""
 
     name: str
     passed: bool
@@ -40,7 +40,7 @@ class Conformance(CheckedSockets):
     """The checks, in their order, with one simulated participant of a study."""
 
     async def run(self, told: Callable[[Finding], None] | None = None) -> list[Finding]:
-        """Run every check; `told` hears of each finding at once. Later checks also run if one fails."""
+        """Run every check; `told` is called with each finding at once. Later checks also run if one fails."""
         compile_rules()
         findings = []
         async with self.client:
@@ -165,7 +165,7 @@ class Conformance(CheckedSockets):
             await self.closed(socket, CloseCode.REFUSED)
 
     async def newest_tab_plays(self) -> None:
-        """a second tab takes over: the first one hears `superseded` and closes with 4001"""
+        """a second tab takes over: the first one gets `superseded` and is closed with 4001"""
         async with self.welcomed() as (first, _), self.game() as second:
             await send(second, hello("conformance-2"))
             await self.until(second, messages.Welcome)
@@ -207,8 +207,8 @@ class Conformance(CheckedSockets):
                 tick = await self.until(socket, messages.Tick)
             own = [tick.actions[welcome.seat]]
             own += [(await self.until(socket, messages.Tick)).actions[welcome.seat] for _ in range(2)]
-            require(own.count(0) == 1, f"north was tapped once, and these actions were applied: {own}")
-            require(set(own) <= {0, STAY}, f"nothing but north was tapped, and these actions were applied: {own}")
+            require(own.count(0) == 1, f"north was tapped once, but these actions were applied: {own}")
+            require(set(own) <= {0, STAY}, f"only north was tapped, but these actions were applied: {own}")
 
     async def away_pauses_and_ready_continues(self) -> None:
         """away pauses the game, and ready continues it after a countdown"""
@@ -236,7 +236,7 @@ class Conformance(CheckedSockets):
 
 
 async def _finding(check: Callable[[], Awaitable[None]]) -> Finding:
-    """Run one check; whatever the server does is a finding."""
+    """Run one check; any failure of the server becomes a finding."""
     name = " ".join((check.__doc__ or "").split())
     try:
         await check()

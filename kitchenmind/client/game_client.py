@@ -1,6 +1,5 @@
-"""A player at the game's websocket: speaks the protocol, comes back after a lost connection, and asks `act` what to do.
-
-Make a subclass with an `act` of your own. `on_message` sees everything that the server says.
+"""A player at the game's websocket: follows the protocol, reconnects after a lost connection, and calls `act` for each
+action. Make a subclass with an `act` of your own. `on_message` gets every message of the server.
 """
 
 import asyncio
@@ -32,7 +31,7 @@ class ProtocolError(RuntimeError):
 
 
 class SocketLeft(Exception):
-    """This socket is not looked at any more, and not closed; the player connects again."""
+    """Stop reading this socket without closing it; the player connects again."""
 
 
 def origin_of(url: str) -> str:
@@ -42,10 +41,10 @@ def origin_of(url: str) -> str:
 
 
 class GameClient:
-    """Plays the game of a participant's current step. One object a game.
+    """Plays the game of a participant's current step; one object per game.
 
     `welcome` introduces the game, `kitchen` is the state shown last as arrays, `lesson` the key of the tutorial's
-    lesson. `violations` collects sentences about what the server should not have sent.
+    lesson. `violations` collects sentences about messages that the server should not have sent.
     """
 
     first_wait_s = 0.15  # before it connects again; doubled every time, up to the longest
@@ -77,18 +76,18 @@ class GameClient:
         return INTERACT if self.lesson == "marks" and action is not None else action
 
     def asks(self, tick: messages.Tick) -> bool | None:  # noqa: ARG002 - for subclasses
-        """Return whether the marks key is down, where the study shows the marks on demand; None says nothing about it.
-        As it is here, it is held down: with `toggle`, that is one press."""
+        """Return whether the marks key is down, if the study shows the marks on demand; None sends nothing. By default
+        it is held down: with `toggle`, that is one press."""
         return None if self.welcome is None or self.welcome.show == "always" else True
 
     def on_message(self, message: messages.Outgoing) -> None:
-        """See a message, before it is answered. `self.kitchen` has its state already."""
+        """Handle a message before it is answered. `self.kitchen` has its state already."""
 
     async def before_acting(self, socket: ClientConnection, tick: messages.Tick) -> None:
-        """Do something else at this tick first. May raise OSError or SocketLeft: the player connects again."""
+        """Do something before acting in this tick. May raise OSError or SocketLeft: the player connects again."""
 
     def lost(self) -> None:
-        """Count a connection that was lost, or did not come about."""
+        """Count a connection that was lost or could not be opened."""
         self.reconnects += 1
 
     async def play(self) -> messages.Ended | None:
@@ -104,13 +103,13 @@ class GameClient:
             except ConnectionClosed as closed:
                 code = None if closed.rcvd is None else closed.rcvd.code
                 if code == CloseCode.GAME_READY:
-                    continue  # the other person is there: the game has begun
+                    continue  # the other person has arrived: the game has begun
                 if code == CloseCode.REFUSED and closed.rcvd is not None:
                     raise RuntimeError(f"the game's socket was closed: {closed.rcvd.reason}") from closed
                 if code in _FINAL:
                     return None
             except (InvalidHandshake, OSError, TimeoutError):
-                pass  # the server is away: again
+                pass  # the server cannot be reached: try again
             self.lost()
             longest = min(self.longest_wait_s, self.first_wait_s * 2**attempt)
             await asyncio.sleep(longest * self._wait.uniform(0.5, 1.0))
@@ -125,7 +124,7 @@ class GameClient:
         try:
             return await self._talk(socket)
         except SocketLeft:
-            left = True  # the socket stays open: the server does not know yet
+            left = True  # the socket stays open: the server has not noticed yet
             raise
         finally:
             if not left:
@@ -133,7 +132,7 @@ class GameClient:
                     await socket.close()
 
     async def _talk(self, socket: ClientConnection) -> messages.Ended:
-        """Until the episode is over. Raises ConnectionClosed."""
+        """Exchange messages until the episode is over. Raises ConnectionClosed."""
         self._seq = 0
         await self.send(socket, messages.Hello(messages.PROTOCOL, self.tab))
         while True:
@@ -142,11 +141,11 @@ class GameClient:
             self.on_message(message)
             if isinstance(message, messages.Ended):
                 return message
-            with suppress(ConnectionClosed):  # what the server said before it closed is still to be read
+            with suppress(ConnectionClosed):  # messages that the server sent before it closed are still to be read
                 await self._answer(socket, message)
 
     def _take_in(self, message: messages.Outgoing) -> None:
-        """Remember what the message says about the game."""
+        """Update the client's view of the game from a message."""
         match message:
             case messages.Welcome():
                 if self.welcome is None or self.welcome.episode != message.episode:
@@ -177,7 +176,7 @@ class GameClient:
                 await self._act(socket, message)
 
     async def _act(self, socket: ClientConnection, tick: messages.Tick) -> None:
-        """Say every timestep what the hands do, also when they rest: a simulation need not wait any longer then."""
+        """Send the held keys in every timestep, also if there are none: a simulation need not wait any longer then."""
         if self.kitchen is None or self.welcome is None or self.welcome.seat < 0:
             return
         action = self.chosen(tick)
@@ -187,7 +186,7 @@ class GameClient:
             raise ValueError(f"{type(self).__name__}.act returned {action!r}. An action is 0 to {ACTIONS - 1}.")
         self._seq += 1
         tap = None if action == STAY else cast(messages.Tap, int(action))
-        client_ms = float(tick.state.t * self.welcome.tick_ms)  # its clock goes as the game's, however fast that is
+        client_ms = float(tick.state.t * self.welcome.tick_ms)  # its clock runs at the game's speed
         await self.send(socket, messages.Input(self._seq, None, tap, client_ms, self.asks(tick)))
 
     @staticmethod

@@ -1,4 +1,4 @@
-"""What a program needs of a participant's page: its forms, whether it is a game, the completion code."""
+"""Parse a participant's page for a program: its forms, whether it is a game, the completion code."""
 
 from collections.abc import Iterator, Mapping
 from html.parser import HTMLParser
@@ -52,15 +52,15 @@ class ParsedPage(HTMLParser):
 
     def handle_data(self, data: str) -> None:
         if self._in_code and data.strip():
-            self.code = self._own_code or data.strip()  # a recruiter's code is everybody's
+            self.code = self._own_code or data.strip()  # a recruiter's code is the same for all participants
 
     def form(self, path: str) -> Fields | None:
-        """Return the fields of the form that is sent to `path`, None if there is no such form. The server may lie
-        behind a path of its own, which the address in the page begins with."""
+        """Return the fields of the form that is sent to `path`, None if there is no such form. The server may be served
+        below a path, with which the addresses in the page begin."""
         return next((fields for action, fields in self.forms if action.endswith(path)), None)
 
     def step(self, path: str) -> str:
-        """The key of the step that this page is; empty for one that is none."""
+        """The key of the page's step; empty if it is not a step."""
         fields = self.form(path) or {}
         return fields["step"][0].value if "step" in fields else ""
 

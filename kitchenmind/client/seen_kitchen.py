@@ -1,4 +1,4 @@
-"""The kitchen as the messages of a game tell it, turned back into arrays."""
+"""Rebuild the kitchen's state as arrays from the messages of a game."""
 
 from functools import cache
 
@@ -12,7 +12,7 @@ from server.play import messages
 
 
 class SeenKitchen:
-    """The game as the protocol tells it, turned back into arrays: what a chef sees, and the state's hash."""
+    """A game's state rebuilt from its messages: a chef's observation, and the state's hash."""
 
     def __init__(self, welcome: messages.Welcome) -> None:
         self.layout: Layout = parse_layout("\n".join(welcome.grid), welcome.layout)
@@ -20,7 +20,7 @@ class SeenKitchen:
         self._state = Kitchens.start(self.layout)
 
     def show(self, state: messages.KitchenState) -> str:
-        """Take a state in; its hash."""
+        """Set the state of a message; return its hash."""
         self._state.restore(
             {
                 "t": state.t,
@@ -33,19 +33,19 @@ class SeenKitchen:
 
     @property
     def now(self) -> Kitchens:
-        """The state shown last, to keep."""
+        """Return a copy of the state shown last."""
         return self._state.copy()
 
     def decide(self, policy: Policy) -> int:
-        """What a cook with this policy would do now."""
+        """Return what an agent with this policy would do now."""
         seen = self._state.encode(horizon=self.horizon)[:, max(0, self.seat)]
         return int(np.argmax(policy.probabilities(seen)[0]))
 
 
 @cache
 def compile_rules() -> None:
-    """Compile the rules, which takes seconds on a machine where nobody has done it yet. During a game, the server would
-    take the client for gone, as no ping is answered meanwhile."""
+    """Compile the rules, which takes seconds the first time on a machine. During a game, the server would drop the
+    client, because it answers no ping while it compiles."""
     kitchens = Kitchens.start(bundled_layout("practice"))
     kitchens.step(np.zeros((1, PLAYERS), np.int8), np.zeros((1, PLAYERS), np.int32))
     kitchens.encode(horizon=1)

@@ -30,9 +30,8 @@ class StudyClient:
         self, base_url: str, study: str, arrival: str = "", secret: str = "", *, accept: str = "application/json"
     ) -> None:
         """`base_url`: as the browser shows it; `arrival`: the parameters of a recruiter's link, `?PROLIFIC_PID=...`;
-        `secret`: of a public server, which believes nobody else that a program takes part. The participant is stored
-        as simulated, so that no analysis takes it for a person. `accept`: how pages come; `text/html`: as a browser
-        gets them."""
+        `secret`: of a public server, which otherwise refuses programs. The participant is stored as simulated, so that
+        no analysis takes it for a person. `accept`: how pages come; `text/html`: as a browser gets them."""
         self.base_url, self.study = base_url.rstrip("/"), study
         self.arrival, self.secret = arrival, secret
         self.simulated = True
@@ -53,7 +52,7 @@ class StudyClient:
         await self.close()
 
     async def close(self) -> None:
-        """Let go of the connections; the cookie stays."""
+        """Close the connections; the cookie stays."""
         await self._http.aclose()
 
     @property
@@ -71,7 +70,7 @@ class StudyClient:
 
     @property
     def token(self) -> str:
-        """What the cookie carries; empty before consent."""
+        """The value of the cookie; empty before consent."""
         return next((cookie.value or "" for cookie in self._http.cookies.jar), "")
 
     async def open(self) -> ParsedPage:
@@ -138,7 +137,7 @@ class StudyClient:
         return _page(await self._ask("POST", path, fields))
 
     async def _ask(self, method: str, path: str, fields: dict[str, Any] | None = None) -> httpx.Response:
-        """Ask again while the server is away, as somebody does who sees that a page does not come."""
+        """Send a request, again if the server cannot be reached, as a person would reload a page."""
         deadline = time.monotonic() + _AGAIN_WITHIN_S
         while True:
             try:
@@ -163,7 +162,7 @@ def _page(response: httpx.Response) -> ParsedPage:
 
 @dataclass
 class StudyWalk:
-    """How one participant went through a study. `code` is None if there was no code at the end."""
+    """The pages of one participant in a study. `code` is None if there was no code at the end."""
 
     code: str | None = None
     games: list[messages.Ended] = field(default_factory=list)
@@ -183,7 +182,7 @@ async def walk(
             if done.pages > MOST_PAGES:
                 raise ClientFailed(f"no completion code after {MOST_PAGES} pages")
             if page.faults:
-                raise ClientFailed(f"the page came back: it wants other answers to {', '.join(sorted(page.faults))}")
+                raise ClientFailed(f"the page was returned: it needs other answers to {', '.join(sorted(page.faults))}")
             if page.is_game:
                 ended = await client.game(player).play()
                 done.games += [] if ended is None else [ended]

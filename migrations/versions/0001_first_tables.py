@@ -232,7 +232,7 @@ FIXED = ("id", "at", "actor", "action", "detail_hash", "hash")
 
 
 def keep_audit_as_written() -> None:
-    """Entries of the audit log are never deleted; all that may change is that a detail is blanked."""
+    """Add triggers: entries of the audit log are never deleted, and their only change is that a detail is blanked."""
     changed = " OR ".join(f"NEW.{name} <> OLD.{name}" for name in FIXED)
     changed += " OR NEW.detail IS NOT NULL OR NEW.salt IS NOT NULL"
     if op.get_bind().dialect.name == "sqlite":

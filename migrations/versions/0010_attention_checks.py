@@ -18,7 +18,7 @@ def upgrade() -> None:
 
 
 def _mark_failed(connection: Any) -> None:
-    """Failed checks were noted as events only. Of those that were passed nothing was noted."""
+    """Mark failed checks, which were stored as events only. Passed checks were not stored at all."""
     events = sa.table('events', sa.column('participant_id'), sa.column('kind'), sa.column('detail', sa.JSON()))
     answers = sa.table(
         'answers', *(sa.column(name) for name in ('participant_id', 'step_key', 'question_key')), sa.column('attention', sa.Boolean())

@@ -1,4 +1,4 @@
-"""`kitchenmind agent serve NAME`: an agent behind an HTTP address, as a study asks it (`models/agents/http_agent.py`).
+"""`kitchenmind agent serve NAME`: serve an agent over HTTP for a study (`models/agents/http_agent.py` is the client).
 
 POST {"layout", "grid", "observations"} to any path is answered with {"probabilities"}; GET has the JSON Schema of both.
 """
@@ -31,7 +31,7 @@ _MOST_KITCHENS: Final = 32  # whose agents are kept
 
 
 class AgentQuestion(msgspec.Struct):
-    """What is asked: the kitchen, and for each game the 26 planes (width, height, 26) of the agent's chef."""
+    """The request: the kitchen, and for each game the 26 planes (width, height, 26) of the agent's chef."""
 
     layout: str
     grid: list[str]
@@ -39,28 +39,28 @@ class AgentQuestion(msgspec.Struct):
 
 
 class AgentAnswer(msgspec.Struct):
-    """What is answered: for each game the probabilities of north, south, east, west, stay and interact."""
+    """The response: for each game the probabilities of north, south, east, west, stay and interact."""
 
     probabilities: list[list[float]]
 
 
 class BadQuestion(ValueError):
-    """A question that cannot be answered; the text says why."""
+    """A request that cannot be answered; the message says why."""
 
 
 def schema() -> dict[str, Any]:
-    """Return the JSON Schema of questions and answers."""
+    """Return the JSON Schema of requests and responses."""
     _, definitions = msgspec.json.schema_components((AgentQuestion, AgentAnswer), ref_template="#/$defs/{name}")
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$defs": definitions}
 
 
 class AgentServer:
-    """An agent at `url`, answered in a thread until `close`, or the end of a `with` block."""
+    """Serve an agent at `url` in a thread until `close`, or the end of a `with` block."""
 
     def __init__(self, load: Callable[[Layout], LoadedAgent], host: str = "127.0.0.1", port: int = 0) -> None:
         """`load` makes the agent of a kitchen; `port` 0 takes a free one. Raises OSError if the port is taken."""
         self._load = lru_cache(_MOST_KITCHENS)(lambda text, name: load(parse_layout(text, name)))
-        self._one_at_a_time = threading.Lock()  # somebody's agent need not be made for threads
+        self._one_at_a_time = threading.Lock()  # an agent need not be thread-safe
         self._server = _Server((host, port), _handler(self))
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
         self._thread.start()
@@ -72,7 +72,7 @@ class AgentServer:
         return f"http://{host!s}:{port}/act"
 
     def answer(self, body: bytes) -> bytes:
-        """Return the answer to a question. Raises BadQuestion, and whatever the agent raises."""
+        """Return the response to a request. Raises BadQuestion, and whatever the agent raises."""
         try:
             question = msgspec.json.decode(body, type=AgentQuestion)
             grid = "\n".join(question.grid)
@@ -83,14 +83,14 @@ class AgentServer:
         with self._one_at_a_time:
             policy, mode = self._load(grid, question.layout)
             given = checked_probabilities(policy.probabilities(observations), len(observations))
-        is_as_given = mode.temperature == 1  # a game counts how long a chef is stuck; here nothing is remembered
+        is_as_given = mode.temperature == 1  # the game counts how long a chef is stuck; this server is stateless
         chances = given if is_as_given else distribution(given, np.zeros(len(given), np.int32), mode)
         return msgspec.json.encode(AgentAnswer(chances.tolist()))
 
     def wait(self) -> None:
         """Serve until the thread ends, or Ctrl+C."""
         while self._thread.is_alive():
-            self._thread.join(1.0)  # not for ever: a Ctrl+C that comes just before the wait would not end it
+            self._thread.join(1.0)  # with a timeout: a Ctrl+C just before the wait would not end it
 
     def close(self) -> None:
         """Stop answering."""
@@ -109,7 +109,7 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing about a study that went away; everything else has its traceback."""
+        """Ignore a client that disconnected; print the traceback of every other error."""
         if not isinstance(sys.exc_info()[1], ConnectionError | TimeoutError):
             super().handle_error(request, client_address)
 
@@ -132,7 +132,7 @@ def _planes(given: list[list[list[list[int]]]], layout: Layout) -> Observations:
 
 def _handler(agents: AgentServer) -> type[BaseHTTPRequestHandler]:
     class _Handler(BaseHTTPRequestHandler):
-        protocol_version = "HTTP/1.1"  # the connection stays open for the next question
+        protocol_version = "HTTP/1.1"  # keep the connection open for the next request
         timeout = 60
 
         def do_GET(self) -> None:
@@ -164,7 +164,7 @@ def _handler(agents: AgentServer) -> type[BaseHTTPRequestHandler]:
             self.wfile.write(body)
 
         def log_message(self, format: str, *arguments: Any) -> None:
-            """Say nothing about each question."""
+            """Do not log each request."""
 
     return _Handler
 
@@ -182,11 +182,11 @@ def serve_agent(agent: GivenAgent, port: int = PORT, host: str = "127.0.0.1") ->
 
 def add_arguments(kinds: Any) -> None:
     """Add `serve` to the commands of `kitchenmind agent`."""
-    serve = kinds.add_parser("serve", help="answer for an agent at an HTTP address, for a study that runs elsewhere")
+    serve = kinds.add_parser("serve", help="serve an agent over HTTP, for a study on another machine")
     serve.add_argument("name", help="module:Class, bundled agent, checkpoint folder or ONNX file")
     serve.add_argument("--port", type=int, default=PORT, help=f"port; 0 takes a free one ({PORT})")
     serve.add_argument("--host", default="127.0.0.1", help="address to listen on (127.0.0.1)")
-    serve.add_argument("--layout", default="coordination_ring", help="a kitchen to try the agent in first")
+    serve.add_argument("--layout", default="coordination_ring", help="test the agent in this kitchen first")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -1,6 +1,5 @@
-"""Other people's agents and predictors, known only by what they answer: an ONNX file, a Python class, an HTTP address.
-
-They see the 26 planes of the chef they play and give probabilities (or an action) for it. No torch here.
+"""Load agents and predictors from outside this project as black boxes: an ONNX file, a Python class, an HTTP address.
+They get the 26 planes of the chef that they play and return probabilities (or an action) for it. No torch here.
 """
 
 import importlib
@@ -14,11 +13,12 @@ from models.protocols import BlackBoxError as BlackBoxError
 from models.protocols import Mode, Policy, Predictor
 from overcooked.layout import Layout
 
-AS_IT_SAYS = Mode(temperature=1.0, stuck_mix=0.0)  # its probabilities are what it means: a certain agent gives a 1
+# its probabilities are used as they are: a deterministic agent gives a 1
+AS_IT_SAYS = Mode(temperature=1.0, stuck_mix=0.0)
 
 
 def is_foreign(name: str) -> bool:
-    """Whether a name means somebody else's model: an ONNX file, `module:Class` or an http address."""
+    """Whether a name means a model from outside this project: an ONNX file, `module:Class` or an http address."""
     return ":" in name or name.partition("@")[0].endswith(".onnx")
 
 

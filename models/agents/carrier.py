@@ -1,5 +1,6 @@
 """The `carrier`: an agent that takes onions from counter to counter, for practice games in which people learn to read
-intentions. It never fills a pot, and anybody can foresee what it does."""
+intentions. It never fills a pot, and its actions are easy to predict.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -23,24 +24,24 @@ from models.protocols import (
 from overcooked.constants import ACTIONS, INTERACT, NOTHING, ONION, STAY, STEP_X, STEP_Y
 from overcooked.interactions import NO_INTERACTION, InteractionKind
 
-_PLACES: Final = 3  # counters that it uses
+_PLACES: Final = 3  # the number of counters that it uses
 _SURE: Final = 0.99
 
 
 class CarrierPolicy:
-    """Carries two onions around three counters that are far from each other."""
+    """Carry two onions around three counters that are far from each other."""
 
     def probabilities(self, observations: Observations) -> Probabilities:
         return np.stack([certain(_task(parse_observation(planes)).action) for planes in observations])
 
 
 class CarrierPredictor:
-    """Predict the carrier, and nobody else, as if the other chef stayed where it is."""
+    """Predict the carrier only, as if the other chef stayed where it is."""
 
     memory = 1
 
     def begin(self, slots: NDArray[np.intp]) -> None:
-        """Nothing to forget."""
+        """Do nothing: this predictor keeps no state."""
 
     def predict(
         self,
@@ -61,7 +62,7 @@ class CarrierPredictor:
         observations: Observations,
         last_actions: NDArray[np.int8],  # noqa: ARG002
     ) -> Intentions:
-        """Return the next use of a station, nearly certain; the runner-up is that nothing is done."""
+        """Return the next use of a station, nearly certain; the second intention is no interaction."""
         answer = np.zeros((len(slots), INTENTIONS), INTENTION)
         for game, planes in enumerate(observations):
             answer[game] = _intentions(_ahead(parse_observation(planes)))
@@ -70,14 +71,14 @@ class CarrierPredictor:
 
 @dataclass(frozen=True)
 class _Task:
-    """What the carrier does now, and the station that it goes to."""
+    """The carrier's current task, and the station that it goes to."""
 
     action: int
     station: Cell | None = None
 
 
 def _intentions(ahead: Iterator[_Task]) -> list[tuple[int, int, int, int, float]]:
-    """The likeliest one and the runner-up: kind, x, y, steps, probability."""
+    """Return the most likely intention and the second most likely: kind, x, y, steps, probability."""
     nothing = (*NO_INTERACTION, 0)
     for step, task in enumerate(islice(ahead, INTENTION_HORIZON), start=1):
         if isinstance(task, _Use) and task.station is not None:
@@ -91,7 +92,7 @@ class _Use(_Task):
 
 
 def _ahead(seen: ParsedObservation) -> Iterator[_Task]:
-    """What it does from now on."""
+    """Simulate the carrier's next actions."""
     while True:
         task = _task(seen)
         yield task
@@ -114,7 +115,8 @@ def _task(seen: ParsedObservation) -> _Task:
     station = _station(seen, _places(seen))
     if station is None:
         return _Task(STAY)
-    for blocked in ({seen.other, seen.other_ahead}, {seen.other}, set()):  # the last: as if the other would step aside
+    # the last try: as if the other chef stepped aside
+    for blocked in ({seen.other, seen.other_ahead}, {seen.other}, set()):
         reached = distances(_without(seen.floor, blocked - {seen.me}), seen.me, None)
         ways = [
             (*reached[neighbour], direction)
@@ -140,7 +142,8 @@ def _without(floor: NDArray[np.bool_], blocked: set[Cell]) -> NDArray[np.bool_]:
 
 
 def _station(seen: ParsedObservation, places: Sequence[Cell]) -> Cell | None:
-    """Where it goes. With two onions on three counters, the free one moves on by one with each onion carried."""
+    """Return the station that it goes to. With two onions on three counters, the free counter advances by one with each
+    onion carried."""
     full = [place for place in places if seen.items.get(place) == ONION]
     free = [place for place in places if place not in seen.items]
     if seen.held == NOTHING:
@@ -156,7 +159,7 @@ def _station(seen: ParsedObservation, places: Sequence[Cell]) -> Cell | None:
 
 
 def _places(seen: ParsedObservation) -> list[Cell]:
-    """Counters that it can reach, each as far as possible from the crate and from those before it."""
+    """Return counters that it can reach, each as far as possible from the crate and from those before it."""
     reached = distances(seen.floor, seen.me, None)
     usable = [
         cell

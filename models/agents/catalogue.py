@@ -1,4 +1,4 @@
-"""The names a study may ask for, and what they load: scripted agents, checkpoints, other people's (`blackbox`)."""
+"""Load the agents that a study names: scripted agents, checkpoints, and models from outside (`blackbox`)."""
 
 from dataclasses import asdict, replace
 from hashlib import sha256
@@ -22,29 +22,29 @@ SCRIPTED: dict[str, tuple[type[Policy], Mode]] = {
     "random": (scripted.UniformPolicy, scripted.PLAIN),
     "stay": (scripted.StayPolicy, scripted.SURE),
 }
-TEMPERATURES = {"greedy": 0.0, "sampled": 1.0}  # by what follows the @ of an agent's name
+TEMPERATURES = {"greedy": 0.0, "sampled": 1.0}  # by the suffix after the @ of an agent's name
 
 
 class LoadedAgent(NamedTuple):
-    """An agent ready to play: what it would do, and how it makes up its mind."""
+    """An agent ready to play: its policy, and how actions are drawn from it."""
 
     policy: Policy
     mode: Mode
 
 
 class UnknownAgent(ValueError):
-    """A name that the catalogue does not have for that layout; says which it has."""
+    """The catalogue has no agent of that name for the layout; the message lists those it has."""
 
 
 def agent_names(layout: str) -> list[str]:
-    """The agents that can play on a layout: scripted ones and bundled checkpoints."""
+    """Return the agents that can play on a layout: scripted ones and bundled checkpoints."""
     bundled = [path.parent.name for path in sorted((WEIGHTS / layout).glob("*/config.json")) if _is_agent(path)]
     return [*SCRIPTED, *bundled]
 
 
 def load_agent(name: str, layout: Layout) -> LoadedAgent:
-    """The agent of that name, in that folder, or somebody else's (`module:Class`, an ONNX file, an address), for
-    `layout`; `name@greedy` and `name@sampled` act otherwise than their card says. Raises UnknownAgent, CheckpointError
+    """Load the agent of that name, in that folder, or from outside (`module:Class`, an ONNX file, an address) for
+    `layout`; `name@greedy` and `name@sampled` override how its card says it acts. Raises UnknownAgent, CheckpointError
     or BlackBoxError."""
     base, wanted = _parts(name)
     agent = _load(base, layout)
@@ -56,7 +56,7 @@ def load_agent(name: str, layout: Layout) -> LoadedAgent:
 
 
 def _parts(name: str) -> tuple[str, str]:
-    """An agent's own name, and how it shall act: "" as its card says. An address may have an @ of its own."""
+    """Split off how the agent shall act ("": as its card says). An address may have an @ of its own."""
     base, _, wanted = name.rpartition("@")
     return (base, wanted) if base and (wanted in TEMPERATURES or not is_foreign(name)) else (name, "")
 
@@ -78,7 +78,8 @@ def _load(name: str, layout: Layout) -> LoadedAgent:
 
 
 def agent_folder(name: str, layout: Layout) -> Path:
-    """Where an agent's checkpoint lies: a path as it is, a name among the bundled ones. Raises UnknownAgent."""
+    """Return the folder of an agent's checkpoint: a path as it is, a name among the bundled ones. Raises
+    UnknownAgent."""
     bundled = WEIGHTS / layout.name / name
     folder = Path(name) if "/" in name or (not bundled.is_dir() and Path(name).is_dir()) else bundled
     if not folder.is_dir():
@@ -88,8 +89,8 @@ def agent_folder(name: str, layout: Layout) -> Path:
 
 
 def agent_sha256(name: str, layout: Layout) -> str:
-    """What names exactly this agent in data: its checkpoint's sha256, for a scripted one the hash of name and mode,
-    for a foreign one that of its file, of its module's source file, or of its address."""
+    """Return the hash that identifies this agent in data: its checkpoint's sha256; for a scripted one, the hash of name
+    and mode; for one from outside, that of its file, of its module's source file, or of its address."""
     base, _ = _parts(name)
     if base.endswith(".onnx") and Path(base).is_file():
         return onnx_sha256(Path(base))

@@ -1,5 +1,6 @@
-"""`kitchenmind agent check NAME --layout L`: would this agent (or predictor) do in a study? Asked before one starts,
-not in it. `kitchenmind agent serve` is in `agent_server.py`."""
+"""`kitchenmind agent check NAME --layout L`: check an agent (or predictor) before a study uses it. `kitchenmind agent
+serve` is in `agent_server.py`.
+"""
 
 import argparse
 import sys
@@ -25,12 +26,12 @@ ROWS_SUM_TO_ONE = 1e-2  # within this
 
 
 class NotFit(ValueError):
-    """It loads, but what it answers cannot be used; the text says what was wanted."""
+    """The model loads, but its output cannot be used; the message says what was expected."""
 
 
 @dataclass(frozen=True)
 class AgentFinding:
-    """What came of asking it about states of random games."""
+    """What was measured on states of random games."""
 
     median_ms: float  # for one game
     slowest_ms: float
@@ -40,7 +41,7 @@ class AgentFinding:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What can be done with an agent."""
+    """Add the actions `check` and `serve`."""
     kinds = parser.add_subparsers(dest="what", metavar="COMMAND", required=True)
     check = kinds.add_parser(
         "check", help="check that an agent loads and fits, how long it takes, and whether it is deterministic"
@@ -55,7 +56,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0 it can be used, 1 it cannot (said on standard error), 2 it does not load or the layout is none."""
+    """Return 0 if it can be used, 1 if not (standard error says why), 2 if it does not load or the layout is not
+    valid."""
     if arguments.what == "serve":
         return agent_server.run(arguments)
     try:
@@ -70,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
             points = points_with_itself(policy, mode, layout)
             _say("with itself", f"{points} points in {HORIZON} timesteps")
             if points == 0:
-                _warn(f"it delivers no soup with itself in {HORIZON} timesteps. Was it trained for {layout.name}?")
+                _warn(f"it delivers no soup in self-play in {HORIZON} timesteps. Was it trained for {layout.name}?")
     except NotFit as wrong:
         print(f"kitchenmind agent check: {arguments.name} does not fit {arguments.layout}: {wrong}", file=sys.stderr)
         return 1
@@ -90,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def check_policy(policy: Policy, mode: Mode, layout: Layout) -> AgentFinding:
-    """Ask an agent about states of random games. Raises NotFit, and whatever the agent raises."""
+    """Run an agent on states of random games. Raises NotFit, and whatever the agent raises."""
     states, _ = random_games(layout)
 
     def ask(games: int, timestep: int) -> NDArray[np.float32]:
@@ -101,7 +103,7 @@ def check_policy(policy: Policy, mode: Mode, layout: Layout) -> AgentFinding:
 
 
 def check_predictor(predictor: Predictor, layout: Layout) -> AgentFinding:
-    """Let a predictor watch random games. Raises NotFit, and whatever the predictor raises."""
+    """Run a predictor on random games. Raises NotFit, and whatever the predictor raises."""
     states, actions = random_games(layout)
 
     def ask(games: int, timestep: int) -> NDArray[np.float32]:
@@ -115,7 +117,7 @@ def check_predictor(predictor: Predictor, layout: Layout) -> AgentFinding:
 
 
 def points_with_itself(policy: Policy, mode: Mode, layout: Layout) -> int:
-    """Points of one episode that the agent plays with itself, in its mode."""
+    """Return the points of one episode of self-play, in the agent's mode."""
     kitchens, events, draws = Kitchens.start(layout), np.zeros((1, PLAYERS), np.int32), np.random.default_rng(0)
     stuck = [Stuck(kitchens.players[:, seat]) for seat in range(PLAYERS)]
     points = 0
@@ -133,7 +135,7 @@ def points_with_itself(policy: Policy, mode: Mode, layout: Layout) -> int:
 
 
 def random_games(layout: Layout, games: int = 32, timesteps: int = 40) -> tuple[Observations, NDArray[np.int8]]:
-    """States (games, timesteps, width, height, 26) as the first chef sees them, and the joint actions that led
+    """Return states (games, timesteps, width, height, 26) as the first chef sees them, and the joint actions that led
     there."""
     draws, kitchens = np.random.default_rng(0), Kitchens.start(layout, games)
     events = np.zeros((games, PLAYERS), np.int32)
@@ -162,7 +164,7 @@ def _finding(ask: Callable[[int, int], NDArray[np.float32]], timesteps: int) -> 
     batch_ms = 1000 * (time.perf_counter() - began)
     same = all(np.array_equal(one, other) for one, other in zip(*rounds, strict=True))
     certain = np.mean([answer.max(-1) > 0.999 for answer in rounds[0]])
-    warm = times[timesteps // 2 :]  # the first calls of a network are slow, and it is warmed before it is used
+    warm = times[timesteps // 2 :]  # the first calls of a network are slow; the server also warms it up
     return AgentFinding(float(np.median(warm)), max(warm), batch_ms, same, float(certain))
 
 

@@ -1,4 +1,4 @@
-"""What a model is made of on disk, as one hash: whether it is still the model that was there before."""
+"""Hash a model's files, to detect that they have changed."""
 
 import hashlib
 from pathlib import Path
@@ -20,5 +20,5 @@ def files_sha256(name: str, layout: Layout) -> str:
     elif is_foreign(base):
         return onnx_sha256(Path(base)) if base.endswith(".onnx") else ""
     else:
-        path = predictor_folder(base, layout) / SUMS  # agents lie in the same places
+        path = predictor_folder(base, layout) / SUMS  # agents are found in the same places
     return hashlib.sha256(path.read_bytes()).hexdigest() if path is not None and path.is_file() else ""

@@ -1,4 +1,4 @@
-"""Agents as Python code gives them: by name, as a class, or as an object."""
+"""Accept agents from Python code: a name, a class, or an object."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,7 +12,7 @@ GivenAgent = str | Policy | Callable[[Layout], Policy]
 
 
 def loader_of(agent: GivenAgent) -> Callable[[Layout], LoadedAgent]:
-    """Return what makes the agent ready to play in a kitchen. `agent`: a name as in a study file, a class (or function)
+    """Return a function that loads the agent for a kitchen. `agent`: a name as in a study file, a class (or function)
     that is called with the layout, or an object with `probabilities(observations)`. Raises TypeError for something
     else; what it returns raises TypeError, and whatever `load_agent` or the class raises."""
     if isinstance(agent, str):

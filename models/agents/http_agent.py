@@ -1,4 +1,4 @@
-"""An agent behind an HTTP address. One call has a total time limit and a size limit, whatever the address does."""
+"""An agent behind an HTTP address. Every call has a total time limit and a size limit."""
 
 import http.client
 import io
@@ -24,7 +24,7 @@ class _Answer(msgspec.Struct):
 
 
 class HttpAgent:
-    """An address that answers POST {"layout", "grid", "observations": (games, width, height, 26)} with
+    """An agent at an address that answers POST {"layout", "grid", "observations": (games, width, height, 26)} with
     {"probabilities": (games, 6)} or {"actions": (games,)}."""
 
     def __init__(self, url: str, layout: Layout) -> None:
@@ -50,7 +50,7 @@ class HttpAgent:
             raise BlackBoxError(f"{self._url} does not answer as an agent should ({error}).") from error
 
     def close(self) -> None:
-        """Leave the address; the next question calls it again."""
+        """Close the connection; the next request opens a new one."""
         self._connection.close()
 
     def _call(self, body: bytes) -> bytes:
@@ -87,9 +87,8 @@ class HttpAgent:
 
 
 class _TimedSocket:
-    """What http.client needs of a socket, with one deadline for the whole exchange.
-
-    The timeout of a plain socket begins again with every byte, so an answer that trickles in would never end.
+    """The part of a socket that http.client uses, with one deadline for the whole exchange. The timeout of a plain
+    socket restarts with every byte, so a response that trickles in would never end.
     """
 
     def __init__(self, inner: socket.socket) -> None:

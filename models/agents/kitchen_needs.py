@@ -1,29 +1,29 @@
-"""What a kitchen needs next, as one chef sees it: for the scripted cooks."""
+"""Work out what a kitchen needs next, from one chef's observation: for the scripted cooks."""
 
 from models.agents.observation_parser import Cell, ParsedObservation
 from overcooked.constants import DISH, ONION, ONIONS_PER_SOUP, SOUP
 
-_URGENT = 8  # timesteps until a soup is ready, in which its dish should be on the way
+_URGENT = 8  # a dish should be fetched when its soup is ready in at most this many timesteps
 
 
 def missing_onions(seen: ParsedObservation) -> int:
-    """Count the onions that no pot has yet and the other chef does not bring."""
+    """Count the onions that pots still need and the other chef is not carrying."""
     wanted = sum(ONIONS_PER_SOUP - pot.onions for pot in seen.pots if pot.left is None)
     return wanted - (seen.other_held == ONION)
 
 
 def soups_without_dish(seen: ParsedObservation) -> int:
-    """Count the soups, cooking or ready, for which the other chef does not bring a dish."""
+    """Count the soups, cooking or ready, for which the other chef is not carrying a dish."""
     return sum(pot.left is not None for pot in seen.pots) - (seen.other_held == DISH)
 
 
 def is_dish_urgent(seen: ParsedObservation) -> bool:
-    """Whether a soup is ready, or will be soon."""
+    """Return whether a soup is ready, or will be soon."""
     return any(pot.left is not None and pot.left <= _URGENT for pot in seen.pots)
 
 
 def places_for_what_is_held(seen: ParsedObservation) -> list[tuple[Cell, ...]]:
-    """Where the thing in hand belongs, in groups of cells, the most wanted first. Empty: nowhere yet."""
+    """Return where to put the held item: groups of cells, the best first; empty if there is no place for it yet."""
     if seen.held == SOUP:
         return [seen.exits]
     if seen.held == ONION:

@@ -1,4 +1,4 @@
-"""Two planners play a kitchen: how many points it gives, and how often the chefs stand in each other's way."""
+"""Let two planners play a kitchen to measure its points and how often the chefs block each other."""
 
 from dataclasses import dataclass
 
@@ -47,7 +47,7 @@ def try_kitchen(layout: Layout, episodes: int, seed: int = 0, horizon: int = HOR
 
 
 def _walks(layout: Layout, players: NDArray[np.int8], actions: NDArray[np.int8]) -> NDArray[np.bool_]:
-    """Which actions (episodes, 2) are steps onto a floor cell: not turns to a counter, nor waiting."""
+    """Return which actions (episodes, 2) are steps onto a floor cell, not turns to a counter or waiting."""
     moves = actions < STAY
     direction = np.where(moves, actions, 0)
     x = players[..., X] + np.array(STEP_X)[direction]

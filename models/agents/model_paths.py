@@ -1,4 +1,4 @@
-"""Where the name of a model points to: a file or folder relative to some folder, a Python class in its source file."""
+"""Resolve the name of a model: a file or folder relative to some folder, or a Python class and its source file."""
 
 import ast
 import os
@@ -52,8 +52,8 @@ def _is_checkpoint_beside(name: str, folder: Path) -> bool:
 
 
 def source_file(name: str, folders: Iterable[str] = ()) -> Path | None:
-    """Return the source file of `package.module:Class`, looked for as an import would but without running anything;
-    None where there is none."""
+    """Return the source file of `package.module:Class`, found as an import would find it but without running anything;
+    None if there is none."""
     parts = without_variant(name).partition(":")[0].split(".")
     for folder in (*sys.path, *folders, "."):
         place = Path(folder or ".").joinpath(*parts)
@@ -64,7 +64,7 @@ def source_file(name: str, folders: Iterable[str] = ()) -> Path | None:
 
 
 def has_class(file: Path, name: str) -> bool:
-    """Return whether the module in `file` may define the class of `module:Class`; true where that cannot be known
+    """Return whether the module in `file` may define the class of `module:Class`; true if that cannot be decided
     without running it. Raises SyntaxError, or ValueError or RecursionError, for a file that is not Python."""
     wanted = without_variant(name).partition(":")[2]
     tree = ast.parse(file.read_bytes())
@@ -81,7 +81,7 @@ def has_class(file: Path, name: str) -> bool:
 
 
 def make_importable(folders: Iterable[str]) -> None:
-    """Let Python find modules in these folders and in the current one, after everything that it finds already."""
+    """Add these folders and the current one to the end of Python's module search path."""
     for folder in (*folders, str(Path.cwd())):
         if folder not in sys.path:
             sys.path.append(folder)

@@ -1,6 +1,5 @@
-"""An observation read back into things: where the chefs are and what lies where. For scripted agents.
-
-The inverse of `overcooked.observe`; a test holds the two together.
+"""Decode an observation into chefs, items and stations, for scripted agents. The inverse of `overcooked.observe`; a
+test compares the two.
 """
 
 from collections import deque
@@ -21,7 +20,7 @@ _ONIONS_IN_POT, _ONIONS_IN_SOUP, _COOKING_LEFT, _READY, _DISH, _ONION = 16, 18, 
 
 @dataclass(frozen=True)
 class Pot:
-    """A pot as it is now: raw onions in it, or the timesteps until its soup is ready (0: ready), or neither."""
+    """A pot's state: raw onions in it, or the timesteps until its soup is ready (0: ready), or empty."""
 
     cell: Cell
     onions: int
@@ -30,17 +29,17 @@ class Pot:
 
 @dataclass(frozen=True)
 class ParsedObservation:
-    """What one chef sees."""
+    """One chef's decoded observation."""
 
     me: Cell
     facing: int
     held: int
     other: Cell
     other_held: int
-    other_ahead: Cell  # the cell that the other chef faces, and enters next if it walks on
+    other_ahead: Cell  # the cell that the other chef faces, and enters next if it keeps walking
     floor: NDArray[np.bool_]  # (width, height)
     pots: tuple[Pot, ...]
-    items: dict[Cell, int]  # what lies on counters
+    items: dict[Cell, int]  # items on counters
     free_counters: tuple[Cell, ...]
     onions: tuple[Cell, ...]  # dispensers
     dishes: tuple[Cell, ...]
@@ -72,7 +71,7 @@ def parse_observation(planes: NDArray[np.int8]) -> ParsedObservation:
 
 @dataclass(frozen=True)
 class Walk:
-    """The way to a station: its cell, steps to walk before the chef stands next to it, the first action to take."""
+    """A path to a station: the station's cell, the steps until the chef stands next to it, and the first action."""
 
     cell: Cell
     steps: int
@@ -80,7 +79,7 @@ class Walk:
 
 
 def distances(floor: NDArray[np.bool_], start: Cell, blocked: Cell | None) -> dict[Cell, tuple[int, int]]:
-    """Cell -> (steps, first direction) for all that can be reached; the start itself has (0, -1)."""
+    """Return cell -> (steps, first direction) for every reachable cell; the start itself has (0, -1)."""
     reached = {start: (0, -1)}
     queue = deque([start])
     while queue:
@@ -95,7 +94,7 @@ def distances(floor: NDArray[np.bool_], start: Cell, blocked: Cell | None) -> di
 
 
 def certain(action: int) -> NDArray[np.float32]:
-    """Probabilities (6,) of an agent that knows what it does."""
+    """Return probabilities (6,) of a deterministic action."""
     action_distribution = np.zeros(ACTIONS, np.float32)
     action_distribution[action] = 1
     return action_distribution

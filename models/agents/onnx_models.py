@@ -1,4 +1,4 @@
-"""Agents and predictors in ONNX files: how they want the planes, which number type, how many games at once."""
+"""Run agents and predictors from ONNX files, whatever their input layout, number type and batch size."""
 
 from pathlib import Path
 from typing import Any, Final, cast
@@ -28,7 +28,7 @@ _TYPES: Final[dict[str, Any]] = {
 
 
 class _Model:
-    """A loaded file with its inputs by name. One that takes a fixed number of games is asked in parts of that size."""
+    """A loaded file with its inputs by name. A model with a fixed batch size is run in parts of that size."""
 
     def __init__(self, path: str, names: set[str] | None = None) -> None:
         self.path = path
@@ -47,7 +47,7 @@ class _Model:
         self._games: int | None = next(iter(fixed), None)
 
     def run(self, values: dict[str, NDArray[Any]]) -> NDArray[np.float32]:
-        """The first output about all games, as probabilities. Raises BlackBoxError where the model breaks."""
+        """Return the first output for all games, as probabilities. Raises BlackBoxError if the model fails."""
         games = len(next(iter(values.values())))
         size = self._games or games
         answers = []
@@ -73,13 +73,13 @@ class _Model:
 
 
 def _filled(part: NDArray[Any], size: int) -> NDArray[Any]:
-    """The last part with zeros behind it, as long as the model wants it."""
+    """Pad the last part with zeros to the model's batch size."""
     missing = size - len(part)
     return part if not missing else np.concatenate([part, np.zeros((missing, *part.shape[1:]), part.dtype)])
 
 
 def _last_words(error: Exception) -> str:
-    """The end of the runtime's message: it begins with its own source file and ends with the shapes."""
+    """Return the end of the runtime's message, which has the shapes; its beginning is the runtime's own source file."""
     words = " ".join(str(error).split())
     return words if len(words) <= 120 else f"... {words[-120:]}"
 
@@ -99,10 +99,10 @@ def _session(path: str) -> Any:
 
     if not Path(path).is_file():
         raise BlackBoxError(f"there is no file {path}. Give the path of an ONNX model.")
-    external_files(Path(path))  # refuses weights that lie outside its folder or are not there
+    external_files(Path(path))  # refuses weights that are missing or outside the model's folder
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
-    options.log_severity_level = 4  # what fails is raised; nothing goes to standard error as well
+    options.log_severity_level = 4  # errors are raised, so they need not also go to standard error
     try:
         return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
     except Exception as error:
@@ -110,7 +110,7 @@ def _session(path: str) -> Any:
 
 
 def _softmax_if_needed(given: NDArray[Any]) -> NDArray[np.float32]:
-    """Probabilities as they are; anything else is taken for logits."""
+    """Return probabilities as they are; treat anything else as logits."""
     values = np.asarray(given, np.float32)
     if (values >= 0).all() and np.allclose(values.sum(axis=-1), 1, atol=1e-3):
         return values
@@ -119,8 +119,8 @@ def _softmax_if_needed(given: NDArray[Any]) -> NDArray[np.float32]:
 
 
 class _PlaneInput:
-    """How an ONNX model wants the planes: (..., width, height, 26), (..., 26, width, height) or flat; any number
-    type."""
+    """The form in which an ONNX model takes the planes: (..., width, height, 26), (..., 26, width, height) or flat; any
+    number type."""
 
     def __init__(self, described: Any, layout: Layout, leading: int, source: str) -> None:
         self.name: str = described.name
@@ -144,8 +144,8 @@ class _PlaneInput:
 
 
 def _fits(shape: tuple[Any, ...], wanted: tuple[int, ...]) -> bool:
-    """Whether an ONNX shape, whose free sizes are names, admits the wanted one; the number of planes must be written
-    out."""
+    """Return whether an ONNX shape, whose free sizes are names, admits the wanted one; the number of planes must be a
+    number."""
     return len(shape) == len(wanted) and all(
         size == want or (not isinstance(size, int) and want != PLANES) for size, want in zip(shape, wanted, strict=True)
     )

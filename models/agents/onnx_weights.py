@@ -1,7 +1,7 @@
-"""Which files an ONNX model is made of, and the hash that names all of them.
+"""Find the files of an ONNX model, and compute one hash of all of them.
 
-A model may keep its weights in files next to it ("external data"). They are found by reading the protobuf itself: the
-`onnx` package is not needed to run a model.
+A model may keep its weights in files next to it ("external data"). They are found by parsing the protobuf here, as
+running a model does not need the `onnx` package.
 """
 
 import hashlib
@@ -11,7 +11,7 @@ from typing import Final
 
 from models.protocols import BlackBoxError
 
-# Where a tensor can hide: message -> {field number: message}, by onnx.proto.
+# Where tensors can be: message -> {field number: message}, by onnx.proto.
 _MESSAGES: Final[dict[str, dict[int, str]]] = {
     "model": {7: "graph", 25: "function"},
     "graph": {1: "node", 5: "tensor", 15: "sparse"},
@@ -26,7 +26,7 @@ _VARINT, _FIXED_64, _BYTES, _FIXED_32 = 0, 1, 2, 5
 
 
 def onnx_sha256(path: Path) -> str:
-    """Return the SHA-256 that names a model: of its file, or of the list of files where its weights lie next to it.
+    """Return the SHA-256 that identifies a model: of its file, or of the list of files if its weights are next to it.
 
     Raises BlackBoxError for weights that are missing or outside the model's folder, OSError.
     """

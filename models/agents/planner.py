@@ -1,6 +1,5 @@
-"""A scripted cook that needs no training: fetch onions, fill a pot, take a dish, serve. Greedy, one step ahead.
-
-It knows its layout only through what it sees, and its partner only by place and hand.
+"""A scripted cook that needs no training: fetch onions, fill a pot, take a dish, serve. Greedy, one step ahead. It uses
+only the observation, and of its partner only the position and the held item.
 """
 
 import numpy as np
@@ -26,15 +25,15 @@ class PlannerPolicy:
 
 
 def _action(seen: ParsedObservation) -> int:
-    """With nothing to do, the cook makes room by waiting."""
+    """Return the next action; with nothing to do, the cook waits out of the way."""
     walk = next_walk(seen)
     return STAY if walk is None else walk.action
 
 
 def next_walk(seen: ParsedObservation) -> Walk | None:
-    """Return the way to the nearest station that makes sense: the first goal that can be reached decides."""
+    """Return the path to the nearest useful station: that of the first goal that can be reached."""
     around = distances(seen.floor, seen.me, seen.other)
-    through = distances(seen.floor, seen.me, None)  # as if the other would step aside
+    through = distances(seen.floor, seen.me, None)  # as if the other chef stepped aside
     goals = _goals(seen)
     if must_hand_over(seen, through):
         goals = handing_over_goals(seen, through, distances(seen.floor, seen.other, None))
@@ -47,7 +46,7 @@ def next_walk(seen: ParsedObservation) -> Walk | None:
 
 
 def _goals(seen: ParsedObservation) -> list[tuple[Cell, ...]]:
-    """Groups of cells to use, the most wanted first."""
+    """Return groups of cells to use, the most useful first."""
     if seen.held == NOTHING:
         return _goals_of_an_empty_hand(seen)
     places = kitchen_needs.places_for_what_is_held(seen)
@@ -66,7 +65,7 @@ def _goals_of_an_empty_hand(seen: ParsedObservation) -> list[tuple[Cell, ...]]:
 
 
 def _nearest(seen: ParsedObservation, reached: dict[Cell, tuple[int, int]], cells: tuple[Cell, ...]) -> Walk | None:
-    """The way to the nearest of `cells`, ending with the use of it."""
+    """Return the path to the nearest of `cells`, ending with its use."""
     best: Walk | None = None
     for x, y in cells:
         for direction in range(4):
@@ -80,7 +79,7 @@ def _nearest(seen: ParsedObservation, reached: dict[Cell, tuple[int, int]], cell
 
 
 def _use(seen: ParsedObservation, direction: int, cell: Cell) -> int:
-    """Standing next to a station: turn to it, wait for a soup, or use it."""
+    """Return the action of a chef next to a station: turn to it, wait for a soup, or use it."""
     if seen.facing != direction:
         return direction
     cooking = any(pot.cell == cell and pot.left for pot in seen.pots)

@@ -1,6 +1,5 @@
-"""What the scripted cook wants in a kitchen whose two halves are separated: things pass over shared counters.
-
-Only used where a chef cannot walk to all kinds of stations (Forced Coordination); elsewhere `planner` decides alone.
+"""The scripted cook's goals in a kitchen whose two halves are separated, where items pass over shared counters. Only
+used if a chef cannot walk to every kind of station (Forced Coordination); otherwise `planner` decides alone.
 """
 
 from collections.abc import Collection
@@ -11,7 +10,8 @@ from overcooked.constants import DISH, NOTHING, ONION, SOUP, STEP_X, STEP_Y
 
 
 def must_hand_over(seen: ParsedObservation, mine: Collection[Cell]) -> bool:
-    """Whether the other chef is out of reach, and so is some kind of station. `mine`: cells that I can walk to."""
+    """Return whether the other chef is out of reach, and so is some kind of station. `mine`: cells that this chef can
+    walk to."""
     if seen.other in mine:
         return False
     pots = tuple(pot.cell for pot in seen.pots)
@@ -19,7 +19,7 @@ def must_hand_over(seen: ParsedObservation, mine: Collection[Cell]) -> bool:
 
 
 def goals(seen: ParsedObservation, mine: Collection[Cell], theirs: Collection[Cell]) -> list[tuple[Cell, ...]]:
-    """Groups of cells to use, the most wanted first. `theirs`: cells that the other chef can walk to."""
+    """Return groups of cells to use, the most useful first. `theirs`: cells that the other chef can walk to."""
     shared = [cell for cell in (*seen.free_counters, *seen.items) if _touches(cell, mine) and _touches(cell, theirs)]
     free = tuple(cell for cell in shared if cell not in seen.items)
     lying = [seen.items[cell] for cell in shared if cell in seen.items]
@@ -38,7 +38,7 @@ def goals(seen: ParsedObservation, mine: Collection[Cell], theirs: Collection[Ce
     wanted = [soup]
     if dishes_missing > 0 and (kitchen_needs.is_dish_urgent(seen) or missing <= 0) and (cooks or free):
         wanted.append(dish)
-    if missing > 0 and (cooks or len(free) > soup_cooks):  # while a soup cooks, the last free counter is for its dish
+    if missing > 0 and (cooks or len(free) > soup_cooks):  # while a soup cooks, keep the last free counter for its dish
         wanted.append(onion)
     return wanted
 

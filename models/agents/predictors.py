@@ -1,4 +1,6 @@
-"""The predictors that a study may name, and those that are not networks: uniform, and degraded to a wanted accuracy."""
+"""Load the predictors that a study names; also those that are not networks: uniform, and degraded to a given
+accuracy.
+"""
 
 import json
 import zlib
@@ -33,13 +35,13 @@ _INTENTION_DRAWS = 1  # so that errors of intentions do not come with those of a
 
 
 class UnknownPredictor(ValueError):
-    """A name that no predictor has on this layout; the text says which there are."""
+    """No predictor has that name on this layout; the message lists those that exist."""
 
 
 def load_predictor(name: str, layout: Layout) -> Predictor:
-    """The predictor called `name`: `random`, `guide` or `carrier` (of that scripted agent), a bundled one such as
-    `sp_predictor_stream`, a folder that `kitchenmind train predictor` wrote, a foreign one (`module:Class`, an ONNX
-    file); `sp_predictor_stream@60` is made worse until 60 % of its steps are right. Raises ValueError (its kinds) or
+    """Load the predictor called `name`: `random`, `guide` or `carrier` (of that scripted agent), a bundled one such as
+    `sp_predictor_stream`, a folder that `kitchenmind train predictor` wrote, or one from outside (`module:Class`, an
+    ONNX file); `sp_predictor_stream@60` is degraded until 60 % of its steps are right. Raises ValueError (its kinds) or
     OSError."""
     if is_foreign(name):
         return load_foreign_predictor(name, layout)
@@ -51,7 +53,7 @@ def load_predictor(name: str, layout: Layout) -> Predictor:
 
 
 def _load(name: str, layout: Layout) -> tuple[Predictor, float]:
-    """A predictor and how often its steps are right."""
+    """Load a predictor, and return it with its accuracy."""
     if name == RANDOM:
         return UniformPredictor(), 1 / ACTIONS
     if name in SCRIPTED:
@@ -71,8 +73,8 @@ def predictor_folder(name: str, layout: Layout) -> Path:
 
 
 def has_intentions(name: str, layout: Layout) -> bool:
-    """Return whether the predictor called `name` says intentions; no weights are loaded. A Python class is taken to
-    have them if it may: only its answers can tell."""
+    """Return whether the predictor called `name` predicts intentions, without loading weights. A Python class counts if
+    it may have them: only its output can tell."""
     if is_foreign(name):
         return not name.endswith(".onnx")
     base = without_variant(name)
@@ -83,7 +85,7 @@ def has_intentions(name: str, layout: Layout) -> bool:
 
 
 def predictor_names(layout: Layout) -> list[str]:
-    """The trained predictors bundled for a layout."""
+    """Return the trained predictors bundled for a layout."""
     return sorted(path.parent.name for path in (WEIGHTS / layout.name).glob("*_predictor_*/config.json"))
 
 
@@ -98,13 +100,12 @@ def _share(name: str, text: str) -> float:
 
 
 class UniformPredictor:
-    """Knows nothing: every action is as likely as any other. (What the random condition draws comes from the
-    episode's seed.)"""
+    """Predict every action with equal probability. (The random condition draws from the episode's seed.)"""
 
     memory = 1
 
     def begin(self, slots: NDArray[np.intp]) -> None:
-        """Nothing to forget."""
+        """Do nothing: this predictor keeps no state."""
 
     def predict(
         self,
@@ -116,12 +117,10 @@ class UniformPredictor:
 
 
 class DegradedPredictor:
-    """A predictor made worse on purpose, to a wanted accuracy.
-
-    At some rate a step's answer is replaced by another action than the likeliest, which is right about one time in
-    five of those where the predictor errs. With accuracy a and rate r the result is a(1-r) + (1-a) r / 5; r follows
-    from it. Which steps are hit depends on the state and the actions before it, so that a repeated question gets the
-    same answer.
+    """A predictor degraded on purpose to a given accuracy. At some rate a step's prediction is replaced by another
+    action than the most likely one, which is right in about one in five of the cases in which the predictor errs. With
+    accuracy a and rate r the result is a(1-r) + (1-a) r / 5; r follows from it. Which steps are replaced depends on the
+    state and the actions before it, so that a repeated call gives the same result.
     """
 
     def __init__(self, predictor: Predictor, accuracy: float, wanted: float) -> None:
@@ -152,8 +151,8 @@ class DegradedPredictor:
     def intentions(
         self, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
     ) -> Intentions:
-        """Return the predictor's intentions. At the rate at which steps are replaced, the runner-up is said to be the
-        likeliest: that is the most plausible error."""
+        """Return the predictor's intentions. At the rate at which steps are replaced, the two intentions change places:
+        that is the most plausible error."""
         if not isinstance(self._predictor, IntentionPredictor):
             return np.zeros((len(slots), INTENTIONS), INTENTION)
         answer = self._predictor.intentions(slots, observations, last_actions).copy()
@@ -167,12 +166,12 @@ class DegradedPredictor:
 
 
 def _state_number(state: NDArray[np.int8], actions: NDArray[np.int8]) -> int:
-    """Return a number that follows from a state and the actions before it."""
+    """Return a hash of a state and the actions before it."""
     return zlib.crc32(state.tobytes(), zlib.crc32(actions.tobytes()))
 
 
 def _mislead(action_distribution: NDArray[np.float32], shift: int) -> None:
-    """Make another action the likeliest: the two change places."""
+    """Make another action the most likely: the two probabilities change places."""
     right = int(action_distribution.argmax())
     wrong = (right + shift) % ACTIONS
     action_distribution[right], action_distribution[wrong] = action_distribution[wrong], action_distribution[right]

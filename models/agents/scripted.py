@@ -1,4 +1,4 @@
-"""Agents that are a few lines: `random`, `stay`, and the tutorial's `guide`, whose next actions anybody can foresee."""
+"""Simple scripted agents: `random`, `stay`, and the tutorial's `guide`, whose next actions are easy to predict."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,24 +15,23 @@ _NORTH, _SOUTH = 0, 1
 
 
 class UniformPolicy:
-    """Every action is as likely as any other."""
+    """Draw every action with equal probability."""
 
     def probabilities(self, observations: Observations) -> Probabilities:
         return np.full((len(observations), ACTIONS), 1 / ACTIONS, np.float32)
 
 
 class StayPolicy:
-    """Waits."""
+    """Wait in every timestep."""
 
     def probabilities(self, observations: Observations) -> Probabilities:
         return np.tile(certain(STAY), (len(observations), 1))
 
 
 class GuidePolicy:
-    """Paces up and down its column: straight on while the way is free, else it turns round. Uses nothing.
-
-    It decides by what it sees in this timestep alone, so an observer can tell its next steps. A cell that the other
-    chef faces is not free: two who walk into the same cell again and again would both stand still.
+    """Pace up and down a column: straight on while the next cell is free, otherwise turn round. It uses no station. It
+    decides by the current state alone, so its next steps can be predicted. A cell that the other chef faces counts as
+    blocked: two chefs that keep walking into the same cell would both stand still.
     """
 
     def probabilities(self, observations: Observations) -> Probabilities:
@@ -40,12 +39,12 @@ class GuidePolicy:
 
 
 class GuidePredictor:
-    """Predict the guide, and nobody else."""
+    """Predict the guide only."""
 
     memory = 1
 
     def begin(self, slots: NDArray[np.intp]) -> None:
-        """Nothing to forget."""
+        """Do nothing: this predictor keeps no state."""
 
     def predict(
         self,
@@ -68,7 +67,7 @@ class GuidePredictor:
 
 
 def guide_ahead(observations: Observations) -> Predictions:
-    """The guide's next actions if the other chef stands still: (games, STEPS, 6), nearly certain."""
+    """Return the guide's next actions if the other chef stands still: (games, STEPS, 6), nearly certain."""
     action_distributions = np.full((len(observations), STEPS, ACTIONS), 0.01 / (ACTIONS - 1), np.float32)
     for game, planes in enumerate(observations):
         seen = parse_observation(planes)
@@ -89,7 +88,7 @@ def _where(seen: ParsedObservation) -> tuple[Cell, int, np.ndarray[tuple[int, in
 
 
 def _pace(me: Cell, facing: int, is_free: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> int:
-    """On in the direction of its face, else back, else wait."""
+    """Continue in the facing direction, otherwise turn back, otherwise wait."""
     direction = facing if facing in (_NORTH, _SOUTH) else _NORTH
     for way in (direction, 1 - direction):
         if is_free[me[0], me[1] + STEP_Y[way]]:

@@ -1,6 +1,5 @@
-"""The parts of the transformers at work that numpy has no one call for, compiled: norms and attention over few tokens.
-
-Arrays are float32 and C-contiguous. It knows neither weights nor games.
+"""Compiled kernels for serving the transformers, where numpy has no single call: norms and attention over few tokens.
+Arrays are float32 and C-contiguous.
 """
 
 import math
@@ -8,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-# Sums may be taken in any order (that is what lets them run in vectors); NaN and infinity stay what they are.
+# Sums may be reordered, so that they can be vectorised; NaN and infinity keep their meaning.
 _kernel = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "arcp", "nsz"})
 _NORM_EPSILON = 1e-5
 
@@ -44,7 +43,7 @@ def norm(x, weight, bias):
 
 @_kernel
 def cached_attention(qkv, keys, values, slots, timesteps, cosine, sine):
-    """One new token a game looks at itself and at what is kept; its key and value join them.
+    """Let one new token per game attend to itself and to the cached tokens; add its key and value to the cache.
 
     `qkv` (games, 3, heads, dim), `keys` (slots, heads, dim, look_back), `values` (slots, heads, look_back, dim): rings
     over the timesteps, each read from front to back, as most of them are no longer in the processor's caches. `cosine`,

@@ -1,4 +1,4 @@
-"""Questions that wait at a worker, put together into one batch, and its answer taken apart. Asks no model."""
+"""Merge the requests that wait at a worker into one batch, and split its answer again."""
 
 from collections.abc import Iterator, Sequence
 from itertools import accumulate, pairwise
@@ -34,7 +34,7 @@ def joined(group: Sequence[ModelRequest]) -> ModelRequest:
 
 
 def parted(whole: Answer, group: Sequence[ModelRequest]) -> Iterator[Answer]:
-    """The answer to each question of the group. Faults are told once, with the first."""
+    """Return the answer to each request of the group. Faults are reported once, with the first."""
     arrays = AnswerArrays.read(whole)
     for ask, (begin, end) in zip(group, pairwise(accumulate((len(ask.rows) for ask in group), initial=0)), strict=True):
         faults = whole.faults if ask is group[0] else []

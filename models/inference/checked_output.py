@@ -24,7 +24,7 @@ _LAST_KIND: Final = max(InteractionKind)
 
 
 class WrongOutput(ValueError):
-    """A model gave something that is not probabilities of the right shape."""
+    """A model's output is not probabilities of the right shape."""
 
 
 def checked_probabilities(probabilities: Probabilities, rows: int) -> Probabilities:
@@ -46,8 +46,8 @@ def checked_predictions(predictions: Predictions, rows: int) -> Predictions:
 def checked_intentions(
     predictor: Predictor, slots: NDArray[np.intp], observations: Observations, last_actions: NDArray[np.int8]
 ) -> Intentions:
-    """Return the intentions (games, 2) that a predictor says after `predict`; where it has none, all have probability
-    0. Raises WrongOutput."""
+    """Return the intentions (games, 2) that a predictor gives after `predict`; if it has none, all have probability 0.
+    Raises WrongOutput."""
     wanted = (len(slots), INTENTIONS)
     say = getattr(predictor, "intentions", None)  # `isinstance` with a protocol takes 50 us, in every batch
     if say is None:

@@ -1,4 +1,6 @@
-"""A breaker rests a model (or a worker) that keeps failing, longer each time, so that it does not cost every tick."""
+"""A circuit breaker: stop using a model (or a worker) that keeps failing, for longer each time, so that it does not
+delay every tick.
+"""
 
 import time
 from collections.abc import Callable
@@ -9,7 +11,7 @@ LONGEST_REST_S = 30.0
 
 
 class Breaker:
-    """Opens after some faults in a row; lets one try through when its rest is over. Clock in seconds, any start."""
+    """Opens after some faults in a row; lets one call through when its pause is over. Clock in seconds, any start."""
 
     def __init__(self, faults_to_open: int = FAULTS_TO_OPEN, clock: Callable[[], float] = time.monotonic) -> None:
         self._faults_to_open = faults_to_open
@@ -20,7 +22,7 @@ class Breaker:
 
     @property
     def closed(self) -> bool:
-        """Whether the model may be asked now."""
+        """Whether the model may be called now."""
         return self._clock() >= self._rests_until
 
     def worked(self) -> None:

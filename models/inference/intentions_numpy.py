@@ -1,4 +1,4 @@
-"""The decoder of intentions in numpy: the two likeliest interactions of each game, and when they are done."""
+"""The decoder of intentions in numpy: the two most likely interactions of each game, and when they happen."""
 
 from typing import Final
 
@@ -14,7 +14,7 @@ _HALF: Final = 0.5
 
 
 class NumpyIntentions:
-    """`models.networks.intentions` in numpy; a test holds the two to the same answers."""
+    """`models.networks.intentions` in numpy; a test compares the results of the two."""
 
     def __init__(self, weights: NamedWeights, layout: Layout) -> None:
         """Raises KeyError or ValueError where the weights are not those of a decoder for this kitchen."""
@@ -41,7 +41,8 @@ class NumpyIntentions:
         return answer
 
     def _median_steps(self, inside: Floats, classes: NDArray[np.intp]) -> NDArray[np.intp]:
-        """In how many timesteps each class (games, INTENTIONS) is done: the median, which errs least."""
+        """Return in how many timesteps each class (games, INTENTIONS) is done: the median, which has the smallest mean
+        absolute error."""
         both = self._when_first(inside)[:, None] + self._when_class[classes]
         np.maximum(both, 0, out=both)
         when = _softmax(self._when(both.reshape(-1, both.shape[-1])) / self._temperature[1])

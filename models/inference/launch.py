@@ -1,5 +1,6 @@
-"""Launches the process of a model worker. It imports next to nothing: the server does this before its own imports, so
-that both start at the same time."""
+"""Launch the process of a model worker. This module imports very little: the server launches workers before its own
+imports, so that both start at the same time.
+"""
 
 import os
 import shutil
@@ -15,13 +16,14 @@ _ROOT = Path(__file__).resolve().parents[2]
 
 @dataclass(frozen=True)
 class Launched:
-    """A process of `models.inference.worker` that waits to be told what to load, and our end of its connection."""
+    """A process of `models.inference.worker` that waits for its load command, and the server's end of its
+    connection."""
 
     process: "subprocess.Popen[bytes]"
     connection: socket.socket
 
     def end(self) -> None:
-        """Kill the process and leave nothing behind. May be called twice."""
+        """Kill the process and close the connection. May be called twice."""
         self.connection.close()
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGKILL)
@@ -29,8 +31,8 @@ class Launched:
 
 
 def launch() -> Launched:
-    """A new process. It ends by itself when the connection closes; on Linux at the very moment at which this process
-    dies, so that the next server need not share its cores with orphans that are still importing."""
+    """Start a process. It ends when the connection closes; on Linux as soon as this process dies, so that the next
+    server does not share its cores with orphans that are still importing."""
     ours, theirs = socket.socketpair()
     one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     environment = {**os.environ, **one_thread, "PYTHONPATH": os.pathsep.join([str(_ROOT), *sys.path])}

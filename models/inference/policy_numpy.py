@@ -36,7 +36,8 @@ class NumpyPolicy:
 
 
 def policy_at_work(checkpoint: Checkpoint) -> tuple[Policy, Layout]:
-    """The agent in a checkpoint, ready to be asked, and the layout it was trained on. Raises CheckpointError."""
+    """Load the agent of a checkpoint, ready to be used, and the layout that it was trained on. Raises
+    CheckpointError."""
     config = checkpoint.config
     try:
         layout = parse_layout(config["grid"], config["layout"])

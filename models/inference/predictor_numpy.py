@@ -1,7 +1,6 @@
-"""Run the predictor's two forms timestep by timestep, for many games at once, with caches for whatever can be kept.
-
-Numpy and a few compiled loops: for the few rows of a tick, torch's own overhead would cost more than the network.
-`models.networks.predictor` has the network; a test holds the two to the same answers.
+"""Run the predictor's two forms timestep by timestep, for many games at once, with caches. Numpy and a few compiled
+loops: for the few rows of a tick, torch's overhead would cost more than the network. `models.networks.predictor` has
+the network; a test compares the results of the two.
 """
 
 from collections.abc import Callable, Mapping
@@ -55,8 +54,8 @@ class _Layer:
 
 
 class _Games:
-    """What both forms have: the network around its layers, and arrays with a row a slot, which grow when a slot beyond
-    the last is begun."""
+    """What both forms share: the network around its layers, and arrays with one row per slot, which grow if a slot
+    beyond the last is used."""
 
     def __init__(self, config: PredictorConfig, tensors: Mapping[str, NDArray[Any]], encoder: "_Encoder") -> None:
         weights = NamedWeights(tensors)
@@ -208,8 +207,8 @@ def at_work(
     layout: Layout,
     intentions: IntentionConfig | None = None,
 ) -> IntentionPredictor:
-    """A network, given by its weights, as a predictor; `intentions`: what decoder of intentions it has. Raises KeyError
-    or ValueError where they do not belong together."""
+    """Return a network, given by its weights, as a predictor; `intentions`: its decoder of intentions. Raises KeyError
+    or ValueError if they do not fit together."""
     form = StreamPredictor if config.form == "stream" else WindowPredictor
     predictor = form(config, tensors, _encoder_of(config, tensors, layout))
     if intentions is not None:

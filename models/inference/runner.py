@@ -1,8 +1,6 @@
-"""Answers the live game's questions from worker processes, batched over games, by a deadline. The server side: no
-torch here.
-
-Our own models share workers; every foreign agent or predictor has a worker of its own, so that a slow one delays only
-itself.
+"""Run the live game's models in worker processes, batched over games, with a deadline. This is the server side: no
+torch here. Our own models share workers; every agent or predictor from outside has a worker of its own, so that a slow
+one delays only itself.
 """
 
 import asyncio

@@ -15,7 +15,7 @@ from models.inference.wire import LENGTH, Answer, Failed, Forget, Load, Loaded, 
 from models.protocols import History
 
 MOST_WAITING = 256  # frames a worker may owe before it is asked nothing more
-SPARE_AFTER_S = 2.0  # a server that has just started has better things to do
+SPARE_AFTER_S = 2.0  # a server that has just started has more urgent work
 log = logging.getLogger("models")
 
 
@@ -48,7 +48,7 @@ class WorkerProcess:
         return self
 
     async def _loaded(self) -> Loaded:
-        """What the worker says once everything answers."""
+        """Return the worker's message once all its models answer."""
         try:
             first = from_worker(await self._receive())
         except (asyncio.IncompleteReadError, ConnectionError):
@@ -98,9 +98,8 @@ class _Waiting:
 
 
 class SupervisedWorker:
-    """A worker that is always there, or nearly: it is replaced when it dies or no longer answers.
-
-    `ahead`: a process that has been launched already, to be the first.
+    """A worker that is replaced when it dies or no longer answers. `ahead`: a process that has been launched already,
+    used first.
     """
 
     def __init__(self, load: Load, spares: int, hang_s: float, ahead: Launched | None = None) -> None:
@@ -188,7 +187,7 @@ class SupervisedWorker:
         if waiting is None:
             return
         for row, predicted in zip(waiting.rows, answer.predicted, strict=True):
-            if row.predictor is not None and not predicted:  # what the worker knows of this game is not to be relied on
+            if row.predictor is not None and not predicted:  # the worker's memory of this game may be incomplete
                 self._known.pop(row.key, None)
         if not waiting.answer.done():  # done: the deadline was over, nobody waits for it any more
             waiting.answer.set_result(answer)

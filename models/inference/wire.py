@@ -1,4 +1,4 @@
-"""What the server and a model worker say to each other: frames of a length and a msgpack body, arrays as raw bytes.
+"""The messages between the server and a model worker: frames of a length and a msgpack body, arrays as raw bytes.
 No torch, no pickle."""
 
 import socket
@@ -28,8 +28,8 @@ class Load(Struct, tag=True, frozen=True):
 
 
 class Loaded(Struct, tag=True, frozen=True):
-    """Worker to server: everything answers. `memory`: how many states bring a game's predictor to where it would be;
-    `hashes`: of the files that were loaded."""
+    """Worker to server: all models answer. `memory`: how many past states restore a game's predictor; `hashes`: of the
+    files that were loaded."""
 
     memory: int
     hashes: dict[str, str] = {}

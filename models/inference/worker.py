@@ -51,8 +51,8 @@ class ModelRefused(Exception):
 
 
 class Slots:
-    """Which games a predictor is watching: game key -> slot number; numbers are used again. `reached`: the newest
-    timestep that it has seen of each."""
+    """The games that a predictor watches: game key -> slot number; numbers are reused. `reached`: the newest timestep
+    seen of each."""
 
     def __init__(self) -> None:
         self.reached: dict[str, int] = {}
@@ -129,7 +129,7 @@ class Worker:
                 slots.forget(key)
 
     def answer(self, ask: ModelRequest) -> Answer:
-        """Never raises for a broken model: its rows stay unanswered and the fault is named."""
+        """Answer a request. Never raises for a failing model: its rows stay unanswered and the fault is reported."""
         started = time.perf_counter()
         rows = ask.rows
         states = np.cumsum([row.states for row in rows]) - 1  # the index of each row's newest state
@@ -196,7 +196,7 @@ class Worker:
         fresh = np.array([row.fresh for row in rows])
         if fresh.any():
             predictor.begin(slots[fresh])
-        for row in rows:  # until it has answered nobody knows how far it got
+        for row in rows:  # until it has answered, its progress is unknown
             games.reached.pop(row.key, None)
         for back in range(int(lengths.max()) - 1, -1, -1):
             reached = lengths > back
@@ -209,7 +209,7 @@ class Worker:
 
 
 class _Watched:
-    """A model at work: what it raises becomes a fault, and its breaker hears of it."""
+    """Guard one call of a model: an exception becomes a fault and counts for its circuit breaker."""
 
     def __init__(self, name: Name, breaker: Breaker, faults: list[ModelFault]) -> None:
         self._name, self._breaker, self._faults = name, breaker, faults
@@ -238,7 +238,7 @@ def _refusing(load: Callable[[Name], Loading], name: Name) -> Loading:
 
 
 def _by_model(names: list[str | None]) -> Iterator[tuple[str, NDArray[np.intp]]]:
-    """Each model that is asked, with its rows."""
+    """Yield each requested model with its rows."""
     for name in dict.fromkeys(names):
         if name is not None:
             yield name, np.flatnonzero([other == name for other in names])
@@ -290,7 +290,7 @@ def main(descriptor: int) -> None:
 
 
 def _answer(worker: Worker, connection: socket.socket, asks: list[ModelRequest]) -> None:
-    """What has come in about one layout is asked of its models together."""
+    """Answer all received requests for one layout in one batch."""
     for group in together(asks):
         whole = worker.answer(joined(group))
         connection.sendall(b"".join(map(frame, parted(whole, group))))

@@ -1,6 +1,5 @@
 """A network on disk: one folder with config.json, weights.safetensors, card.md and sha256. A changed byte is refused.
-
-It knows nothing of what the network is; `policy` and the predictors say that in the config. No pickle, no torch.
+The config describes the network; `policy` and the predictors interpret it. No pickle, no torch.
 """
 
 import hashlib
@@ -21,12 +20,12 @@ FILES = (CONFIG, WEIGHTS, CARD)
 
 
 class CheckpointError(ValueError):
-    """A checkpoint folder that cannot be trusted or understood; says which file and what to do."""
+    """A damaged or unreadable checkpoint folder; the message names the file and the remedy."""
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """What a folder holds. `sha256` names exactly these weights with this config in data and on screen."""
+    """The contents of a folder. `sha256` identifies these weights with this config in data and on screen."""
 
     folder: Path
     config: dict[str, Any]
@@ -40,8 +39,8 @@ def save_checkpoint(
 ) -> str:
     """Write the folder (all or nothing: an old one is replaced at the end) and return its sha256.
 
-    `tensors`: arrays, or torch's without a gradient. `half` stores floating ones as 16 bits, half the bytes; check that
-    the network still does what its card says.
+    `tensors`: arrays, or torch's without a gradient. `half` stores floats as 16 bits, half the bytes; check that the
+    network still performs as its card says.
     """
     new = folder.with_name(f".{folder.name}.new-{os.getpid()}")
     shutil.rmtree(new, ignore_errors=True)
@@ -71,7 +70,7 @@ def load_checkpoint(folder: Path | str) -> Checkpoint:
         }
     except Exception as error:
         raise CheckpointError(
-            f"{folder}: unreadable though its sums are right ({error}). Train or fetch it again."
+            f"{folder}: unreadable although its checksums match ({error}). Train or fetch it again."
         ) from error
     return Checkpoint(folder, config, tensors, content[CARD].decode(), _digest((folder / SUMS).read_bytes()))
 
@@ -81,7 +80,7 @@ def _stored(tensor: NDArray[Any], half: bool) -> NDArray[Any]:
 
 
 def _expected(folder: Path) -> dict[str, str]:
-    """File name -> the digest in `sha256`."""
+    """Return file name -> the digest in `sha256`."""
     if not (folder / SUMS).is_file():
         raise CheckpointError(
             f"{folder / SUMS}: missing, so nothing here can be checked. Fetch the whole folder again."

@@ -1,4 +1,4 @@
-"""Which entries of the encoding can change in a layout: what small networks look at. Numpy only."""
+"""Find the entries of the encoding that can change in a layout: the inputs of small networks. Numpy only."""
 
 from functools import lru_cache
 
@@ -12,16 +12,16 @@ from overcooked.state import Kitchens
 
 
 def varying_columns(layout: Layout, distinct: bool = True) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Which entries of the flat encoding (width * height * 26) ever change in a layout, and the largest value of each.
-
-    Found by looking: one state for every chef's cell, facing and hand, every item on every counter, every pot's
-    contents and the end of the episode. `distinct` keeps one of entries that are always equal (the urgency plane).
+    """Return the entries of the flat encoding (width * height * 26) that ever change in a layout, and the largest value
+    of each. Found by enumeration: one state for every chef's cell, facing and hand, every item on every counter, every
+    pot's contents and the end of the episode. `distinct` keeps one of entries that are always equal (the urgency
+    plane).
     """
     columns, largest = _found(layout.text, distinct)
     return columns.copy(), largest.copy()
 
 
-@lru_cache(maxsize=64)  # every model of a layout asks
+@lru_cache(maxsize=64)  # every model of a layout calls this
 def _found(grid: str, distinct: bool) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
     layout = parse_layout(grid, "grid")
     seen = _all_single_changes(layout).encode(horizon=HORIZON)[:, 0].reshape(-1, layout.width * layout.height * PLANES)
@@ -34,7 +34,8 @@ def _found(grid: str, distinct: bool) -> tuple[NDArray[np.int64], NDArray[np.flo
 
 
 def _all_single_changes(layout: Layout) -> Kitchens:
-    """States that differ from the start in one thing each (two chefs may share a cell: only the encoding looks)."""
+    """Return states that differ from the start in one thing each (two chefs may share a cell: the states are only
+    encoded)."""
     floor = np.argwhere(layout.tiles == FLOOR)
     chefs = [(k, x, y, f, h) for k in range(2) for x, y in floor.tolist() for f in range(4) for h in range(4)]
     pots = [c for c in range(1, READY + 1) if c not in (ONIONS_PER_SOUP, COOKING)]

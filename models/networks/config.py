@@ -12,7 +12,7 @@ ROTARY_BASE = 100.0  # of the predictors' rotary positions
 
 @dataclass(frozen=True)
 class NetworkConfig:
-    """Which network; frozen with the weights."""
+    """The shape of an agent's network; frozen with the weights."""
 
     kind: str = "mlp"  # "cnn" (the paper's) or "mlp"
     filters: int = 25  # of each convolution (cnn)
@@ -21,7 +21,7 @@ class NetworkConfig:
 
 @dataclass(frozen=True)
 class IntentionConfig:
-    """Which decoder of intentions a predictor has; frozen with the weights."""
+    """The shape of a predictor's decoder of intentions; frozen with the weights."""
 
     hidden: int = 256  # between the tokens of all layers and the classes
     when_hidden: int = 64  # between that and the timesteps
@@ -29,7 +29,7 @@ class IntentionConfig:
 
 @dataclass(frozen=True)
 class PredictorConfig:
-    """Which transformer; frozen with the weights. Numbers without a comment are the paper's."""
+    """The shape of a predictor's transformer; frozen with the weights. Numbers without a comment are the paper's."""
 
     form: str = "stream"  # or "window"
     # The encoder: the entries of the encoding that can change; or "cnn", pretrained convolutions, frozen.
@@ -46,7 +46,7 @@ class PredictorConfig:
 
     @property
     def memory(self) -> int:
-        """How many timesteps can matter to an answer."""
+        """How many past timesteps can influence a prediction."""
         return HISTORY if self.form == "window" else self.layers * (self.look_back - 1) + 1
 
 

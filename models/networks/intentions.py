@@ -1,4 +1,4 @@
-"""The decoder of intentions: from a predictor's tokens to the watched agent's next interaction, and when it is done."""
+"""The decoder of intentions: from a predictor's tokens to the watched agent's next interaction, and its time."""
 
 import torch
 from torch import Tensor, nn
@@ -12,7 +12,7 @@ class IntentionDecoder(nn.Module):
     """Two distributions: over the interactions that the kitchen allows (none among them), and, given one of these, over
     the timesteps until it is done.
 
-    It reads what every layer of the predictor makes of the newest timestep, one after the other, (..., tokens).
+    Its input is the output of every layer of the predictor for the newest timestep, concatenated, (..., tokens).
     """
 
     temperature: Tensor  # (2,): of the classes, of the timesteps; logits are divided by it

@@ -42,7 +42,7 @@ class Head(nn.Module):
         return self.after_first(self.layers[0](x))
 
     def after_first(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """The rest of the way from what the first layer gave."""
+        """Apply all layers after the first."""
         for layer in self.layers[1:]:
             x = layer(nn.functional.leaky_relu(x, LEAK))
         x = nn.functional.leaky_relu(x, LEAK)
@@ -87,7 +87,7 @@ class CnnPolicy(nn.Module):
 
 
 class MlpPolicy(nn.Module):
-    """Fully connected layers on the entries that can change: same inputs and outputs as the CNN."""
+    """Fully connected layers on the entries that can change. Its inputs and outputs are those of the CNN."""
 
     columns: Tensor  # (inputs,) places in the flat encoding
     scale: Tensor  # (inputs,) brings each entry to 0..1
@@ -121,7 +121,7 @@ Network = CnnPolicy | MlpPolicy
 
 
 def build_network(config: NetworkConfig, layout: Layout) -> Network:
-    """A fresh network for a layout. Raises ValueError for an unknown kind."""
+    """Return an untrained network for a layout. Raises ValueError for an unknown kind."""
     kinds: dict[str, type[Network]] = {"cnn": CnnPolicy, "mlp": MlpPolicy}
     if config.kind not in kinds:
         raise ValueError(f"network kind {config.kind!r} is unknown. Known: {', '.join(kinds)}.")
@@ -157,7 +157,7 @@ def save_agent(
 
 
 def network_of(checkpoint: Checkpoint) -> tuple[Network, Layout, NetworkConfig]:
-    """The network in an agent's checkpoint, its layout and config. Raises CheckpointError if it is not one."""
+    """Load the network of an agent's checkpoint, its layout and config. Raises CheckpointError if it is not one."""
     config = checkpoint.config
     try:
         layout = parse_layout(config["grid"], config["layout"])
@@ -170,5 +170,5 @@ def network_of(checkpoint: Checkpoint) -> tuple[Network, Layout, NetworkConfig]:
 
 
 def load_network(folder: Path | str) -> Network:
-    """The network alone, e.g. to borrow its features."""
+    """Load the network alone, e.g. to use its features."""
     return network_of(load_checkpoint(folder))[0]

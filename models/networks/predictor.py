@@ -1,8 +1,7 @@
-"""The Theory-of-Mind predictor: the paper's transformer, whole, in two forms behind one interface.
-
-`window`, the paper's: the last 10 states through the encoder and 10 joint actions (the current one zero), encoder only,
-the last token answers. `stream`: causal, each layer looks back a fixed number of timesteps, so that a timestep costs
-one token where keys and values are kept (models.inference.predictor_numpy).
+"""The Theory-of-Mind predictor: the paper's transformer, in two forms behind one interface. `window`, the paper's: the
+last 10 states through the encoder and 10 joint actions (the current one zero), encoder only; the prediction is decoded
+from the last token. `stream`: causal, each layer attends to a fixed number of past timesteps, so that with cached keys
+and values a timestep costs one token (models.inference.predictor_numpy).
 """
 
 import math
@@ -33,7 +32,8 @@ JOINT = PLAYERS * ACTIONS  # a joint action, one-hot
 
 
 class Encoder(nn.Module):
-    """Observations (N, width, height, 26) to features (N, `size`), never trained here, so that features can be kept."""
+    """Observations (N, width, height, 26) to features (N, `size`); never trained here, so that features can be
+    cached."""
 
     columns: Tensor
     scale: Tensor
@@ -69,7 +69,7 @@ class Layer(nn.Module):
         self.qkv = nn.Linear(config.hidden, 3 * config.hidden)
         self.out = nn.Linear(config.hidden, config.hidden)
         self.before_feed_forward = nn.LayerNorm(config.hidden)
-        # Stored with the weights, these two and `eyes` below keep their names.
+        # These two names and `eyes` below are stored with the weights and cannot change.
         self.widen = nn.Linear(config.hidden, config.feed_forward)
         self.narrow = nn.Linear(config.feed_forward, config.hidden)
 
@@ -101,7 +101,7 @@ class PredictorNetwork(nn.Module):
     """Features (B, T, size) and joint actions (B, T, 12) to logits of the next actions: (B, T, 3, 6) in the stream
     form, (B, 3, 6) in the window form, whose T is 10."""
 
-    temperature: Tensor  # (STEPS,): logits are divided by it, so that probabilities say how often they are right
+    temperature: Tensor  # (STEPS,): logits are divided by it, so that probabilities are calibrated
 
     def __init__(self, layout: Layout, config: PredictorConfig, intentions: IntentionConfig | None = None) -> None:
         super().__init__()
@@ -125,7 +125,7 @@ class PredictorNetwork(nn.Module):
 
     @property
     def encoder(self) -> Encoder:
-        """What makes features of observations; the name `eyes` is stored with the weights."""
+        """Return the network that makes features of observations; its name `eyes` is stored with the weights."""
         return self.eyes
 
     def forward(self, features: Tensor, actions: Tensor, present: Tensor | None = None) -> Tensor:
@@ -133,12 +133,12 @@ class PredictorNetwork(nn.Module):
         return self.decode(self.tokens(features, actions, present))
 
     def tokens(self, features: Tensor, actions: Tensor, present: Tensor | None = None) -> Tensor:
-        """What the layers make of a game, to be decoded: (B, T, hidden), in the window form (B, hidden)."""
+        """Return the last layer's output for a game, to be decoded: (B, T, hidden), in the window form (B, hidden)."""
         *_, last = self._after_layers(features, actions, present)
         return last
 
     def tokens_of_all_layers(self, features: Tensor, actions: Tensor, present: Tensor | None = None) -> Tensor:
-        """What each layer makes of a game, one after the other: (B, T, layers * hidden), in the window form (B, ...).
+        """Return each layer's output for a game, concatenated: (B, T, layers * hidden), in the window form (B, ...).
 
         The last `hidden` entries are `tokens`."""
         return torch.cat(list(self._after_layers(features, actions, present)), -1)
@@ -167,9 +167,8 @@ def intention_decoder(layout: Layout, config: PredictorConfig, intentions: Inten
 
 
 def banded_attention(q: Tensor, k: Tensor, v: Tensor, window: int) -> Tensor:
-    """Attention of (B, heads, T, dim) where a token sees itself and the `window` - 1 before it.
-
-    In blocks of `window`: each sees its own block and the one before, which costs T * window instead of T * T.
+    """Attention of (B, heads, T, dim) in which a token attends to itself and the `window` - 1 before it. In blocks of
+    `window`: each attends to its own block and the one before, which costs T * window instead of T * T.
     """
     timesteps = q.shape[2]
     blocks = -(-timesteps // window)

@@ -1,4 +1,4 @@
-"""What a simulated participant answers: ratings that follow from what happened in the episode, and a form filled in."""
+"""Answers of a simulated participant: ratings that depend on the episode, and the other fields of a form."""
 
 from collections.abc import Mapping
 from random import Random
@@ -12,14 +12,14 @@ _ABOUT_FORESIGHT: Final = ("aware", "predict", "intention")
 
 
 class Respondent:
-    """Fills in every page of one participant. `known`: question -> the answer that the study file calls right."""
+    """Fills in every page of one participant. `known`: question -> the correct answer in the study file."""
 
     def __init__(self, traits: Traits, known: Mapping[str, str]) -> None:
         self._traits, self._known = traits, known
         self._chance = Random(f"answers {traits.seed}")  # noqa: S311 - a seed makes a run repeatable
 
     def fill(self, fields: Fields, last: Impression | None, faults: frozenset[str]) -> dict[str, Any]:
-        """An answer to everything that has to be answered; `faults`: questions that came back."""
+        """Return an answer to every required question; `faults`: questions with an invalid answer."""
         filled: dict[str, Any] = {}
         places: dict[str, int] = {}
         for name, options in fields.items():
@@ -45,7 +45,7 @@ class Respondent:
         return "-"
 
     def _some(self, name: str, values: list[str]) -> list[str]:
-        """All boxes that must be ticked; of several options one or two."""
+        """Return all boxes that must be ticked; of several options one or two."""
         if name.startswith("box_"):
             return values
         return sorted(self._chance.sample(values, self._chance.choice((1, min(2, len(values))))))
@@ -58,7 +58,7 @@ class Respondent:
         return self._chance.choice(values)
 
     def _rating(self, name: str, points: int, last: Impression) -> int:
-        """1 to `points`, on the whole the higher the better the episode went for what the question is about."""
+        """Return 1 to `points`; on average higher if the aspect of the question went better in the episode."""
         smooth = 1 - min(1.0, 5 * last.share(last.blocked, last.tried))
         pace = min(1.0, last.soups_in_80_s / 8)
         foresight = last.share(last.right, last.predicted) if last.predicted else 0.45

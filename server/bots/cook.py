@@ -1,8 +1,7 @@
-"""How a simulated participant cooks, as a planner or a behaviour-cloned human: with a reaction time; some read arrows.
-
-It sees its own chef at once and everything else some timesteps late. Who follows the arrows takes the partner to be
-where the first of them leads. All chance comes from seed and timestep: a repeat with the same states acts alike.
-`server.bots.foresight` has the cook that bots use by default.
+"""The cook of a simulated participant: a planner or a behaviour-cloned human, with a reaction time; some use the
+arrows. It sees its own chef at once and everything else some timesteps late. A participant who follows the arrows
+assumes that the partner goes where the first of them leads. All randomness comes from seed and timestep: the same
+states lead to the same actions. `server.bots.foresight` has the cook that bots use by default.
 """
 
 from collections import deque
@@ -28,7 +27,7 @@ _IDLE, _DRAW = 101, 102  # purposes of `uniform`
 
 @dataclass(frozen=True)
 class Traits:
-    """What one simulated participant is like, throughout the study."""
+    """The traits of one simulated participant, fixed for the study."""
 
     seed: int
     delay: int  # timesteps until it notices what others do
@@ -40,7 +39,8 @@ class Traits:
 
     @classmethod
     def drawn(cls, seed: int, cook: CookName = "foresight", follow: float = 0.7, tick_ms: float = 200.0) -> "Traits":
-        """`follow`: the share of planners and clones that reads the arrows; the others judge them by experience."""
+        """`follow`: the share of planners and behaviour-cloned humans that uses the arrows; the others judge them by
+        experience."""
         chance = Random(f"traits {seed}")  # noqa: S311 - a seed makes a run repeatable
         return cls(
             seed=chance.getrandbits(62),
@@ -55,7 +55,7 @@ class Traits:
 
 @dataclass
 class Impression:
-    """What one episode was like for the participant: its answers follow from it."""
+    """The participant's impression of one episode, on which its answers depend."""
 
     timesteps: int = 0
     soups: int = 0
@@ -85,14 +85,14 @@ class Cook:
         self.impression = Impression()
 
     def act(self, now: Kitchens, soups: int, actions: tuple[int, int], arrows: Sequence[int], horizon: int) -> int:
-        """The action on this state. `actions`: what led to it; `arrows`: the predicted actions of the partner, empty
-        where none are shown."""
+        """The action on this state. `actions`: the joint action that led to it; `arrows`: the predicted actions of the
+        partner, empty if none are shown."""
         self._judge(now, soups, actions)
         self._predicted = arrows[0] if arrows else None
         return self.choose(now, actions, arrows, horizon)
 
     def choose(self, now: Kitchens, actions: tuple[int, int], arrows: Sequence[int], horizon: int) -> int:  # noqa: ARG002
-        """Plan on what was seen late, or act as the clone would."""
+        """Plan on the delayed observation, or act like the behaviour-cloned human."""
         self._seen.append(now)
         arrow = arrows[0] if arrows else None
         timestep = int(now.timestep[0])
@@ -105,7 +105,7 @@ class Cook:
         return int(draw(action_distribution, np.array([uniform(self._seed, timestep, _DRAW)]))[0])
 
     def _view(self, now: Kitchens, arrow: int | None) -> Kitchens:
-        """The kitchen as the participant has it in mind."""
+        """Return the kitchen as the participant perceives it."""
         view = self._seen[0].copy()
         me, other = self._seat, PLAYERS - 1 - self._seat
         view.players[0, me] = now.players[0, me]
@@ -125,7 +125,7 @@ class Cook:
             view.players[0, seat, :FACING] = there
 
     def _judge(self, now: Kitchens, soups: int, actions: tuple[int, int]) -> None:
-        """What the last timestep was like."""
+        """Update the impression with the last timestep."""
         before, self._before = self._before, now
         if before is None or int(now.timestep[0]) != int(before.timestep[0]) + 1:
             return
@@ -156,8 +156,8 @@ _agents: dict[tuple[str, str], LoadedAgent] = {}
 
 
 def _agent(layout: Layout, cook: CookName) -> LoadedAgent:
-    """Shared by all simulated participants: policies remember nothing. In a layout without a clone (the tutorial's),
-    clones plan."""
+    """Load the policy, shared by all simulated participants because policies are stateless. In a layout without a
+    behaviour-cloned human (the tutorial's), the planner is used."""
     name = CLONE if cook == "clone" and not layouts_without_clone([layout.name]) else "planner"
     key = (layout.sha256, name)
     if key not in _agents:

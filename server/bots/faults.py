@@ -1,5 +1,5 @@
-"""Simulated participants meet faults: the server is killed, connections are lost, tabs doubled. Then every
-guarantee is looked at by itself. Knows the group and its own server; the proof of single faults is in the tests.
+"""Run simulated participants under faults: the server is killed, connections break, second tabs open. Then check every
+guarantee. Single faults are covered by the tests.
 """
 
 import asyncio
@@ -17,7 +17,7 @@ from server.store.database import Database
 
 BROWSER_FAULTS: Final = ("reload", "second_tab", "half_open")
 STATES_BEFORE_THE_KILL: Final = 40  # that each participant has seen, on average
-# What is guaranteed, and the words by which a violation says that it does not hold.
+# The guarantees, and the words by which a violation of each is recognised.
 GUARANTEES: Final = {
     "nothing that was shown is lost": ("lost timesteps", "is not stored", "is not in the database"),
     "nothing that was shown is changed or doubled": ("in two ways", "as another one", "played twice"),
@@ -32,14 +32,15 @@ GUARANTEES: Final = {
 
 @dataclass(frozen=True)
 class Trial:
-    """What was done to the server and to the participants, and what came of it."""
+    """The faults that were caused, and their outcome."""
 
     outcome: GroupOutcome
     faults: dict[str, int]
     away_s: float  # from the kill until pages could be opened again
 
     def rows(self) -> list[tuple[str, bool, list[str]]]:
-        """Guarantee, kept or not, what broke it; the last: what belongs to none, and faults that never came."""
+        """Return each guarantee, whether it holds, and its violations; the last row has other violations, and faults
+        that did not occur."""
         left = list(self.outcome.violations)
         rows = []
         for guarantee, words in GUARANTEES.items():
@@ -50,8 +51,8 @@ class Trial:
             f"no {fault.replace('_', ' ')} happened: give more participants" for fault in FAULTS - set(self.faults)
         ]
         missing = self.outcome.started - self.outcome.completed - self.outcome.dropped
-        left += [f"{missing} participants are neither through nor gone"] if missing else []
-        rows.append(("everything was tried, and nothing else broke", not left + never, left + never))
+        left += [f"{missing} participants have neither finished nor dropped out"] if missing else []
+        rows.append(("every fault occurred, and there was no other violation", not left + never, left + never))
         return rows
 
 
@@ -59,7 +60,7 @@ FAULTS: Final = {"server_kill", *BROWSER_FAULTS}
 
 
 async def try_out(group: BotGroup, server: OwnServer, database: Database) -> Trial:
-    """Everybody walks the study while things go wrong; the server is killed once, in the middle of the games."""
+    """Run all participants through the study under faults; the server is killed once, in the middle of the games."""
     everyone: list[Bot] = []
     walking = asyncio.create_task(simulate(group, server.url, database, meet=everyone.extend))
     away_s = await _kill_once(everyone, server, walking)
@@ -82,11 +83,11 @@ async def _kill_once(everyone: Sequence[Bot], server: OwnServer, walking: "async
 
 
 def table(trial: Trial, seed: int) -> str:
-    """For people: what was done, and PASS or FAIL for each guarantee."""
+    """Return a table: the faults that were caused, and PASS or FAIL for each guarantee."""
     outcome, faults = trial.outcome, trial.faults
     done = ", ".join(f"{count} x {fault.replace('_', ' ')}" for fault, count in sorted(faults.items()))
     lines = [f"{outcome.started} participants, {outcome.episodes} episodes, seed {seed}", f"faults: {done}"]
-    lines.append(f"the server was away for {trial.away_s:.1f} s")
+    lines.append(f"the server was down for {trial.away_s:.1f} s")
     lines.append("")
     for guarantee, kept, broken in trial.rows():
         lines.append(f"{'PASS' if kept else 'FAIL'}  {guarantee}")

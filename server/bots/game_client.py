@@ -1,4 +1,4 @@
-"""A simulated participant at the game: speaks the protocol over a real websocket and keeps a journal of all it saw."""
+"""A simulated participant at the game: plays over a real websocket and keeps a journal of everything it saw."""
 
 import asyncio
 from contextlib import suppress
@@ -18,14 +18,14 @@ from server.play.close_codes import CloseCode
 from server.play.marks import NOTHING_SHOWN, is_as_required
 from server.study.order import derived_seed
 
-PARTLY_SEEN: Final = ""  # for the hash of a state of which the participant saw a part only
+PARTLY_SEEN: Final = ""  # in place of the hash of a state that the participant saw only in part
 LOOKS_FOR: Final = 5  # timesteps for which the marks key is down, and up
 BrowserFault = Literal["reload", "second_tab", "half_open"]
 
 
 @dataclass
 class Journal:
-    """What one participant sent and saw, to be held against the database afterwards."""
+    """What one participant sent and saw, to be compared with the database afterwards."""
 
     inputs: list[tuple[str, int, int]] = field(default_factory=list)  # episode, timestep seen, action
     states: dict[tuple[str, int], str] = field(default_factory=dict)  # (episode, timestep) -> hash of the state seen
@@ -39,7 +39,7 @@ class Journal:
     reconnects: int = 0
     browser_faults: dict[str, int] = field(
         default_factory=dict
-    )  # what happened on purpose: reload, second_tab, half_open
+    )  # faults caused on purpose: reload, second_tab, half_open
     code: str | None = None
 
 
@@ -48,7 +48,7 @@ class GameDropped(Exception):
 
 
 class BotGame(GameClient):
-    """Plays whatever game the participant's current step is. One object a game page."""
+    """Plays the game of the participant's current step; one object per game page."""
 
     first_wait_s = 0.05
     longest_wait_s = 1.0
@@ -63,8 +63,8 @@ class BotGame(GameClient):
         self._episode = ""
         self._cook: Cook | None = None
         self._partner: PartnerMemory | None = None  # with limited sight
-        self._settling = False  # just counted down: the hands are not on the keys yet
-        self._left_open: list[asyncio.Task[None]] = []  # sockets that nobody looks at any more
+        self._settling = False  # just counted down: the participant does not press keys yet
+        self._left_open: list[asyncio.Task[None]] = []  # sockets that are no longer read
 
     def lost(self) -> None:
         self._journal.reconnects += 1
@@ -92,7 +92,7 @@ class BotGame(GameClient):
 
     def _begin(self, welcome: messages.Welcome) -> None:
         if self._episode == welcome.episode or self.kitchen is None:
-            return  # back in the same game: what was seen of it is remembered
+            return  # back in the same game: its memory continues
         self._episode = welcome.episode
         self._journal.games[welcome.episode] = welcome
         if self._traits.cook == "clone" and welcome.kind == "episode" and layouts_without_clone([welcome.layout]):
@@ -105,7 +105,7 @@ class BotGame(GameClient):
             self._partner = PartnerMemory(self.kitchen.layout, welcome.seat, radius) if radius else None
 
     def _saw(self, state: messages.KitchenState) -> None:
-        """A state never changes once it was shown."""
+        """Note a state; report a violation if it differs from what was shown before."""
         if self.welcome is None:
             return
         place = (self.welcome.episode, state.t)
@@ -115,16 +115,16 @@ class BotGame(GameClient):
             self.violations.append(f"episode {place[0]} timestep {state.t} was shown in two ways")
 
     def _saw_marks(self, tick: messages.Tick) -> None:
-        """Note a timestep whose display is not what the welcome announced."""
+        """Note a timestep whose display differs from the welcome message."""
         if self.welcome is None or self.welcome.show != "always" or not tick.partner_seen:
-            return  # the database knows in which timesteps the marks were asked for and in view
+            return  # only the database has the timesteps in which the marks were requested and in view
         display = self.welcome.display if self.welcome.shows_predictions else "none"
         is_kept = is_as_required(display in ("actions", "both"), tick.prediction)
         if not (is_kept and intentions.is_as_required(display in ("intention", "both"), tick.intention)):
             self._journal.broken_displays.setdefault(self.welcome.episode, set()).add(tick.state.t)
 
     async def before_acting(self, socket: ClientConnection, tick: messages.Tick) -> None:
-        """Close the browser or cause a fault when it is time. Raises GameDropped, SocketLeft, OSError: reconnect."""
+        """Close the browser or cause a fault at its timestep. Raises GameDropped, SocketLeft, OSError: reconnect."""
         timestep = tick.state.t
         if self.drop_at is not None and timestep >= self.drop_at:
             socket.transport.abort()
@@ -147,16 +147,16 @@ class BotGame(GameClient):
         raise OSError("the page was loaded again")
 
     async def _taken_over(self, socket: ClientConnection) -> None:
-        """The tab that was left hears that another one plays now."""
+        """Check that the old tab is told that another one plays now."""
         with suppress(ConnectionClosed):
             async with asyncio.timeout(10):
                 async for _ in socket:
-                    pass  # what is still said to it changes nothing
+                    pass  # further messages to it change nothing
         if socket.close_code not in (CloseCode.SUPERSEDED, CloseCode.LOST):
             self.violations.append(f"a tab that was left closed with {socket.close_code}, not {CloseCode.SUPERSEDED}")
 
     def chosen(self, tick: messages.Tick) -> int | None:
-        """Return what is sent, and note it."""
+        """Return the action to send, and note it."""
         action = super().chosen(tick)
         if action is None or self.welcome is None:
             return None
@@ -165,7 +165,7 @@ class BotGame(GameClient):
         return action
 
     def asks(self, tick: messages.Tick) -> bool | None:
-        """Look at the marks now and then: down for a while, up for a while, each bot at other times."""
+        """Hold the marks key down from time to time, each bot at different times."""
         if self.welcome is None or self.welcome.show == "always":
             return None
         return (tick.state.t + self._traits.seed) % (2 * LOOKS_FOR) < LOOKS_FOR

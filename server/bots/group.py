@@ -1,4 +1,4 @@
-"""N simulated participants at one server: who comes when, who gives up, and what came of it. Starts no server."""
+"""N simulated participants at one server: arrivals, dropouts, and the outcome. The server must be running."""
 
 import asyncio
 import hashlib
@@ -31,21 +31,21 @@ _FULL: Final = "answered 409"  # the study is full: a participant who arrives no
 
 @dataclass(frozen=True)
 class BotGroup:
-    """Who comes to which study."""
+    """The participants and their study."""
 
     number: int
     study_name: str
     study: Study | None = None  # None: the file is not known, only the address
     dropout: float = 0.0
     seed: int = 0
-    browser_faults: tuple[BrowserFault, ...] = ()  # what happens to everybody in every game, on purpose
+    browser_faults: tuple[BrowserFault, ...] = ()  # faults for every participant in every game
     secret: str = ""  # of the server, to which they prove with it that they are bots
     cook: CookName = "foresight"  # how they play
 
 
 @dataclass
 class GroupOutcome:
-    """What came of it, as `kitchenmind bots --json` says it."""
+    """The outcome, as printed by `kitchenmind bots --json`."""
 
     started: int = 0
     completed: int = 0
@@ -57,7 +57,7 @@ class GroupOutcome:
 
 @dataclass
 class _One:
-    """One simulated participant and how it went."""
+    """One simulated participant and its outcome."""
 
     bot: Bot
     came: bool = False
@@ -70,9 +70,9 @@ async def simulate(
     told: Callable[[int, int], None] | None = None,
     meet: Callable[[Sequence[Bot]], None] | None = None,
 ) -> list[Bot]:
-    """All of them walk the study; those who came, in order of consent. `database`: read only, asked when a code is on
-    the screen. `told(done, number)` hears of everyone who is through, `meet` gets to know them before they come.
-    What went wrong is in `journal.violations`."""
+    """Run all participants through the study; return those who consented, in order of consent. `database`: read only,
+    checked when a code is on the screen. `told(done, number)` is called after each participant, `meet` before each
+    arrives. Violations are in `journal.violations`."""
     everyone = [
         _One(Bot(url, group.study_name, derived_seed(group.seed, "bot", k), _habits(group, k)))
         for k in range(group.number)
@@ -99,7 +99,7 @@ async def simulate(
 
 
 async def _walk(one: _One, turn: asyncio.Event, following: asyncio.Event, database: Database | None) -> None:
-    """Consent when it is its turn, so that a repeat deals the same conditions; then walk at its own pace."""
+    """Consent in order, so that a repeated run assigns the same conditions; then continue at its own pace."""
     journal = one.bot.journal
     await turn.wait()
     try:
@@ -120,8 +120,8 @@ async def _walk(one: _One, turn: asyncio.Event, following: asyncio.Event, databa
 
 
 def judge(bots: Sequence[Bot], database: Database | None, study: Study | None = None) -> GroupOutcome:
-    """Count them, and check every guarantee against what they saw and, where there is a database, what is stored.
-    `study`: what they took part in, if it is known."""
+    """Count the participants, and check every guarantee against what they saw and, if there is a database, what is
+    stored. `study`: the study they took part in, if known."""
     outcome = GroupOutcome()
     journals = [bot.journal for bot in bots]
     for bot in bots:
@@ -168,7 +168,7 @@ def _habits(group: BotGroup, number: int) -> Habits:
 
 
 def _right_answers(study: Study) -> Iterator[tuple[str, str]]:
-    """Of the quiz and of attention checks: what somebody who reads would answer."""
+    """Return the correct answers to the quiz and the attention checks."""
     pages = [*study.questionnaires.values(), *([study.quiz] if study.quiz else [])]
     for question in (question for page in pages for question in page.asks):
         right = getattr(question, "correct", None) or getattr(question, "attention", None)
@@ -177,7 +177,7 @@ def _right_answers(study: Study) -> Iterator[tuple[str, str]]:
 
 
 def _arrival(group: BotGroup, number: int) -> str:
-    """The link as a recruiter would send it, where the study asks for one."""
+    """Return the parameters of a recruiter's link, if the study needs one."""
     parameter = group.study.recruitment.person_parameter if group.study is not None else None
     if group.study is None or parameter is None:
         return ""
@@ -186,7 +186,8 @@ def _arrival(group: BotGroup, number: int) -> str:
 
 
 def _person(study: Study, name: str, number: int) -> str:
-    """An id as the recruiter's look, another for every number. Raises ValueError where none of ours looks like that."""
+    """Return a different id for every number, in the recruiter's format. Raises ValueError if none of ours matches
+    it."""
     digest = hashlib.sha256(name.encode()).hexdigest()
     count = int(digest[:8], 16)
     candidates = (name, digest[:24], f"A{digest[:13].upper()}", f"bot{count}", str(count), f"{number + 1:03d}")

@@ -1,7 +1,4 @@
-"""Compare what simulated participants saw with what is stored. A violation says which guarantee does not hold.
-
-Reads a database and journals; knows nothing about how either came about.
-"""
+"""Compare what simulated participants saw with what is stored. A violation names the guarantee that does not hold."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,14 +13,14 @@ from server.verification import verify
 
 @dataclass(frozen=True)
 class Claim:
-    """One participant as they know themselves: by their cookie and by what they saw."""
+    """One participant, identified by the cookie, with what they saw."""
 
     token: str
     journal: Journal
 
 
 def broken_in_journal(journal: Journal, blocks: int = 1) -> Iterator[str]:
-    """What a participant can see without any database. `blocks`: of rounds, in which other things may be shown."""
+    """Return violations that show without the database. `blocks`: of rounds, which may differ in what is shown."""
     yield from journal.violations
     numbers = [welcome.number for welcome in journal.games.values() if welcome.kind == "episode"]
     for number in sorted({number for number in numbers if numbers.count(number) > 1}):
@@ -33,7 +30,7 @@ def broken_in_journal(journal: Journal, blocks: int = 1) -> Iterator[str]:
         yield "predictions were shown in some games and not in others: the condition changed"
     for episode, timesteps in journal.broken_displays.items():
         last = max(timestep for one, timestep in journal.states if one == episode)
-        broken = sorted(timesteps - {last})  # nothing is shown any more on the last state
+        broken = sorted(timesteps - {last})  # nothing is shown on the last state
         if broken:
             what = "nothing" if journal.games[episode].shows_predictions else "a prediction"
             yield (
@@ -48,14 +45,14 @@ def broken_in_journal(journal: Journal, blocks: int = 1) -> Iterator[str]:
 
 
 def broken_codes(journals: Sequence[Journal]) -> Iterator[str]:
-    """Completion codes that two participants share."""
+    """Return completion codes that two participants share."""
     codes = [journal.code for journal in journals if journal.code]
     for code in sorted({code for code in codes if codes.count(code) > 1}):
         yield f"two participants were given the code {code}"
 
 
 def broken_at_code(connection: Connection, claim: Claim) -> list[str]:
-    """Asked at the moment at which the code is on the screen: is everything stored that it stands for?"""
+    """Check, while the code is on the screen, that everything it confirms is stored."""
     mine = participants.by_token(connection, claim.token)
     if mine is None or mine.status not in ("completed", "returned") or mine.completion_code is None:
         return ["a completion code was shown before the study was stored as completed"]
@@ -72,7 +69,7 @@ def broken_at_code(connection: Connection, claim: Claim) -> list[str]:
 
 
 def broken_in_store(connection: Connection, claim: Claim) -> Iterator[str]:
-    """What a participant saw against what is stored of it, once all is over."""
+    """Compare what a participant saw with what is stored, at the end."""
     mine = participants.by_token(connection, claim.token)
     if mine is None:
         yield "somebody who agreed to take part is not in the database"

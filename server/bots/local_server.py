@@ -1,4 +1,4 @@
-"""A `kitchenmind serve` of one's own: started on a free port, ended, killed, started again at the same address."""
+"""A `kitchenmind serve` process for tests and bots: start on a free port, stop, kill, restart at the same address."""
 
 import os
 import re
@@ -17,12 +17,13 @@ from server.settings import ROOT
 START_WITHIN_S: Final = 240.0
 STOP_WITHIN_S: Final = 60.0
 LOCAL: Final = {"KITCHENMIND_MODE": "local", "KITCHENMIND_HOST": "127.0.0.1", "KITCHENMIND_PUBLIC_URL": ""}
-# Countdowns and absences run five times as fast; more, and a machine that is busy elsewhere would pass for an absence.
+# Countdowns and absences run five times as fast; if they ran faster still, a delay on a busy machine would count as an
+# absence.
 QUICK: Final = {"KITCHENMIND_SPEED": "5", "KITCHENMIND_PATIENCE_S": "2"}
 
 
 class ServerFailed(Exception):
-    """The server did not start; the text is what it said."""
+    """The server did not start; the message is its output."""
 
 
 class OwnServer:
@@ -42,7 +43,7 @@ class OwnServer:
         self._words += ["--study", str(study)]
 
     def start(self) -> None:
-        """Return when pages can be opened; after the first time at the same address. Raises ServerFailed."""
+        """Start the server and wait until pages can be opened; a restart uses the same address. Raises ServerFailed."""
         words = [sys.executable, str(ROOT / "kitchenmind"), "serve", "--port", str(self._port), *self._words]
         with self._log.open("wb") as log:
             self._process = subprocess.Popen(words, stdout=log, stderr=log, env=self._environment)  # noqa: S603
@@ -55,11 +56,11 @@ class OwnServer:
 
     @property
     def said(self) -> str:
-        """Everything on the server's standard output and error since it was last started."""
+        """Return the server's output (standard output and error) since its last start."""
         return self._log.read_text(encoding="utf-8", errors="replace")
 
     def end(self, how: signal.Signals = signal.SIGTERM) -> int:
-        """Send the signal and wait; the exit status."""
+        """Send the signal, wait, and return the exit status."""
         if self._process is None:
             return 0
         self._process.send_signal(how)

@@ -1,4 +1,6 @@
-"""A simulated participant: walks a whole study over real HTTP and sockets, as a browser would. Knows no database."""
+"""A simulated participant: completes a whole study over real HTTP and websockets, as a browser would. It has no access
+to the database.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -20,7 +22,7 @@ _LAST_FAULT_AT: Final = 60
 
 @dataclass(frozen=True)
 class Habits:
-    """What a simulated participant is given besides its seed."""
+    """The settings of a simulated participant besides its seed."""
 
     known: Mapping[str, str] = field(default_factory=dict)  # question -> the right answer, from the study file
     drop_after: int | None = None  # gives up at the page after so many; in a game, in the middle of it
@@ -28,13 +30,13 @@ class Habits:
     browser_faults: tuple[BrowserFault, ...] = ()  # what happens to it in every game, on purpose
     arrival: str = ""  # the recruitment parameters of the link
     simulated: bool = True
-    secret: str = ""  # of a public server, which believes nobody else that a bot comes
+    secret: str = ""  # of a public server, which otherwise refuses bots
     cook: CookName = "foresight"  # how it plays
     tick_ms: float = 200.0  # of the study
 
 
 class Bot:
-    """One simulated participant. `walk` goes from the consent page to the completion code."""
+    """One simulated participant. `walk` takes it from the consent page to the completion code."""
 
     def __init__(self, base_url: str, study: str, seed: int, habits: Habits | None = None) -> None:
         self.journal = Journal()
@@ -58,16 +60,17 @@ class Bot:
 
     @property
     def token(self) -> str:
-        """What the cookie carries; empty before consent."""
+        """The value of the cookie; empty before consent."""
         return self._client.token
 
     async def walk(self) -> Journal:
-        """The whole way; what was seen, with the completion code. Raises RuntimeError where there is no way on."""
+        """Complete the study; return the journal with the completion code. Raises RuntimeError if there is no next
+        page."""
         async with self._client:
             return await self.walk_from(await self.consent())
 
     async def walk_from(self, page: ParsedPage) -> Journal:
-        """From this page to the code, or to where the participant gives up."""
+        """Continue from this page to the code, or until the participant drops out."""
         for count in range(MOST_PAGES):
             if page.code is not None:
                 self.journal.code = page.code
@@ -84,15 +87,15 @@ class Bot:
         raise RuntimeError(f"no completion code after {MOST_PAGES} pages: {self.journal.pages[-5:]}")
 
     async def close(self) -> None:
-        """Let go of the connections; the cookie stays."""
+        """Close the connections; the cookie stays."""
         await self._client.close()
 
     def game(self) -> BotGame:
-        """A game connection with this participant's cookie."""
+        """Return a game client with this participant's cookie."""
         return BotGame(self._client.socket_url, self._client.cookie, self.journal, self._traits)
 
     async def consent(self) -> ParsedPage:
-        """Agrees; the page after it."""
+        """Consent; return the next page."""
         page = await self._client.open()
         fields = self._client.fields(page, self._client.consent_path)
         return await self._client.consent(page, self._respondent.fill(fields, None, frozenset()))
@@ -113,7 +116,7 @@ class Bot:
         return await self._get(self.now)
 
     async def _reloaded(self, page: ParsedPage) -> ParsedPage:
-        """Now and then a page is loaded again: it must be the same one."""
+        """Reload the page sometimes: it must be the same one."""
         if not self._habits.reloads or page.faults or self._chance.random() >= _RELOADS_A_PAGE:
             return page
         self.journal.browser_faults["page_reload"] = self.journal.browser_faults.get("page_reload", 0) + 1
@@ -123,7 +126,7 @@ class Bot:
         return again
 
     async def submit(self, page: ParsedPage) -> ParsedPage:
-        """Fill the page in and send it; the page after it."""
+        """Fill in and submit the page; return the next page."""
         fields = self._client.fields(page, self.now)
         last = self.journal.impressions[-1] if self.journal.impressions else None
         filled = self._respondent.fill(fields, last, page.faults)

@@ -1,7 +1,6 @@
-"""Where a participant with limited sight takes the partner to be, from nothing but what the page was sent.
-
-The server keeps pots and counters out of view as the participant last saw them, and sends no place for a partner out of
-view. A person still has one in mind: where the partner was last, or else somewhere out of view.
+"""Where a participant with limited sight believes the partner to be, from the messages to the page alone. The server
+sends pots and counters out of view as the participant last saw them, and no position of a partner out of view. The
+belief is the partner's last seen position, or otherwise a cell out of view.
 """
 
 import numpy as np
@@ -13,7 +12,7 @@ from overcooked.state import Kitchens
 
 
 class PartnerMemory:
-    """The partner as one participant remembers it in one game."""
+    """One participant's memory of the partner in one game."""
 
     def __init__(self, layout: Layout, seat: int, radius: int) -> None:
         self._seat, self._other, self._radius = seat, PLAYERS - 1 - seat, radius
@@ -21,7 +20,7 @@ class PartnerMemory:
         self._last: NDArray[np.int8] | None = None  # place, facing and hand when it was last seen
 
     def complete(self, seen: Kitchens, partner_seen: bool) -> Kitchens:
-        """Return the kitchen as the participant has it in mind."""
+        """Return the kitchen as the participant believes it to be."""
         if partner_seen:
             self._last = seen.players[0, self._other].copy()
             return seen

@@ -1,6 +1,5 @@
-"""One zip file of texts: written the same for the same texts, read without trusting it.
-
-Nothing is ever unpacked by the names in it, so no name can lead out of a folder.
+"""A zip file of texts: equal texts give equal bytes, and reading does not trust the file. No file is extracted by its
+name in the archive, so a name cannot point outside a folder.
 """
 
 import hashlib
@@ -20,11 +19,11 @@ _LONG_AGO: Final = (1980, 1, 1, 0, 0, 0)  # the same bytes whenever it is made
 
 
 class BundleRefused(ValueError):
-    """No bundle, a damaged one, or one that does not fit; the text says why and what to do."""
+    """The file is not a bundle, is damaged, or does not fit this machine; the message says why and what to do."""
 
 
 def packed(texts: Mapping[str, str], manifest: Mapping[str, Any]) -> bytes:
-    """The archive; the manifest gets the hash of every text."""
+    """Return the archive; the manifest gets the hash of every text."""
     hashes = {name: _sha256(text.encode()) for name, text in sorted(texts.items())}
     said = json.dumps({**manifest, "files": hashes}, indent=1, ensure_ascii=False, sort_keys=True) + "\n"
     stream = io.BytesIO()
@@ -37,7 +36,7 @@ def packed(texts: Mapping[str, str], manifest: Mapping[str, Any]) -> bytes:
 
 
 def unpacked(path: Path) -> tuple[dict[str, str], dict[str, Any]]:
-    """The texts by name, each as its hash says, and the manifest. Raises BundleRefused, OSError."""
+    """Return the texts by name, checked against their hashes, and the manifest. Raises BundleRefused, OSError."""
     if path.stat().st_size > LARGEST_BYTES:
         raise BundleRefused(f"{path} is too large for a bundle.")
     try:
@@ -71,7 +70,7 @@ def _content(archive: zipfile.ZipFile) -> dict[str, bytes]:
             content[entry.filename] = file.read(left + 1)  # the size in a header is not trusted
         left -= len(content[entry.filename])
         if left < 0:
-            raise BundleRefused("what is in this archive is too large for a bundle.")
+            raise BundleRefused("the contents of this archive are too large for a bundle.")
     return content
 
 

@@ -1,4 +1,4 @@
-"""Makes a bundle, the archive that is registered before a study begins, and opens one to be served."""
+"""Make a bundle, the archive that is registered before a study begins, and open one to serve it."""
 
 import json
 from collections.abc import Collection
@@ -24,7 +24,7 @@ class Bundle:
 
 
 def make(file: StudyFile, people: int | None = None, plan: str = "") -> bytes:
-    """The archive; the same for the same study on the same code. `plan`: the researchers' own words.
+    """Return the archive; the same for the same study on the same code. `plan`: the researchers' own text.
 
     Raises StateError for models that are not here, LayoutError, StudyError.
     """
@@ -46,8 +46,8 @@ def make(file: StudyFile, people: int | None = None, plan: str = "") -> bytes:
 
 
 def open_bundle(path: Path, allowed: Collection[str] = ()) -> Bundle:
-    """The study of a bundle, if everything here is as it says. `allowed`: models whose code may run, or whose address
-    may be asked, although the bundle does not contain them. Raises BundleRefused, OSError."""
+    """Return the study of a bundle, if everything here matches it. `allowed`: models whose code may run, or whose
+    address may be called, although the bundle does not contain them. Raises BundleRefused, OSError."""
     content, manifest = unpacked(path)
     try:
         wanted = State.of(manifest["state"])

@@ -1,4 +1,4 @@
-"""What a study runs on, as hashes: kitchens, models and every file of the code. The same on every machine."""
+"""Hashes of everything a study runs on: kitchens, models and every file of the code. The same on every machine."""
 
 import hashlib
 from collections.abc import Iterator, Mapping
@@ -19,7 +19,7 @@ _KINDS: Final = frozenset({".py", ".html", ".j2", ".js", ".css", ".svg", ".yaml"
 
 
 class StateError(ValueError):
-    """Something that the study needs is not here; the text says what."""
+    """Something that the study needs is missing; the message says what."""
 
 
 @dataclass(frozen=True)
@@ -33,18 +33,18 @@ class State:
 
     @classmethod
     def of(cls, said: Mapping[str, Any]) -> "State":
-        """From a manifest. Raises KeyError, TypeError for one that is none."""
+        """Read from a manifest. Raises KeyError, TypeError for an invalid one."""
         parts = {name: dict(said[name]) for name in ("layouts", "models", "code")}
         return cls(str(said["code_version"]), **parts)
 
     def said(self) -> dict[str, Any]:
-        """For a manifest."""
+        """Return the values for a manifest."""
         maps = {name: dict(getattr(self, name)) for name in ("layouts", "models", "code")}
         return {"code_version": self.code_version, **maps}
 
 
 def state_of(file: StudyFile) -> State:
-    """As it is here and now. Raises StateError for models that are not here, LayoutError, StudyError."""
+    """Return the current state of this machine. Raises StateError for missing models, LayoutError, StudyError."""
     required = required_models([file])
     missing = [file.describe(problem) for problem in missing_problems(file, required)]
     if missing:
@@ -66,7 +66,7 @@ def outside_models(file: StudyFile) -> list[str]:
 
 
 def differences(wanted: State, here: State) -> list[str]:
-    """What is not as `wanted`, one sentence each; empty: everything is the same."""
+    """Return the differences from `wanted`, one sentence each; empty: everything is the same."""
     found = [f"the kitchen {name} is another one" for name in _unlike(wanted.layouts, here.layouts)]
     found += [f"the weights of {name} are others" for name in _unlike(wanted.models, here.models)]
     files = _unlike(wanted.code, here.code)
@@ -87,7 +87,7 @@ def _model(required: RequiredModels, layout: str, model: str) -> str:
 
 
 def _code() -> Iterator[tuple[str, str]]:
-    """Everything that runs or is shown, by its path; weights are named by their models."""
+    """Hash every file that runs or is shown, by its path; weights are hashed with their models."""
     for path in sorted(path for part in _PARTS for path in (ROOT / part).rglob("*")):
         inside = path.relative_to(ROOT)
         if path.suffix in _KINDS and inside.parts[:2] != ("models", "weights"):

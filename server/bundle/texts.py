@@ -1,4 +1,4 @@
-"""The readable parts of a bundle: who gets what in which order, the questions, the planned analysis, what it all is."""
+"""The readable parts of a bundle: the allocation list, the questions, the planned analysis, the README."""
 
 import csv
 import io
@@ -20,13 +20,13 @@ USUAL_PEOPLE = 30  # of a condition without a quota
 
 
 def planned_people(study: Study) -> int:
-    """How many participants the study plans for: its quotas, and a usual number where it has none."""
+    """Return how many participants the study plans for: the sum of its quotas, with a default where it has none."""
     return sum(condition.quota or USUAL_PEOPLE for condition in study.conditions)
 
 
 def allocation(study: Study, people: int) -> str:
-    """CSV: each participant's condition, seed and games, if nobody drops out. Who replaces somebody gets the next seed
-    and the condition that has fewest."""
+    """CSV: each participant's condition, seed and games, if nobody drops out. A replacement gets the next seed and the
+    condition with the fewest participants."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(("participant", "condition", "seed", "episode", "layout", "agent", "episode_seed"))
@@ -90,20 +90,20 @@ def _tests(study: Study) -> list[str]:
 
 
 def _levels(study: Study) -> dict[str, dict[str, str]]:
-    """The level of each factor, by condition; with blocks of rounds, by what is seen in one."""
+    """Return the level of each factor, by condition; with blocks of rounds, by what is shown in one."""
     names = {condition.name for condition in study.displays}
     return {name: levels for name, levels in crossed(study.factors) if name in names}
 
 
 def _blocks(study: Study) -> dict[str, list[str]]:
-    """What is seen in each block of rounds, by condition; {} without blocks."""
+    """Return what is shown in each block of rounds, by condition; {} without blocks."""
     if study.blocks == 1:
         return {}
     return {condition.name: [seen.name for seen in condition.displays] for condition in study.conditions}
 
 
 def planned_analysis(study: Study) -> dict[str, Any]:
-    """What `kitchenmind report` will do with this study's data; fixed before there are any."""
+    """Return what `kitchenmind report` will do with this study's data, fixed before data collection."""
     conditions = [condition.name for condition in study.conditions]
     layouts = [kitchen.name for kitchen in study.layouts]
     contrast = None if study.cells.within else main_contrast(conditions)
@@ -137,7 +137,7 @@ def planned_analysis(study: Study) -> dict[str, Any]:
 
 
 def readme(study: Study, state: State, people: int) -> str:
-    """README.md for a reviewer who knows neither the study nor this software."""
+    """Return README.md for a reviewer who knows neither the study nor this software."""
     models = "\n".join(f"| {name} | `{digest}` |" for name, digest in state.models.items())
     return _README.format(
         name=study.name,

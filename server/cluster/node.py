@@ -1,4 +1,6 @@
-"""This process as one of several: which games it takes up, what it tells the others, what it does for them."""
+"""This process as one of several: the games it owns, what it reports to the others, and the commands it runs for
+them.
+"""
 
 from collections.abc import Callable
 
@@ -14,7 +16,8 @@ from server.study.loader import StudyError, StudyFile
 
 
 class ClusterNode:
-    """The `Owners` of its games, and what its cluster knows of it. `show` gives it what researchers see and do here."""
+    """The `Owners` of its games, and its representation in the cluster. `show` connects it to the dashboard and
+    commands of this process."""
 
     def __init__(self, recorder: FencedRecorder, cluster: Cluster) -> None:
         self.recorder, self.cluster = recorder, cluster
@@ -23,7 +26,7 @@ class ClusterNode:
         self.process: Callable[[str], Process] = lambda name: Process(name, {})
 
     async def load(self, episode: str) -> EpisodeRecord | None:
-        """Take the episode up: from now on nobody else can store anything of it. Raises RecorderDown."""
+        """Take over the episode: from now on no other process can store anything of it. Raises RecorderDown."""
         record = await self.recorder.take(episode)
         if record is not None:
             await self.cluster.taken(episode, self.recorder.fence(episode))
@@ -36,11 +39,11 @@ class ClusterNode:
         self.recorder.let_go(episode)
 
     def show(self, live: LiveGames, control: Control, process: Callable[[str], Process]) -> None:
-        """From now on the others hear of this process. `process`: says how it is, by its name."""
+        """Report this process to the others from now on. `process`: returns its status for its name."""
         self._live, self._control, self.process = live, control, process
         self.cluster.start(self)
 
-    # What the cluster asks
+    # Requests from the cluster
 
     def leases(self) -> list[str]:
         return [game.episode for game in self._games]

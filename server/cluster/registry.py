@@ -1,7 +1,6 @@
-"""Connect the processes of one server by Redis: who plays which game, what dashboards show, and commands.
-
-Nothing here is the truth: that is in PostgreSQL, where every tick's owner is checked (`server.store.fences`). Without
-Redis games continue; only the dashboard then sees the games of its own process alone.
+"""Connect the processes of one server by Redis: owners of games, data for dashboards, and commands. The authoritative
+owner of a game is in PostgreSQL, where it is checked with every tick (`server.store.fences`). Without Redis games
+continue; only the dashboard then shows just the games of its own process.
 """
 
 import asyncio
@@ -26,10 +25,10 @@ from server.monitoring.peers import ClusterDown, Process, View
 
 log = logging.getLogger(__name__)
 BEAT_S: Final = 0.5
-LEASE_S: Final = 3  # a process that did not say for so long that it lives is not asked any more
-FORGET_S: Final = 86_400  # names of processes that are gone do no harm
+LEASE_S: Final = 3  # a process without a sign of life for so long is ignored
+FORGET_S: Final = 86_400  # names of processes that have ended do no harm
 ANSWER_S: Final = 1.0
-AWAY_S: Final = 10.0  # Redis is looked for again, and complained about, so often
+AWAY_S: Final = 10.0  # seconds between attempts to reach Redis, each of which is logged
 _DOWN: Final = (RedisError, OSError, TimeoutError)
 
 
@@ -41,7 +40,7 @@ class LetGo(Struct, frozen=True, tag_field="command", tag="let_go"):
 
 
 class PeerRequest(Struct, frozen=True):
-    """One process asks another to run a command. `id`: of the reply that it waits for; empty: none."""
+    """A request to another process to run a command. `id`: of the reply that it waits for; empty: none."""
 
     id: str
     sender: str
@@ -56,7 +55,7 @@ class Reply(Struct, frozen=True):
 
 
 class Here(Protocol):
-    """What the cluster is told by its own process."""
+    """The interface of this process to the cluster."""
 
     def leases(self) -> list[str]:
         """The games that are played here."""
@@ -65,7 +64,7 @@ class Here(Protocol):
     async def views(self) -> list[View]: ...
 
     def process(self, name: str) -> Process:
-        """Say how this process is."""
+        """Return the status of this process."""
         ...
 
     async def run(self, command: Command | LetGo) -> int:
@@ -74,7 +73,7 @@ class Here(Protocol):
 
 
 class Cluster:
-    """This process among the others (its `Peers`). `start` first; `close` lets go of everything at once."""
+    """This process among the others (its `Peers`). Call `start` first; `close` releases everything at once."""
 
     def __init__(self, redis_url: str, database_url: str) -> None:
         """Servers of one database find each other; those of others may share the Redis."""
@@ -113,7 +112,7 @@ class Cluster:
                 await self._redis.srem(self._key("names"), self.name)
         await self._redis.aclose()
 
-    # What others are told
+    # Messages to others
 
     async def _beat(self) -> None:
         while True:
@@ -141,7 +140,7 @@ class Cluster:
             await self._send("all", LetGo(episode, fence))
             await self._redis.set(self._key("game", episode), self.name, ex=LEASE_S)
 
-    # What others tell (Peers)
+    # Messages from others (Peers)
 
     async def views(self) -> list[View]:
         try:
@@ -211,7 +210,7 @@ class Cluster:
         request = PeerRequest(number, self.name, command)
         await self._redis.publish(self._key("asks", whom), msgspec.json.encode(request))
 
-    # What is asked here
+    # Requests to this process
 
     async def _listen(self) -> None:
         heard: PubSub
@@ -260,7 +259,7 @@ class Cluster:
         now = asyncio.get_running_loop().time()
         if now - self._complained > AWAY_S:
             self._complained = now
-            log.warning("Redis is away, each process sees its own games only: %s", error)
+            log.warning("Redis cannot be reached, each process shows only its own games: %s", error)
 
     def _key(self, *parts: str) -> str:
         return self._prefix + ":".join(parts)

@@ -1,7 +1,7 @@
 """Several server processes on one listening socket: started, watched, started again when they die, stopped together.
 
-It serves nothing itself and knows no game. Whichever process is free takes the next connection; when one dies its
-connections close, and the browsers come back to the others.
+It serves nothing itself. Any free process accepts the next connection; when one dies, its connections close, and the
+browsers reconnect to the others.
 """
 
 import logging
@@ -20,7 +20,8 @@ from models.inference.circuit_breaker import Breaker
 
 log = logging.getLogger(__name__)
 _ENTRY: Final = Path(__file__).resolve().parents[2] / "kitchenmind"
-OF_SUPERVISOR: Final = "KITCHENMIND_SUPERVISED"  # "socket,lifeline,first": two descriptors, and who tells the address
+# "socket,lifeline,first": two descriptors, and whether the process prints the address
+OF_SUPERVISOR: Final = "KITCHENMIND_SUPERVISED"
 
 
 @dataclass
@@ -38,7 +39,7 @@ class Supervisor:
     def __init__(self, words: list[str], listening: socket.socket, workers: int, kill_after_s: float) -> None:
         self._words, self._listening = words, listening
         self._processes: list[_Process] = []
-        self._lifeline, self._ours = os.pipe()  # closes when we die, however we die: then they stop too
+        self._lifeline, self._ours = os.pipe()  # closes when this process dies, however it dies: then they stop too
         self._workers, self._kill_after_s = workers, kill_after_s
         self._stopping = False
 
@@ -62,10 +63,10 @@ class Supervisor:
             status = process.running.poll()
             if status is None or self._stopping or not process.breaker.closed:
                 continue
-            if status > 0 and process.starts == 1:  # what it said it cannot do, another try will not change
+            if status > 0 and process.starts == 1:  # it has reported a permanent problem: a restart would not help
                 return status
             process.breaker.failed()
-            log.error("server process %d ended with status %s and is started again", process.number, status)
+            log.error("server process %d ended with status %s and is restarted", process.number, status)
             process.starts += 1
             process.running = self._spawn(process.number, first=False)
         return 0
@@ -96,16 +97,16 @@ class Supervisor:
 
 @dataclass(frozen=True)
 class Supervised:
-    """What a process is told by its supervisor."""
+    """What a process gets from its supervisor."""
 
     listening: socket.socket
-    lifeline: int  # readable when the supervisor is gone
+    lifeline: int  # readable when the supervisor has ended
     first: bool  # it tells the address
     again: bool  # it takes the place of a process that died
 
 
 def supervised() -> Supervised | None:
-    """None for a process that was started by itself."""
+    """None for a process without a supervisor."""
     told = os.environ.pop(OF_SUPERVISOR, "")
     if not told:
         return None

@@ -1,4 +1,6 @@
-"""`kitchenmind admin`: researchers' accounts. Works while the server runs. Imports late."""
+"""`kitchenmind admin`: researchers' accounts. Works while the server runs. Imports are inside functions, so that --help
+is quick.
+"""
 
 import argparse
 import contextlib
@@ -33,12 +35,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_database(parser: argparse.ArgumentParser) -> None:
-    """The option also after the verb, where other commands have it; before it, it keeps what was given there."""
+    """Accept the option also after the verb, as other commands do; a value given before the verb is kept."""
     parser.add_argument("--database", metavar="URL", default=argparse.SUPPRESS, help="sqlite:///path or postgresql://")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0 done; 2 wrong input; 1 the database failed."""
+    """Return 0 if done, 2 for wrong input, 1 if the database failed."""
     from sqlalchemy.exc import DBAPIError
 
     from server.settings import Settings
@@ -47,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     try:
         url = arguments.database or Settings().database
-        with contextlib.suppress(engines.DatabaseInUse):  # the server has it open, so its tables are there
+        with contextlib.suppress(engines.DatabaseInUse):  # the server has it open, so its tables exist
             migrate(url)
         sys.stdout.writelines(f"{line}\n" for line in _do(Accounts(url), arguments))
     except (ValueError, DatabaseTooNew) as error:
@@ -60,13 +62,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 class Accounts:
-    """The accounts in a database. A transaction is open only while it reads or writes, never while somebody types."""
+    """The accounts in a database. A transaction is open only while it reads or writes, never while the user types."""
 
     def __init__(self, url: str) -> None:
         self._url = url
 
     def read(self, function: Callable[..., T], *args: Any) -> T:
-        """Return what the function reads."""
+        """Run a function that reads; return its result."""
         from server.store.database import Database
 
         with Database(self._url, read_only=True, readers=1) as database:
@@ -85,7 +87,7 @@ class Accounts:
 
 
 def _do(accounts: Accounts, arguments: argparse.Namespace) -> list[str]:
-    """Return what is to be printed, once it is done."""
+    """Carry out the command; return the text to print."""
     from server.store import admins
 
     verb = arguments.admin_verb
@@ -113,7 +115,7 @@ def _do(accounts: Accounts, arguments: argparse.Namespace) -> list[str]:
 
 
 def _change(connection: "Connection", verb: str, name: str, change: "Callable[[Connection], bool | None]") -> None:
-    """Change an account and write it down. Raises ValueError if the account has gone in the meantime."""
+    """Change an account and add the audit entry. Raises ValueError if the account was deleted in the meantime."""
     from server.store import audit
 
     if change(connection) is False:
@@ -132,7 +134,7 @@ def _checked(name: str) -> str:
 
 
 def _password(name: str) -> tuple[str, bool]:
-    """The password that somebody types twice, or one that is made; and whether it was made."""
+    """Return the password that the user types twice, or a generated one; and whether it was generated."""
     typed = getpass.getpass("Password (empty: make one): ") if sys.stdin.isatty() else ""
     if not typed:
         return secrets.token_urlsafe(15), True

@@ -11,7 +11,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the copy; 2 when it cannot be made as asked, 1 when the database fails."""
+    """Write the copy. Return 2 for wrong input, 1 if the database fails."""
     from server.commands.databases import open_stored
     from server.store.backup import copy_to
     from server.store.engines import DatabaseDown

@@ -1,4 +1,6 @@
-"""`kitchenmind bots`: simulated participants walk a study over real HTTP and sockets; every guarantee is checked."""
+"""`kitchenmind bots`: run simulated participants through a study over real HTTP and websockets, and check every
+guarantee.
+"""
 
 import argparse
 import json
@@ -54,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0: every guarantee holds; 1: some do not, or the server failed; 2: wrong input."""
+    """Return 0 if every guarantee holds, 1 if some do not or the server failed, 2 for wrong input."""
     from server.bots.local_server import ServerFailed
     from server.store.database import DatabaseDown
     from server.study.loader import StudyError
@@ -73,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    """Refuse numbers out of range. Raises ValueError with the remedy."""
+    """Check the ranges of numbers. Raises ValueError with the remedy."""
     if not 1 <= arguments.number <= MOST:
         raise ValueError(f"{arguments.number} participants cannot be simulated. Give a number from 1 to {MOST}.")
     if not 0 <= arguments.dropout <= 1:
@@ -99,7 +101,7 @@ def _is_local(url: str) -> bool:
 
 
 def _secret() -> str:
-    """The server's secret, by which a public server believes that a bot is one."""
+    """Return the server's secret, with which bots identify themselves to a public server."""
     return os.environ.get("KITCHENMIND_SECRET", "")
 
 
@@ -111,7 +113,7 @@ def _simulate(arguments: argparse.Namespace) -> "GroupOutcome":
     group = _group(arguments, study)
     if arguments.url:
         if arguments.fast:
-            _say(arguments, "the server that runs there keeps its own clock: --fast is for a server of one's own")
+            _say(arguments, "the server at --url has its own clock: --fast needs a server that this command starts")
         return _walk(arguments, group, arguments.url, arguments.database)
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="kitchenmind-bots-"))
@@ -123,7 +125,7 @@ def _simulate(arguments: argparse.Namespace) -> "GroupOutcome":
 
 
 def _try_out(arguments: argparse.Namespace) -> int:
-    """`--faults`: 0 when every guarantee was kept."""
+    """Run `--faults`; return 0 if every guarantee holds."""
     import asyncio
     from dataclasses import replace
 
@@ -139,7 +141,7 @@ def _try_out(arguments: argparse.Namespace) -> int:
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="kitchenmind-bots-"))
         url = arguments.database or f"sqlite:///{Path(folder) / 'bots.sqlite3'}"
-        _say(arguments, "starting a server, to kill it ...")
+        _say(arguments, "starting a server that will be killed ...")
         study, environment = _with_kitchens(study, Path(folder))
         server = stack.enter_context(OwnServer(url, study, environment | QUICK))
         database = stack.enter_context(open_stored(url))
@@ -201,13 +203,13 @@ def _with_kitchens(study: Path, folder: Path) -> tuple[Path, dict[str, str]]:
 
 
 def _is_name(study: Path) -> bool:
-    """Whether these words are a study's name and no file: a study that was made in the dashboard has none."""
+    """Return whether this is a study's name and not a file: a study made in the dashboard has no file."""
     return study.name == str(study) and not study.suffix and not study.exists()
 
 
 def offered_study(url: str, wanted: str | None = None) -> str:
-    """The study of this name that a server offers, or the first. Raises ValueError where there is no server, or no such
-    study."""
+    """Return the study of this name that a server offers, or the first one. Raises ValueError without a server or such
+    a study."""
     import re
 
     import httpx
@@ -225,7 +227,7 @@ def offered_study(url: str, wanted: str | None = None) -> str:
 
 
 def _walk(arguments: argparse.Namespace, group: "BotGroup", url: str, database_url: str | None) -> "GroupOutcome":
-    """Everybody through the study, then the judgement."""
+    """Run everybody through the study, then check the guarantees."""
     import asyncio
 
     import uvloop

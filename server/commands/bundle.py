@@ -1,4 +1,4 @@
-"""`kitchenmind bundle`: everything that a study is, in one archive to be registered before it begins. Imports late."""
+"""`kitchenmind bundle`: pack everything that defines a study into one archive, to register before it begins."""
 
 import argparse
 import hashlib
@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the archive and print its hash; 2 when it cannot be made as asked, or the study could not be served."""
+    """Write the archive and print its hash. Return 2 for wrong input or a study that could not be served."""
     from server.bundle.making import make
     from server.commands.databases import stored_kitchens
     from server.participation.own_kitchens import load_with_kitchens

@@ -1,4 +1,4 @@
-"""`kitchenmind conformance URL`: does a running server keep the protocol? One line for each check."""
+"""`kitchenmind conformance URL`: check that a running server follows the protocol. One line for each check."""
 
 import argparse
 import json
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0: the server passed every check; 1: it failed some; 2: there is no server or no study."""
+    """Return 0 if the server passed every check, 1 if it failed some, 2 if there is no server or no study."""
     import asyncio
 
     from kitchenmind.client.conformance import Conformance

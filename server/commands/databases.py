@@ -1,4 +1,4 @@
-"""Opens the database that a command was given, for reading only: the server may keep running."""
+"""Open a command's database for reading only: the server may keep running."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from server.study.loader import StudyError
 
 
 def open_stored(url: str | None) -> Database:
-    """The database at `url`, or the one in the settings. Raises ValueError with the remedy when there is none."""
+    """Open the database at `url`, or the one in the settings. Raises ValueError with the remedy if there is none."""
     wanted = normal_url(url or Settings().database)
     named = shown(wanted)
     if wanted.get_backend_name() == "sqlite" and not Path(str(wanted.database)).is_file():
@@ -30,8 +30,8 @@ def open_stored(url: str | None) -> Database:
 
 
 def stored_kitchens() -> dict[str, str]:
-    """The grids of the kitchens that were drawn in the dashboard, from the database in the settings. Raises StudyError
-    where it cannot be read."""
+    """Read the grids of the kitchens that were drawn in the dashboard, from the database in the settings. Raises
+    StudyError if it cannot be read."""
     url = Settings().database
     try:
         return grids_at(url)

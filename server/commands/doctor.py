@@ -1,4 +1,4 @@
-"""`kitchenmind doctor`: is this machine ready to serve? Says what is not, and what to do about it. Imports late."""
+"""`kitchenmind doctor`: check whether this machine is ready to serve, and name the remedy for each problem."""
 
 import argparse
 import sys
@@ -14,7 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0: everything is well, perhaps with something to look at; 1: something is not; 2: a setting is wrong."""
+    """Return 0 if the machine is ready (perhaps with warnings), 1 if something is wrong, 2 if a setting is invalid."""
     with ExitStack() as stack:
         try:
             stack.enter_context(serve.unbundled(arguments))
@@ -28,5 +28,5 @@ def run(arguments: argparse.Namespace) -> int:
         for finding in examine(settings):
             print(f"{_SIGNS[finding.grade]}  {finding.about:<9} {finding.text}", flush=True)
             worst = "bad" if "bad" in (worst, finding.grade) else worst
-    print("not ready: mend what is BAD" if worst == "bad" else "ready: kitchenmind serve")
+    print("not ready: fix everything marked BAD" if worst == "bad" else "ready: kitchenmind serve")
     return int(worst == "bad")

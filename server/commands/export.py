@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the export; 2 when it cannot be made as asked, 1 when the database fails."""
+    """Write the export. Return 2 for wrong input, 1 if the database fails."""
     from server.commands.databases import open_stored
     from server.export.writer import ExportRefused, export
     from server.store.engines import DatabaseDown

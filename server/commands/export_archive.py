@@ -1,4 +1,4 @@
-"""Export a study and zip it, in a process that leaves the processor to the games: what the download button starts.
+"""Export a study and zip it, in a process of low priority: the dashboard's download button starts it.
 
 `python -m server.commands.export_archive FOLDER STUDY`; the environment names the database: its address may hold a
 password.
@@ -25,7 +25,8 @@ def main(folder: Path, study: str) -> int:
 
 
 def give_way() -> None:
-    """Run only when nothing else wants to, so that no timestep waits for this process (nice alone costs it some ms)."""
+    """Run only when the processor is idle, so that no timestep waits for this process (with nice alone, timesteps would
+    be some ms late)."""
     os.nice(19)
     if hasattr(os, "SCHED_IDLE"):  # Linux
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))

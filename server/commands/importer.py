@@ -1,4 +1,4 @@
-"""`kitchenmind import`: reads an export back into an empty database."""
+"""`kitchenmind import`: read an export back into an empty database."""
 
 import argparse
 import sys
@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Fill the database, or leave it empty: 2 for a folder or database that will not do, 1 if the database fails."""
+    """Fill the database, or leave it empty. Return 2 for an unsuitable folder or database, 1 if the database fails."""
     from server.export.importer import import_export
     from server.store.database import Database
     from server.store.engines import DatabaseDown
@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _withdrawn(arguments: argparse.Namespace) -> "list[Tombstone]":
-    """Who withdrew, as far as the server's own database and the sources that were named know. Raises ValueError."""
+    """Return who withdrew, according to the server's own database and the named sources. Raises ValueError."""
     from server.commands.databases import open_stored
     from server.store import tombstones
 

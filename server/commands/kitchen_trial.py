@@ -1,4 +1,4 @@
-"""Let two planners play a kitchen, in a process that leaves the processor to the games: what the kitchen editor starts.
+"""Let two planners play a kitchen, in a process of low priority: the kitchen editor starts it.
 
 `python -m server.commands.kitchen_trial EPISODES` reads the grid from standard input and prints the result as JSON.
 """

@@ -1,4 +1,4 @@
-"""`kitchenmind person`: finds or deletes one participant on request. Works while the server runs. Imports late."""
+"""`kitchenmind person`: find or delete one participant on request. Works while the server runs."""
 
 import argparse
 import contextlib
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from server.store.participants import Participant
 
-_HERE = timedelta(minutes=10)  # a game outlasts the last page that was loaded
+_HERE = timedelta(minutes=10)  # a game can be longer than the time since the last page load
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0 done; 2 wrong input, or not confirmed; 1 the database failed."""
+    """Return 0 if done, 2 for wrong input or without confirmation, 1 if the database failed."""
     from sqlalchemy.exc import DBAPIError
 
     from server.commands.databases import open_stored
@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"{who} of {arguments.study}: participant id {found.id}, {found.status}")
         if arguments.person_verb == "find":
             return 0
-        # Asked before the transaction: nothing is locked while somebody thinks.
+        # Asked before the transaction: nothing is locked while the user decides.
         if not arguments.yes and not _confirmed():
             raise ValueError("nothing was deleted. Answer yes, or give --yes")
         _delete(url, found, arguments)
@@ -82,7 +82,7 @@ def _delete(url: "URL", found: "Participant", arguments: argparse.Namespace) -> 
     from server.store.migrate import migrate
     from server.store.withdrawal import Deletion, withdraw
 
-    with contextlib.suppress(engines.DatabaseInUse):  # the server has it open, so its tables are there
+    with contextlib.suppress(engines.DatabaseInUse):  # the server has it open, so its tables exist
         migrate(url.render_as_string(hide_password=False))
     deletion = Deletion("command line", "delete participant", {"study": arguments.study, "reason": arguments.reason})
     with beside_the_server(url) as connection:

@@ -1,4 +1,6 @@
-"""`kitchenmind serve`: database brought up to date, models started, pages served. Imports late: --help stays quick."""
+"""`kitchenmind serve`: upgrade the database, start the models, serve the pages. Imports are inside functions, so that
+--help is quick.
+"""
 
 import argparse
 import asyncio
@@ -22,9 +24,9 @@ if TYPE_CHECKING:
     from models.inference.launch import Launched
     from server.settings import Settings
 
-_UNSENT_GIVE_UP_MS = 10_000  # a peer that takes nothing in for so long is gone, whatever its socket says
-_KILL_AFTER_S = 3.0  # a process that cannot even stop by itself: every tick is stored anyway
-_SEND_BUFFER_BYTES = 64 * 1024  # what a slow reader can make the kernel keep
+_UNSENT_GIVE_UP_MS = 10_000  # a peer that reads nothing for so long is gone, even if its socket is open
+_KILL_AFTER_S = 3.0  # then the process is killed: every tick is stored anyway
+_SEND_BUFFER_BYTES = 64 * 1024  # bytes that the kernel may buffer for a slow reader
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Serve until it is told to stop; 2 when a setting or study is wrong, 1 when the server could not start."""
+    """Serve until a stop signal. Return 2 if a setting or study is wrong, 1 if the server could not start."""
     with ExitStack() as stack:
         try:
             stack.enter_context(unbundled(arguments))
@@ -69,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 @contextmanager
 def unbundled(arguments: argparse.Namespace) -> Iterator[None]:
-    """The bundle's study, if one is named, as the only study file. Raises BundleRefused, OSError; ValueError if
+    """Use the bundle's study, if one is named, as the only study file. Raises BundleRefused, OSError; ValueError if
     other studies are named too."""
     if arguments.bundle is None:
         yield
@@ -87,7 +89,7 @@ def unbundled(arguments: argparse.Namespace) -> Iterator[None]:
 
 
 def settings_of(arguments: argparse.Namespace) -> "Settings":
-    """The environment's settings with those of the command line over them. Raises ValueError."""
+    """Return the environment's settings, overridden by those of the command line. Raises ValueError."""
     from pydantic import ValidationError
 
     from server.settings import Settings
@@ -114,7 +116,7 @@ def settings_of(arguments: argparse.Namespace) -> "Settings":
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A listening socket, so that a port that is taken is told before anything is started. Raises OSError."""
+    """Open the listening socket, so that a port in use is reported before anything starts. Raises OSError."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listening = socket.socket(family, socket.SOCK_STREAM)
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -132,7 +134,7 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 def _serve_several(settings: "Settings", listening: socket.socket) -> int:
-    """The database is brought up to date once, before the processes start."""
+    """Upgrade the database once, then start the processes."""
     from server.store.database import DatabaseDown
     from server.store.migrate import DatabaseTooNew, migrate_shared
 
@@ -146,12 +148,12 @@ def _serve_several(settings: "Settings", listening: socket.socket) -> int:
 
 
 def serve(settings: "Settings", listening: socket.socket, process: Supervised | None = None) -> int:
-    """Run the application on the socket until a signal stops it; the exit status."""
+    """Run the application on the socket until a signal stops it; return the exit status."""
     from models.inference.launch import launch
 
-    # How long a thread may keep the interpreter from a timestep that is due. Python's own value is 5 ms.
+    # How long a thread may delay a timestep that is due. Python's default is 5 ms.
     sys.setswitchinterval(0.001)
-    gc.disable()  # nothing of what a start makes is garbage; `wired` lets it work again
+    gc.disable()  # the start creates no garbage; `wired` turns collection on again
     launched = launch()  # the models' process starts while this one still imports
     import uvloop
 
@@ -188,8 +190,8 @@ async def _serve(
         loop = asyncio.get_running_loop()
 
         def stop(number: signal.Signals) -> None:
-            """Whatever is not over in time is left, as after a crash: what was acknowledged is stored. The log says
-            where it hung."""
+            """Stop with a time limit. Tasks that are not over in time are abandoned, as in a crash: everything
+            acknowledged is stored. The log names the task that hung."""
             faulthandler.dump_traceback_later(settings.stop_within_s, exit=True)
             server.handle_exit(number, None)
 
@@ -211,7 +213,7 @@ def _server(app: "FastAPI", settings: "Settings", announced: bool = True) -> "uv
     from server.uvicorn_protocols import PatientProtocol, SparingProtocol
 
     class Server(uvicorn.Server):
-        """Tells the address once it can be opened; pauses all games before it closes their sockets."""
+        """Prints the address once it can be opened; pauses all games before it closes their sockets."""
 
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
             await super().startup(sockets=sockets)
@@ -224,7 +226,7 @@ def _server(app: "FastAPI", settings: "Settings", announced: bool = True) -> "uv
 
         @contextmanager
         def capture_signals(self) -> Iterator[None]:
-            """uvicorn's own way ends the process before games and database are closed."""
+            """Handle signals here: uvicorn's own handler ends the process before games and database are closed."""
             yield
 
     return Server(
@@ -263,7 +265,7 @@ def _address(listening: socket.socket) -> str:
 
 
 def _plain(error: Any) -> str:
-    """What is wrong with a setting, without the validator's own words."""
+    """Return what is wrong with a setting, without pydantic's own prefix."""
     name = "".join(f"KITCHENMIND_{part.upper()}: " for part in error["loc"][:1])
     return f"{name}{error['msg'].removeprefix('Value error, ')}"
 

@@ -1,4 +1,4 @@
-"""`kitchenmind study`: make a study file, check one, or print the schema that editors use. Imports late."""
+"""`kitchenmind study`: create a study file, check one, or print the schema that editors use."""
 
 import argparse
 import json
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0 done; 2 the name or the file is wrong."""
+    """Return 0 if done, 2 if the name or the file is wrong."""
     if arguments.study_verb == "new":
         return _new(arguments.name, arguments.out or STUDIES / f"{arguments.name}.yaml")
     if arguments.study_verb == "words":
@@ -105,7 +105,7 @@ def _summary(file: "StudyFile") -> str:
 
 
 def _blocks(study: "Study") -> list[str]:
-    """What is seen in which block, where factors vary within people."""
+    """Return what is shown in which block, if factors vary within people."""
     if study.blocks == 1:
         return []
     orders = (f"{one.name}: {', '.join(seen.name for seen in one.displays)}" for one in study.conditions)
@@ -113,7 +113,7 @@ def _blocks(study: "Study") -> list[str]:
 
 
 def _primary(study: "Study") -> str:
-    """The declared primary test, or that there is none."""
+    """Describe the declared primary test, or say that there is none."""
     primary = study.primary
     if primary is None:
         return "no primary test is declared; `primary:` declares one before the data"
@@ -143,7 +143,7 @@ def _schema() -> int:
 
 
 def _words(language: str, place: Path) -> int:
-    """Write the file of a language next to a study. One that is there stays as it is: what it lacks is listed."""
+    """Write the file of a language next to a study. An existing file is not changed: missing texts are listed."""
     from server.study import own_languages
     from server.study.locale import is_bundled
 

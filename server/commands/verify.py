@@ -1,5 +1,6 @@
-"""`kitchenmind verify`: re-simulates every stored episode from its own grid and actions and compares all hashes; and
-checks that the audit log is whole."""
+"""`kitchenmind verify`: re-simulate every stored episode from its own grid and actions, compare all hashes, and check
+that the audit log is complete.
+"""
 
 import argparse
 import sys
@@ -17,7 +18,7 @@ LISTED = 20
 
 @dataclass
 class _Line:
-    """What was found on one layout."""
+    """The result for one layout."""
 
     episodes: int = 0
     timesteps: int = 0
@@ -30,8 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0: every episode came out the same and the audit log is whole; 1: not so, or the database failed; 2: wrong
-    input."""
+    """Return 0 if every episode re-simulates to the same states and the audit log is complete, 1 if not or if the
+    database failed, 2 for wrong input."""
     from server.commands.databases import open_stored
     from server.store.engines import DatabaseDown
 
@@ -44,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     except DatabaseDown as error:
         sys.stderr.write(f"kitchenmind verify: {error}\n")
         return 1
-    sys.stdout.writelines(lines)  # after the transaction: a pager may keep us waiting
+    sys.stdout.writelines(lines)  # after the transaction: printing may block on a pager
     return status
 
 

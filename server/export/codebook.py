@@ -1,4 +1,4 @@
-"""Every table and column of an export: type, unit, meaning. The export is built from it, and codebook.json printed."""
+"""Every table and column of an export: type, unit, meaning. The export and codebook.json are built from it."""
 
 from overcooked.constants import EVENT_NAMES
 from server.export.codebook_columns import (
@@ -64,7 +64,7 @@ FACTOR = text(
     "Level of this factor, for the participant or in the episode; empty: the version has no such factor.",
 )
 BLOCK = Column("block", "integer", "Block of rounds, from 1, in a study with factors within people.", bits=16)
-# Made for every participant from episodes and answers; the patterns stand in the codebook, the columns themselves too.
+# Made for every participant from episodes and answers; the codebook has the patterns and the actual columns.
 WIDE = (
     text("layout_{number}", "Layout of the participant's episode with this number."),
     text("agent_{number}", "Agent in this episode."),
@@ -198,7 +198,7 @@ INPUTS = ExportTable(
         Column("seq", "integer", "The browser's number of the message; a new page counts from the start."),
         code("held", f"Move whose key was held down; empty: none. {ACTION_CODE}."),
         code("tap", "Action whose key was just pressed; empty: none."),
-        Column("marks", "boolean", "Whether the key that asks for the marks was down; empty: no news of it."),
+        Column("marks", "boolean", "Whether the key that asks for the marks was down; empty: unchanged."),
         ms("client_ms", "Browser's clock (performance.now()) then."),
         time("received_at", "Its arrival, by the server's wall clock."),
         ms("received_ms", "Its arrival, since the first tick was due; empty: the game was paused."),

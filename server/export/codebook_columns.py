@@ -1,4 +1,4 @@
-"""What a column and a table of an export are, and short ways to write a column."""
+"""The types of columns and tables of an export, and short constructors for columns."""
 
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,4 +1,4 @@
-"""The columns of an export about intentions: what was predicted, what was shown, and what came."""
+"""The columns of an export about intentions: the predicted, the shown and the actual ones."""
 
 from server.export.codebook_columns import Column, code
 from server.play.intentions import HORIZON, Intention
@@ -47,7 +47,7 @@ INTENTION_COLUMNS = (
 
 
 def intentions_of(row: dict[str, object]) -> dict[str, object]:
-    """What a row of an export says about intentions, in the words of TickRecord. Older exports say nothing."""
+    """Return the intentions of a row of an export as fields of TickRecord. Older exports have none."""
     predicted = [[row.get(f"intention_{rank}_{part}") for part in PARTS] for rank in RANKS]
     shown = tuple(row.get(f"displayed_intention_{part}") for part in SHOWN_PARTS)
     return {

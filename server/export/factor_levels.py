@@ -15,7 +15,7 @@ Levels = dict[str, "VersionLevels"]  # by version of a study, as "key 1"
 
 @dataclass(frozen=True)
 class VersionLevels:
-    """What a version of a study says: the level of each column, by condition and block of rounds."""
+    """The levels of one version of a study, by condition and block of rounds."""
 
     arms: Mapping[str, tuple[dict[str, str], ...]]
     episodes_of_a_block: int
@@ -45,7 +45,7 @@ def factor_levels(versions: list[StudyVersion]) -> Levels:
     for version in versions:
         try:
             values = values_of(version.source)
-        except StudyError:  # written for another version of the software
+        except StudyError:  # a study file of another software version
             continue
         if factors := levels_of(values.get("factors")):
             found[version_key(version.key, version.version)] = _of_version(values, factors)

@@ -1,4 +1,4 @@
-"""How a table becomes a file: CSV (texts made safe for spreadsheets) or Parquet (exact)."""
+"""Write tables to files: CSV (texts escaped for spreadsheets) or Parquet (exact)."""
 
 from pathlib import Path
 from typing import Protocol
@@ -12,15 +12,15 @@ _TIMES = "%Y-%m-%d %H:%M:%S%.6fZ"
 
 
 def table_path(folder: Path, file_format: str, table: str) -> Path:
-    """Where a table lies in an export: CSV under the names of Psych-DS, Parquet under its own."""
+    """Return the path of a table in an export: CSV under Psych-DS names, Parquet under its own."""
     if file_format == "csv":
         return folder / "data" / f"description-{table}_data.csv"
     return folder / "parquet" / f"{table}.parquet"
 
 
 def from_text(column: str, kind: pl.DataType | None) -> pl.Expr:
-    """A column of a CSV file, all of whose columns were read as text, with its type (None: text) and without the
-    apostrophes that protect spreadsheets."""
+    """Convert a column of a CSV file that was read as text to its type (None: text), without the apostrophes that
+    protect spreadsheets."""
     text = pl.col(column)
     if kind is None or kind == pl.String:
         return text.map_elements(unescaped, return_dtype=pl.String)
@@ -56,7 +56,7 @@ class _File(Protocol):
 
 
 class _CsvFile:
-    """Texts in quotes, so that an empty text is not a missing one; nothing else in quotes."""
+    """Writes only texts in quotes, so that an empty text differs from a missing one."""
 
     def __init__(self, path: Path, types: pl.Schema) -> None:
         self._file = path.open("wb")
@@ -76,7 +76,7 @@ def _quoted(text: str) -> str:
 
 
 def _cell(name: str, kind: pl.DataType) -> pl.Expr:
-    """What a CSV file has of a column: a text with its quotes, a whole number without a decimal point."""
+    """Format a column for CSV: a text with its quotes, a whole number without a decimal point."""
     column = pl.col(name)
     if kind == pl.String:
         quote = pl.lit('"')
@@ -85,7 +85,7 @@ def _cell(name: str, kind: pl.DataType) -> pl.Expr:
 
 
 class _ParquetFile:
-    """Polars writes a Parquet file in one go. The chunks wait in files of their own, so that memory does not grow with
+    """Polars writes a Parquet file in one call. Chunks are kept in temporary files, so that memory does not grow with
     the study."""
 
     def __init__(self, path: Path, types: pl.Schema) -> None:

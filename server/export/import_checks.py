@@ -1,4 +1,4 @@
-"""Checks on an export before it is imported: a stranger may have written every name and every byte in it."""
+"""Checks on an export before it is imported. Its content is not trusted."""
 
 import hashlib
 import json

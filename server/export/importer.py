@@ -1,6 +1,5 @@
-"""`kitchenmind import`: an export back into a database, so that replay, checks and another export work on it as before.
-
-What an export leaves out stays out: nobody can log in as an imported participant, and nothing personal comes back.
+"""`kitchenmind import`: read an export back into a database, so that replay, checks and another export work as before.
+What an export leaves out stays out: an imported participant cannot log in, and there are no personal data.
 """
 
 import json
@@ -30,7 +29,7 @@ Record = dict[str, Any]
 _INSERT = 2000
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _UNREADABLE = (pl.exceptions.PolarsError, msgspec.MsgspecError)
-IMPORTED = "imported"  # stands for the researchers, whose names are not in an export
+IMPORTED = "imported"  # in place of the researchers' names, which are not in an export
 _RENAMED = {"step": "step_key", "question": "question_key", "episode": "episode_id", "participant": "participant_id"}
 
 
@@ -125,7 +124,7 @@ def _fill(connection: Connection, table: Table, records: Iterator[Record]) -> in
 
 
 def _studies(connection: Connection, folder: Path) -> dict[tuple[str, int], int]:
-    """The numbers of the versions in the new database."""
+    """Insert the versions; return their numbers in the new database."""
     found = {}
     for row in rows(folder, "studies"):
         key, version = plain_name(row["study"], "the study"), row["study_version"]
@@ -206,7 +205,7 @@ def _value(text: str | None, kind: str) -> Any:
 
 
 def _ticks(connection: Connection, folder: Path) -> int:
-    """Put every timestep's row apart into the state before it and the step that led to the next state."""
+    """Split every timestep's row into the state before it and the step to the next state."""
     last_ticks = {row["episode"]: json.loads(row["last_tick"]) for row in rows(folder, "episodes") if row["last_tick"]}
     count, waiting = 0, []
     done: Record | None = None  # the row before, whose actions led to this row's state
@@ -236,7 +235,7 @@ def _last(last: Record, episode: str, done: Record | None) -> TickRecord:
 
 
 def _of_state(row: Record) -> Record:
-    """What a row says about the state before the actions, in the words of TickRecord."""
+    """Return a row's values of the state before the actions, as fields of TickRecord."""
     probabilities = tuple(tuple(row[f"p{step}_{name}"] for name in ACTION_NAMES) for step in STEPS)
     drawn = ((row[f"displayed_{step}"], row[f"opacity_{step}"]) for step in STEPS)
     return {

@@ -1,4 +1,4 @@
-"""The intention columns of an export's ticks, made column by column."""
+"""Make the intention columns of an export's ticks."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,8 +15,8 @@ from server.store.packed_intentions import unpack, unpack_shown
 def columns(
     intentions: Sequence[Any], shown: Sequence[Any], came: Sequence[NDArray[np.int16] | None]
 ) -> dict[str, Any]:
-    """The columns of some rows, from what is stored of each and from what the watched chef did next. `came`: a table
-    for each row's episode and state; None where no intention was predicted."""
+    """Return the columns of some rows, from the stored intentions and the chef's actual next interactions. `came`: a
+    table for each row's episode and state; None where no intention was predicted."""
     predicted = [unpack(blob) for blob in intentions]
     found: dict[str, Any] = {}
     for rank in RANKS:

@@ -1,4 +1,4 @@
-"""What an export says about itself: README, codebook.json, study files, descriptions for Psych-DS and Croissant."""
+"""The description of an export: README, codebook.json, study files, metadata for Psych-DS and Croissant."""
 
 import hashlib
 import json
@@ -162,7 +162,7 @@ _CROISSANT_CONTEXT = {
 
 
 def readme(versions: Sequence[StudyVersion], columns: Columns, formats: Sequence[str]) -> str:
-    """README.md for somebody who knows neither this software nor the study."""
+    """Return README.md for a reader who knows neither this software nor the study."""
     files = {
         "csv": "`data/description-TABLE_data.csv` (CSV, UTF-8)",
         "parquet": "`parquet/TABLE.parquet` (exact types)",

@@ -1,4 +1,4 @@
-"""Some episodes as the export would write them: what the quality rules look at."""
+"""Read some episodes in the form of the export, as input for the quality rules."""
 
 from collections.abc import Sequence
 
@@ -13,11 +13,11 @@ from server.store.tables import answers, episodes, participants, pauses, studies
 
 OVER = ("done", "aborted")
 _e, _p, _a = episodes.c, participants.c, answers.c
-Key = tuple[str, str, str]  # episode, participant, and how that one stands: later answers change what is said of it
+Key = tuple[str, str, str]  # episode, participant, and the participant's status: later answers may change the result
 
 
 def over(connection: Connection, study_ids: Sequence[int], most: int = 2000) -> list[Key]:
-    """The episodes that are over, latest first."""
+    """Return the episodes that are over, latest first."""
     mine = or_(_e.participant_0 == _p.id, _e.participant_1 == _p.id)
     query = select(_e.id, _p.id, _p.status).join_from(episodes, participants, mine)
     query = query.where(_e.study_id.in_(study_ids), _e.kind == "episode", _e.status.in_(OVER))
@@ -37,7 +37,7 @@ def _failed() -> Label[int]:
 
 
 def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pl.DataFrame]:
-    """The export's tables with these episodes, and all that their participants answered."""
+    """Return the export's tables with these episodes and all answers of their participants."""
     own = [_e[name] for name in _OF_EPISODES]
     broken = displays.violations(connection, chosen)
     found = connection.execute(select(_e.id.label("episode"), *own).where(_e.id.in_(chosen))).mappings().all()
@@ -67,7 +67,7 @@ def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pl.DataFr
 
 
 def _table(name: str, rows: Sequence[dict[str, object]]) -> pl.DataFrame:
-    """With the export's types; columns that were not asked for are left out."""
+    """Return the wanted columns, with the export's types."""
     table = next(one for one in codebook.TABLES if one.name == name)
     types = schema(table.columns)
     present = rows[0].keys() if rows else types.names()

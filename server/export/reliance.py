@@ -1,4 +1,5 @@
-"""What people did next to the cells that the marks showed: waited, avoided, followed. From the states, simulated again.
+"""People's responses next to the cells that the marks showed: wait, avoid or follow. They are derived from re-simulated
+states.
 
 Only for studies that mislead: simulating every episode again takes time.
 """
@@ -66,7 +67,7 @@ def counted(
     for record, response in responses(spec, records):
         if response:
             phases[AFTER if was_misled else BEFORE][response] += 1
-        # Only now: nobody knows yet that the first wrong mark is wrong.
+        # Only afterwards: when it appears, the participant cannot tell that the first wrong mark is wrong.
         was_misled = was_misled or (record.misleading is True and record.displayed[0][0] != NOTHING_SHOWN)
     return phases, was_misled
 
@@ -86,7 +87,7 @@ def responses(spec: EpisodeSpec, records: Sequence[TickRecord]) -> Iterator[tupl
 
 
 def response(cells: set[Cell], own: Cell, there: Cell, action: int) -> str:
-    """What somebody at `own` did who is at `there` afterwards, next to the shown cells."""
+    """Return the response of a participant who was at `own` and is at `there` afterwards, next to the shown cells."""
     if not any(abs(x - own[0]) + abs(y - own[1]) <= 1 for x, y in cells):
         return ""
     if there != own:

@@ -1,4 +1,4 @@
-"""From the database to the rows of an export, in the codebook's order of columns; streamed, in constant memory.
+"""Read the rows of an export from the database, in the codebook's order of columns; streamed, in constant memory.
 
 Nothing personal, no token and no completion code is read here.
 """
@@ -46,7 +46,7 @@ _PARTICIPANT_ORDER = (_p.study_id, _p.number)
 
 @dataclass(frozen=True)
 class Selection:
-    """What is exported: versions of studies (None: everything, also what belongs to no study)."""
+    """What is exported: versions of studies (None: everything, including data outside of studies)."""
 
     connection: Connection
     study_ids: tuple[int, ...] | None = None
@@ -169,7 +169,7 @@ def episode_rows(chosen: Selection, wide: tuple[Column, ...]) -> Rows:
 
 
 def last_tick_text(stored: Any) -> str:
-    """What stands in a tick of its own state, as JSON: all but the step that led to it."""
+    """Return a tick's values of its own state as JSON: all but the step that led to it."""
     record = msgspec.to_builtins(tick_rows.record_of(stored))
     names = ("state_hash", "next_actions", "prediction", "displayed", "late", "asked", "misleading", "in_sight")
     times = ("scheduled_ms", "late_ms", "models_ms", "made_unix_ms")
@@ -183,7 +183,7 @@ def pause_rows(chosen: Selection) -> Rows:
 
 
 def input_rows(chosen: Selection) -> Rows:
-    """As `ticks` of an export counts: timestep t is the one whose action leads to state t + 1."""
+    """Yield the inputs with the timesteps of an export: timestep t is the one whose action leads to state t + 1."""
     c = inputs.c
     query = select(c.episode_id, c.seat, c.number, c.tab, c.seq, c.held, c.tap, c.marks)
     query = query.add_columns(c.client_ms, c.received_unix_ms, c.received_ms, c.timestep - 1, c.outcome)
@@ -226,7 +226,7 @@ def exclusion_rows(chosen: Selection) -> Rows:
 
 
 def _excluded(episode: Any) -> Any:
-    """The reason of the latest exclusion that holds: of this episode, or (None) of all data of the participant."""
+    """Select the reason of the latest exclusion in force: of this episode, or (None) of all data of the participant."""
     x = exclusions.c
     about = (x.participant_id == _p.id, x.episode_id.is_(None)) if episode is None else (x.episode_id == episode,)
     found = select(x.reason).where(*about, x.restored_at.is_(None)).order_by(x.id.desc()).limit(1)

@@ -1,10 +1,10 @@
-"""Texts made safe for spreadsheets, and back. Without polars: the server's pages use it too."""
+"""Escape texts for spreadsheets, and unescape them. Without polars, because the server's pages use it too."""
 
 import re
 
 NUMBER = r"^-?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]+)?$"  # a number alone is not a formula
-# What a spreadsheet takes for the start of a formula, or skips before it: signs, also in full-width and small forms
-# (which it reads too if it is set to Chinese or Japanese), and blanks.
+# Characters that a spreadsheet treats as the start of a formula, or skips before it: signs, also in full-width and
+# small forms (which it reads too if it is set to Chinese or Japanese), and blanks.
 _SIGN = "[=+\\-@\\t\\r\\n\\x00＝＋－＠−﹢﹣﹦﹫]"
 # Where a cell can begin: the text itself, and what follows a separator of other countries' CSV or of a row; then
 # blanks, which many spreadsheets drop.
@@ -15,7 +15,7 @@ _UNESCAPE = re.compile(f"{_CELL}'(?='*{_SIGN})")
 
 
 def with_apostrophe(text: str) -> str:
-    """Return a text that a spreadsheet would run, so that it does not."""
+    """Return a text with an apostrophe, so that no spreadsheet runs it as a formula."""
     return _ESCAPE.sub(r"\1'", text)
 
 

@@ -1,7 +1,7 @@
 """Ticks of an export: one row per timestep t, with state t as it was before the actions and what was then done in it.
 
-A stored tick n tells how state n came about and what was said about it; a row here is tick t joined with the step in
-tick t + 1. Built column by column: a study has millions of them.
+A stored tick n has the step that led to state n and the predictions for it; a row here is tick t joined with the step
+in tick t + 1. Rows are built column by column, as a study has millions of them.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,7 +21,7 @@ _NAMES = [column.name for column in ticks.c]
 _INTENTIONS = _NAMES.index("intentions")
 _PROBABILITIES = len(STEPS) * len(ACTION_NAMES)
 _NOTHING_PREDICTED = np.full(_PROBABILITIES, np.nan, "<f4").tobytes()
-_EMPTY = 255  # stands for a step that was not displayed
+_EMPTY = 255  # in place of a step that was not displayed
 _OF_STATE = {
     "next_action_0": "decided_0",
     "next_action_1": "decided_1",
@@ -40,7 +40,7 @@ def chunks(connection: Connection, episodes: Iterator[str], types: pl.Schema) ->
     """The rows of these episodes, some episodes at a time, with the codebook's columns."""
     place = "%s" if connection.dialect.name == "postgresql" else "?"
     query = f"SELECT {', '.join(_NAMES)} FROM ticks WHERE episode_id = {place} ORDER BY timestep"  # noqa: S608
-    cursor = connection.connection.cursor()  # the driver's own: its rows are plain tuples
+    cursor = connection.connection.cursor()  # the driver's cursor, whose rows are plain tuples
     before: list[Any] = []
     after: list[Any] = []
     came: list[Any] = []  # what the watched chef did next in each state

@@ -1,4 +1,6 @@
-"""`kitchenmind export`: a study's data as files that a stranger understands. The folder appears when all is done."""
+"""`kitchenmind export`: write a study's data as self-explanatory files. The folder appears when everything is
+written.
+"""
 
 import shutil
 import tempfile
@@ -45,7 +47,7 @@ _TYPES: dict[tuple[str, int], pl.DataType] = {
 
 
 class ExportRefused(ValueError):
-    """The export cannot be made as asked; the text says why and what to do."""
+    """The export cannot be made as requested; the message says why and what to do."""
 
 
 @dataclass
@@ -137,7 +139,7 @@ def _reliance_rows(chosen: Selection) -> Rows:
 
 
 def schema(columns: Iterable[Column]) -> pl.Schema:
-    """The types of columns in a file that has types."""
+    """Return the types of columns in a typed file."""
     return pl.Schema({column.name: _TYPES.get((column.type, column.bits), pl.String()) for column in columns})
 
 

@@ -1,6 +1,5 @@
-"""What a researcher should know at once, also who does not look at the page: looked for every few seconds.
-
-An alert is told when it begins and when it is over. It names no condition and nothing that a participant wrote.
+"""Check every few seconds for problems that a researcher should know at once. An alert is sent when it begins and when
+it is over. It contains no condition and no text of a participant.
 """
 
 import asyncio
@@ -33,7 +32,7 @@ DISK_GB: Final = 1.0
 
 
 def message_of(alert: Alert, over: bool, public_url: str) -> dict[str, str]:
-    """What is posted: `text` for a chat, the rest for a program."""
+    """Return the message to post: `text` for a chat, the rest for a program."""
     text = f"kitchenmind: {'over: ' if over else ''}{alert.text}"
     link = f"{public_url.rstrip('/')}{alert.path}" if public_url else ""
     state = "over" if over else "open"
@@ -45,13 +44,13 @@ Tell = Callable[[Alert, bool], None]  # the alert, and whether it is over
 
 
 class Alerts:
-    """Keeps what is wrong now in `open`, by key; made once in server.main."""
+    """Keeps the current alerts in `open`, by key; made once in server.main."""
 
     def __init__(
         self, live: LiveGames, database_file: Path | None, tell: Tell, versions: Versions | None = None
     ) -> None:
         self.open: dict[str, Alert] = {}
-        self._peers: list[Alert] = []  # of other processes, which tell of them themselves
+        self._peers: list[Alert] = []  # of other processes, which send their own alerts
         self._live, self._file, self._tell, self._versions = live, database_file, tell, versions
 
     async def run(self) -> None:
@@ -60,14 +59,15 @@ class Alerts:
             try:
                 await self.look()
             except Exception:
-                log.exception("alerts could not be looked for")
+                log.exception("the check for alerts failed")
             await asyncio.sleep(LOOK_EVERY_S)
 
     async def look(self) -> None:
-        """Tell of what has begun and what is over since the last look."""
+        """Send the alerts that have begun or ended since the last check."""
         others = await self._live.peers.processes()
         self._peers = self._late(others) + [alert for process in others for alert in process.alerts]
-        leads = all(self._live.peers.name < other.name for other in others)  # one tells what all of them see
+        # one process sends alerts that all of them see
+        leads = all(self._live.peers.name < other.name for other in others)
         found = {
             alert.key: alert for alert in (*self._machine(leads), *self._changed(leads), *await self._games(leads))
         }
@@ -81,12 +81,12 @@ class Alerts:
                 self._tell(self.open[key], False)
 
     def shared(self) -> tuple[Alert, ...]:
-        """What the dashboards of other processes show too. How late timesteps are, they see in the figures; games
-        stand on their cards."""
+        """Return the alerts for the dashboards of other processes, without lateness (in the figures) and games (on
+        their cards)."""
         return tuple(alert for alert in self.open.values() if alert.key != "late" and not _is_of_game(alert))
 
     def shown(self, study: str) -> list[dict[str, object]]:
-        """Alerts of the whole server as the dashboard of a study lists them; those of games stand on their cards."""
+        """Return the alerts of the whole server for a study's dashboard; those of games are on their cards."""
         now = datetime.now(UTC)
         of_all = {(alert.key, alert.text): alert for alert in (*self._peers, *self.open.values())}  # each once
         mine = [alert for alert in of_all.values() if alert.study in ("", study) and not _is_of_game(alert)]
@@ -110,14 +110,14 @@ class Alerts:
             p99 = late[int(0.99 * len(late))]
             yield Alert("late", f"Timesteps come late: {p99:.0f} ms at the 99th percentile.")
         if any(DATABASE in game.session.pause_reasons for game in self._live.games):
-            yield Alert("database", "The database does not take data: games stand still until it does.")
+            yield Alert("database", "The database does not store data: games are paused until it does.")
         if leads and self._file is not None and self._file.exists():
             free_gb = shutil.disk_usage(self._file.parent).free / 1e9
             if free_gb < DISK_GB:
                 yield Alert("disk", f"The disk is nearly full: {free_gb:.1f} GB are free.")
 
     def _changed(self, leads: bool) -> Iterator[Alert]:
-        """Study files that are not as they are served."""
+        """Yield study files that differ from the version served."""
         if self._versions is None or not leads:
             return
         for name, changed in list(self._versions.changed.items()):
@@ -125,7 +125,8 @@ class Alerts:
             yield Alert(f"version {name} {changed.sha256[:12]}", text, f"/admin/s/{name}", name)
 
     async def _games(self, leads: bool) -> list[Alert]:
-        """Of people who are away, and of errors in their browsers; none while the database cannot be read."""
+        """Yield alerts about people who are away and errors in their browsers; none while the database cannot be
+        read."""
         found: list[Alert] = []
         studies = self._live.web.studies
         try:
@@ -164,7 +165,8 @@ def _is_of_game(alert: Alert) -> bool:
 
 
 def _displays(name: str, broken: list[int]) -> Iterator[Alert]:
-    """Of running games whose screens did not show what their condition requires. `broken`: timesteps of each."""
+    """Yield alerts about running games whose screens did not show what their condition requires. `broken`: timesteps of
+    each."""
     games = sum(count > 0 for count in broken)
     if games:
         what = f"{sum(broken)} timestep{'s' * (sum(broken) != 1)} of {games} running game{'s' * (games != 1)}"
@@ -173,6 +175,6 @@ def _displays(name: str, broken: list[int]) -> Iterator[Alert]:
 
 
 def _with_client_errors(connection: Connection, versions: tuple[int, ...]) -> dict[str, str]:
-    """Whose browsers reported errors lately, with their labels."""
+    """Return the participants whose browsers reported errors lately, with their labels."""
     lately = datetime.now(UTC) - overview.HERE
     return {person: who for at, person, who, _ in overview.client_errors(connection, versions) if at > lately}

@@ -1,4 +1,4 @@
-"""What the arms of a study are called on researchers' pages."""
+"""Names of a study's arms on researchers' pages."""
 
 import hashlib
 

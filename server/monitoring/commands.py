@@ -1,4 +1,6 @@
-"""The commands a researcher gives to running games, as messages: the same in this process and between processes."""
+"""The commands a researcher gives to running games, as messages: in the same form within a process and between
+processes.
+"""
 
 from msgspec import Struct
 
@@ -10,7 +12,7 @@ class GameCommand(Struct, frozen=True, tag_field="command"):
 
 
 class PauseGame(GameCommand, frozen=True, tag="pause_game"):
-    """Hold the game until it is resumed."""
+    """Pause the game until it is resumed."""
 
 
 class ResumeGame(GameCommand, frozen=True, tag="resume_game"):
@@ -40,7 +42,7 @@ class EndGames(Struct, frozen=True, tag_field="command", tag="end_games"):
 
 
 class PauseStudy(Struct, frozen=True, tag_field="command", tag="pause_study"):
-    """Hold all games of a study, also those that start later."""
+    """Pause all games of a study, also those that start later."""
 
     study: str
 
@@ -59,7 +61,7 @@ class MessageStudy(Struct, frozen=True, tag_field="command", tag="message_study"
 
 
 class PrepareVersion(Struct, frozen=True, tag_field="command", tag="prepare_version"):
-    """Get ready to serve a version of a study that is in the database."""
+    """Prepare to serve a version of a study that is in the database."""
 
     study: str
     sha256: str

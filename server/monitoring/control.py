@@ -33,7 +33,7 @@ from server.store.database import Database, DatabaseDown
 from server.study.loader import StudyError
 
 log = logging.getLogger(__name__)
-LOOK_EVERY_S: Final = 0.25  # the countdown takes 3 s, so no game of a paused study gets to move
+LOOK_EVERY_S: Final = 0.25  # the countdown takes 3 s, so no game of a paused study can start
 FOLLOW_EVERY_S: Final = 1.0
 BUSY_S: Final = 3.0
 
@@ -49,8 +49,8 @@ class Control:
         self._follower: asyncio.Task[None] | None = None
 
     async def begin(self, shared: bool = False) -> None:
-        """Take up the pauses that were on when the server stopped. `shared`: other processes pause and resume studies
-        too, and their commands may be lost."""
+        """Restore the pauses that were in force when the server stopped. `shared`: other processes pause and resume
+        studies too, and their commands may be lost."""
         for study in await self._database.read(decisions.paused_studies):
             self._pause_study(study)
         if shared:
@@ -126,7 +126,7 @@ class Control:
         return len(over)
 
     def _pause_study(self, study: str) -> int:
-        """Hold the games of a study, and those that are taken up later."""
+        """Pause the games of a study, and those that are opened later."""
         self._paused[study] = self._studies.versions(study)
         if self._keeper is None or self._keeper.done():
             self._keeper = asyncio.create_task(self._keep())
@@ -144,10 +144,10 @@ class Control:
         while True:
             await asyncio.sleep(FOLLOW_EVERY_S)
             before = set(self._paused)
-            with suppress(DatabaseDown):  # then no game runs anyway
+            with suppress(DatabaseDown):  # no game runs then anyway
                 stored = await self._database.read(decisions.paused_studies)
                 if self._paused.keys() != before:
-                    continue  # a command came in between, which may be newer than what was read
+                    continue  # a command arrived in between, which may be newer than the data read
                 for study in stored - before:
                     self._pause_study(study)
                 for study in before - stored:
@@ -160,7 +160,7 @@ class Control:
                     if game.session.phase != "ended" and RESEARCHER not in game.session.pause_reasons:
                         game.pause(RESEARCHER, "researcher")
             except DatabaseDown:
-                pass  # then no game runs anyway
+                pass  # no game runs then anyway
             await asyncio.sleep(LOOK_EVERY_S)
         self._checked.clear()
 
@@ -184,7 +184,7 @@ def _release(game: Game) -> None:
 
 
 def _show(game: Game, text: str) -> bool:
-    """Show the text to the participant. False: nobody is there to read it."""
+    """Show the text to the participant. False: no participant is connected."""
     if game.session.phase == "ended":
         return False
     game.broadcast(Notice(text))

@@ -1,4 +1,6 @@
-"""The dashboard's figures, tables and flow of participants, as JSON; read at most every 2 s however many watch."""
+"""The dashboard's figures, tables and flow of participants, as JSON; read at most every 2 s, however many pages are
+open.
+"""
 
 import asyncio
 import shutil
@@ -26,7 +28,7 @@ ACCURACY_EVERY_S = 10.0
 
 
 class Dashboard:
-    """One for the server: keeps what was read lately, and the running count of hits of each study."""
+    """One per server: caches recent reads, and keeps the running count of hits of each study."""
 
     def __init__(self, live: LiveGames, database_file: Path | None) -> None:
         self._live, self.file = live, database_file
@@ -66,7 +68,7 @@ class Dashboard:
         return display
 
     async def _display_of(self, study_ids: tuple[int, ...], display: DisplayCount) -> dict[str, int]:
-        """Timesteps not shown as the condition requires: of games that are over, and of those that run."""
+        """Count timesteps not shown as the condition requires, in ended and running games."""
         here, elsewhere = await self._live.cards(study_ids), await self._live.views(study_ids)
         running = [card.game.session.frames.violations for card in here]
         running += [view.display_violations for view in elsewhere]
@@ -154,7 +156,7 @@ def way_of(studies: Studies, person: Person) -> tuple[StudyStep, ...]:
 
 
 def step_name(step: StudyStep) -> str:
-    """What the page calls a step of the way."""
+    """Return the page's name of a step."""
     words: dict[str, str] = {"episode": f"Episode {step.number}", "ready": f"Before episode {step.number}"}
     if step.kind == "questionnaire" and step.number:
         return f"Questions after {step.number}"
@@ -162,7 +164,7 @@ def step_name(step: StudyStep) -> str:
 
 
 def accuracy_of(accuracy: RunningAccuracy) -> dict[str, Any]:
-    """Shares with intervals, per agent and layout, each over its three steps and for each step alone."""
+    """Return shares with intervals, per agent and layout, over the three steps and for each step alone."""
     rows = []
     for (agent, layout), hits in sorted(accuracy.hits.items()):
         share, low, high = wilson(sum(hits.right), sum(hits.asked))

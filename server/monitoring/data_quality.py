@@ -1,4 +1,4 @@
-"""What the quality rules say of the episodes that are over: checked a few at a time, so that games do not notice."""
+"""Apply the quality rules to ended episodes, a few at a time, so that games are not delayed."""
 
 import asyncio
 import importlib
@@ -19,14 +19,14 @@ A_LOOK: Final = 24  # episodes of a look
 
 @dataclass(frozen=True)
 class EpisodeQuality:
-    """`proposal`: keep, look or drop. `rules`: the names of those that say so."""
+    """`proposal`: keep, look or drop. `rules`: the names of the rules that apply."""
 
     proposal: str
     rules: str
 
 
 class DataQuality:
-    """Remembers what was said; one for the server."""
+    """Keeps the results; one per server."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
@@ -61,13 +61,13 @@ class DataQuality:
 
 
 def load_rules() -> None:
-    """Import what judging needs (0.8 s): at the first dashboard it would hold up running games for 40 ms."""
+    """Import the analysis (0.8 s): done at the first dashboard instead, it would delay running games by 40 ms."""
     importlib.import_module("analysis.episode_quality")
     importlib.import_module("server.export.quality_inputs")
 
 
 def _over(connection: Connection, study_ids: tuple[int, ...]) -> "list[Key]":
-    from server.export import quality_inputs  # late: the server starts sooner without polars
+    from server.export import quality_inputs  # inside the function: the server starts faster without polars
 
     return quality_inputs.over(connection, study_ids)
 

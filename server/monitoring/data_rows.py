@@ -1,4 +1,4 @@
-"""The rows of the dashboard's data view as text: for its page, and as CSV that no spreadsheet runs."""
+"""The rows of the dashboard's data view as text: for its page, and as CSV escaped for spreadsheets."""
 
 import csv
 import io
@@ -48,7 +48,7 @@ def _shown(name: str, value: Any) -> str:
 
 
 def csv_head(columns: Sequence[ViewColumn]) -> str:
-    """The first line, after a mark by which spreadsheets know that the text is UTF-8."""
+    """Return the first line, after the byte order mark by which spreadsheets recognise UTF-8."""
     return "\ufeff" + _csv([[column.name for column in columns]])
 
 

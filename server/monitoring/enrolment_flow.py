@@ -1,4 +1,4 @@
-"""From the link to the analysis: how many came how far, who left and why, by arm. Knows counts, no persons."""
+"""The flow of participants from the link to the analysis: counts by step, reason for leaving and arm."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -35,7 +35,8 @@ _UNSUITABLE = {
 
 @dataclass(frozen=True)
 class Stock:
-    """What the flow is counted from. Of people, or of bots: bots take no person's place and are never added to them."""
+    """The data from which the flow is counted: people or bots, as bots take no person's place and are never added to
+    them."""
 
     counts: Counts
     arrived: Mapping[tuple[str, str], int]  # (kind, reason) -> browsers
@@ -49,7 +50,7 @@ class Stock:
 
 
 def stock(connection: Connection, group: Group) -> Stock:
-    """Read afresh."""
+    """Read the data."""
     bots = Group(group.study_ids, simulated=True)
     return Stock(
         overview.flow(connection, group),
@@ -63,7 +64,7 @@ def stock(connection: Connection, group: Group) -> Stock:
 
 
 def arms_of(study: Study, held: Stock, names: Mapping[str, str], blind: bool) -> list[dict[str, Any]]:
-    """Each condition against its plan; in blind mode in the order of the names that hide them."""
+    """Return each condition with its plan; in blind mode in the order of the masked names."""
     rows = []
     for condition in study.conditions:
         mine, bots = (
@@ -91,7 +92,8 @@ def arms_of(study: Study, held: Stock, names: Mapping[str, str], blind: bool) ->
 
 
 def flow_of(study: Study, held: Stock) -> list[Node]:
-    """From the link to the analysis. Without the first node where no browser was counted: bots open no page."""
+    """Return the flow from the link to the analysis, without the first node if no browser was counted (bots open no
+    page)."""
     way = steps(study, study.conditions[0].name, study.seed)
     nodes = [_phase(way, phase, held) for phase in PHASES if _inside(way, phase)]
     excluded = sum(held.excluded.values())
@@ -117,7 +119,7 @@ def _inside(way: tuple[StudyStep, ...], phase: str) -> list[int]:
 
 
 def _phase(way: tuple[StudyStep, ...], phase: str, held: Stock) -> Node:
-    """Who came to the first step of the phase, who is in it, who left in it."""
+    """Return how many reached the first step of the phase, are in it, and left in it."""
     counts = held.counts
     inside = _inside(way, phase)
     is_first = min(inside) == min(index for each in PHASES for index in _inside(way, each))
@@ -132,7 +134,7 @@ def _phase(way: tuple[StudyStep, ...], phase: str, held: Stock) -> Node:
 
 
 def _gone(counts: Counts, inattentive: Mapping[tuple[str, int], int]) -> dict[str, int]:
-    """Why people left; those who failed attention checks apart from the others who were screened out."""
+    """Return why people left; failed attention checks are separate from other reasons for screening out."""
     lost = {word: _sum(counts, status) for status, word in GONE.items()}
     failed = sum(inattentive.values())
     return _some(lost | {GONE["screened_out"]: lost[GONE["screened_out"]] - failed, "failed attention checks": failed})

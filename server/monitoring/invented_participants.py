@@ -1,4 +1,6 @@
-"""Signs that somebody fills a study with invented people, in words for an alert. Names no address and no person."""
+"""Detect signs that somebody fills a study with invented participants, as texts for alerts without addresses or
+persons.
+"""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
@@ -8,13 +10,12 @@ from server.monitoring.site import Site
 from server.store import new_places, participants
 
 WINDOW: Final = timedelta(hours=1)
-FEWEST: Final = 5  # people who did nothing; fewer are not a sign
+FEWEST: Final = 5  # inactive people; fewer are not a sign
 SHARE: Final = 0.5  # of those who consented in the window
 
 
 async def signs(web: Site, study: str, versions: Sequence[int], leads: bool) -> dict[str, str]:
-    """Return what an alert says, by its key. `leads`: this process tells what all of them see in the database.
-
+    """Return the texts of alerts by their keys. `leads`: this process reports what all of them see in the database.
     Raises DatabaseDown.
     """
     found: dict[str, str] = {}

@@ -1,4 +1,4 @@
-"""How the server and a study went over time: lateness of ticks as sampled here, people as stored. For two charts."""
+"""History for two charts: the lateness of ticks, sampled here, and the number of people, from the database."""
 
 import asyncio
 import time
@@ -32,14 +32,14 @@ class LatencyHistory:
             await asyncio.sleep(SAMPLE_S)
 
     def sample(self, now: float) -> None:
-        """How late the ticks were since the last sample: median and 99th percentile."""
+        """Sample the lateness of ticks since the last sample: median and 99th percentile."""
         loop = self._live.games.loop
         late = loop.lateness.last(SAMPLE_S) if loop.moving else []
         p50, p99 = (late[int(part * len(late))] for part in (0.5, 0.99)) if late else (None, None)
         self._rows.append((now, loop.moving, p50, p99))
 
     def said(self) -> dict[str, list[Any]]:
-        """Columns of the same length, oldest first; null where no game moved."""
+        """Return columns of the same length, oldest first; null if no game was running."""
         columns = list(zip(*self._rows, strict=True)) or [(), (), (), ()]
         at, games, p50, p99 = columns
         return {"at": [round(x) for x in at], "games": list(games), "p50_ms": _rounded(p50), "p99_ms": _rounded(p99)}
@@ -50,8 +50,8 @@ def _rounded(values: Sequence[float | None]) -> list[float | None]:
 
 
 def people(connection: Connection, study_ids: Sequence[int]) -> dict[str, list[int]]:
-    """How many people (in a rehearsal: bots) had consented and how many had completed at each moment, as columns; at
-    most MOST_POINTS moments."""
+    """Return how many people (in a rehearsal: bots) had consented and completed at each moment, as columns; at most
+    MOST_POINTS moments."""
     p = participants.c
     group = overview.group_to_show(connection, study_ids)
     rows = connection.execute(select(p.started_at, p.completed_at).where(group.members())).all()

@@ -1,4 +1,4 @@
-"""The running games as researchers see them: a card for each game, and its board. Changes nothing."""
+"""The running games as researchers see them: a card for each game, and its board. Read-only."""
 
 import asyncio
 import time
@@ -24,7 +24,7 @@ _SAMPLES: Final = 4000
 
 @dataclass(frozen=True)
 class Card:
-    """One running game and whose it is."""
+    """One running game and its participant."""
 
     game: Game
     played: Played
@@ -33,12 +33,12 @@ class Card:
 
 
 class LiveGames:
-    """Looks at the running games on behalf of everybody who watches; made once in server.main."""
+    """Reads the running games for all open dashboards; made once in server.main."""
 
     def __init__(self, web: Site, games: Games, sockets: OpenSockets, peers: Peers | None = None) -> None:
         self.web, self.games, self.sockets = web, games, sockets
         self.peers = peers or SingleProcess()
-        self.models_ms: deque[float] = deque(maxlen=_SAMPLES)  # sampled while somebody watches
+        self.models_ms: deque[float] = deque(maxlen=_SAMPLES)  # sampled while a dashboard is open
         self._attention = Attention()
         self._played: dict[str, Played] = {}
         self._cards: tuple[float, list[Card]] = (-1e9, [])
@@ -47,14 +47,14 @@ class LiveGames:
         self._boards: dict[tuple[str, bool], tuple[int, Displayed, msgspec.Raw]] = {}
 
     async def cards(self, study_ids: tuple[int, ...]) -> list[Card]:
-        """The running games of a study; looked at afresh at most twice a second, however many watch."""
+        """Return the running games of a study; refreshed at most twice a second, however many pages are open."""
         async with self._looking:
             if time.monotonic() - self._cards[0] >= 0.8 * CARDS_EVERY_S:
                 await self._look()
         return [card for card in self._cards[1] if card.played.study_id in study_ids]
 
     async def views(self, study_ids: tuple[int, ...]) -> list[View]:
-        """The games of a study that other processes play; asked for at most twice a second."""
+        """Return the games of a study that other processes play; requested at most twice a second."""
         async with self._looking:
             if time.monotonic() - self._views[0] >= 0.8 * CARDS_EVERY_S:
                 self._views = (time.monotonic(), await self.peers.views())
@@ -80,7 +80,7 @@ class LiveGames:
                     display_violations=card.game.session.frames.violations,
                 )
             )
-            await asyncio.sleep(0)  # the games' own ticks come first
+            await asyncio.sleep(0)  # let the games' ticks run first
         return made
 
     async def _look(self) -> None:
@@ -105,7 +105,7 @@ class LiveGames:
         self._cards = (time.monotonic(), cards)
 
     def encoded_board(self, game: Game, blind: bool) -> msgspec.Raw:
-        """`board_of` as JSON, made once a timestep however many pages show it."""
+        """Return `board_of` as JSON, made once per timestep however many pages show it."""
         session, key = game.session, (game.episode, blind)
         timestep, displayed = session.simulation.timestep, session.frames.displayed
         kept = self._boards.get(key)
@@ -115,7 +115,7 @@ class LiveGames:
         return kept[2]
 
     def since_s(self, flag: Flag) -> int | None:
-        """For how many seconds the flag has been up."""
+        """Return for how many seconds the flag has been set."""
         return None if flag.since is None else max(0, round(self.games.clock.now() - flag.since))
 
 
@@ -125,7 +125,7 @@ def who(played: Played) -> str:
 
 
 def card_of(live: LiveGames, card: Card, arms: dict[str, str]) -> dict[str, Any]:
-    """What the page is told of a game without its board. `arms`: what each condition is called; empty in blind mode."""
+    """Return the data of a game's card, without its board. `arms`: the name of each condition; empty in blind mode."""
     session, played = card.game.session, card.played
     return {
         "id": played.id,
@@ -163,7 +163,7 @@ def board_of(game: Game, blind: bool) -> dict[str, Any]:
 
 
 def still_of(card: Card) -> dict[str, Any]:
-    """What of a board never changes."""
+    """Return the part of a board that never changes."""
     session = card.game.session
     return {
         "grid": session.simulation.layout.grid,

@@ -1,4 +1,4 @@
-"""Which running game needs a look: who is disconnected, hidden, idle or slow. Knows the live game, no database."""
+"""Find the running games that need attention: disconnected, hidden, idle or slow participants."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ _STAY = 4
 
 @dataclass(frozen=True)
 class Flag:
-    """How urgent it is, in a word; since when, in seconds of the games' clock (None: no matter)."""
+    """How urgent it is, in a word; since when, in seconds of the games' clock (None: not applicable)."""
 
     level: int
     word: str
@@ -23,20 +23,20 @@ class Flag:
 
 @dataclass
 class _Seen:
-    """What the person did last, as sampled."""
+    """The person's last activity, as sampled."""
 
     seq: int
     since: float
 
 
 class Attention:
-    """Looks at games every now and then; remembers since when somebody has done nothing."""
+    """Samples games, and keeps since when each participant has been idle."""
 
     def __init__(self) -> None:
         self._seen: dict[str, _Seen] = {}
 
     def flag(self, game: Game, seat: int, rtt_ms: float | None, now: float) -> Flag:
-        """What is to be said of the person on this seat."""
+        """Return the flag of the person on this seat."""
         session = game.session
         idle_s = self._idle_s(game, seat, now)
         pause = session.pause_record
@@ -55,7 +55,7 @@ class Attention:
         return Flag(CALM, "Countdown" if session.phase == "countdown" else "Playing")
 
     def forget(self, kept: set[str]) -> None:
-        """Only these games are remembered."""
+        """Forget all games but these."""
         self._seen = {episode: seen for episode, seen in self._seen.items() if episode in kept}
 
     def _idle_s(self, game: Game, seat: int, now: float) -> float:

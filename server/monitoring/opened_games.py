@@ -26,7 +26,7 @@ _LONGEST_WORDS: Final = 2000
 
 
 class UnreadableGamesError(ValueError):
-    """A file that has no games of these rules; the text says where and what to do."""
+    """The file has no games that follow these rules; the message says where and what to do."""
 
 
 async def opened(data: bytes, name: str) -> bytes:
@@ -73,7 +73,7 @@ def _unpacked(data: bytes, name: str) -> bytes:
         with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
             plain = file.read(LARGEST_BYTES + 1)
     except (OSError, EOFError, zlib.error) as error:
-        raise UnreadableGamesError(f"{name}: this is not a whole .gz file ({error}). Copy it again.") from None
+        raise UnreadableGamesError(f"{name}: this .gz file is incomplete ({error}). Copy it again.") from None
     if len(plain) > LARGEST_BYTES:
         raise UnreadableGamesError(f"{name}: unpacked, it has more than {LARGEST_BYTES} bytes. Open a part of it.")
     return plain
@@ -120,7 +120,7 @@ def _row(simulation: Simulation, step: SimulatedStep | None) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Exit status 2 with the reason for a file that cannot be shown."""
+    """Return exit status 2 with the reason for a file that cannot be shown."""
     try:
         records = records_of(sys.stdin.buffer.read(), sys.argv[1])
     except UnreadableGamesError as error:

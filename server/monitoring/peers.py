@@ -1,4 +1,4 @@
-"""The other processes of this server, if it has several: what runs there, and how to reach it."""
+"""The other processes of this server, if there are several: their games, and how to send them commands."""
 
 from dataclasses import dataclass
 from datetime import datetime
@@ -39,7 +39,7 @@ class Alert:
 
 @dataclass(frozen=True)
 class Process:
-    """How another process is, what it alerts to, and which studies it serves."""
+    """The status of another process: its figures, its alerts, and the studies it serves."""
 
     name: str
     figures: dict[str, float]
@@ -48,12 +48,12 @@ class Process:
 
 
 class Peers(Protocol):
-    """The other processes. Nothing here raises when they cannot be reached: then nothing is known of them."""
+    """The interface to the other processes. No method raises if they cannot be reached: the result is then empty."""
 
     name: str  # of this process
 
     async def views(self) -> list[View]:
-        """Their games, not older than some seconds."""
+        """Return their games, at most some seconds old."""
         ...
 
     async def processes(self) -> list[Process]: ...
@@ -63,7 +63,7 @@ class Peers(Protocol):
         ...
 
     async def run_at_all(self, command: BroadcastCommand) -> list[int]:
-        """Run the command in every other process; return what they answered within a second."""
+        """Run the command in every other process; return the sum of their answers within a second."""
         ...
 
     async def run_in_each(self, command: BroadcastCommand, within_s: float) -> bool:

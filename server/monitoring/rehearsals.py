@@ -1,6 +1,5 @@
-"""Simulated participants walk through a draft: `kitchenmind bots` in a process of its own, with a database of its own.
-
-One rehearsal at a time, at low priority. How it went is kept while the server runs; the audit log keeps it for good.
+"""Run simulated participants through a draft: `kitchenmind bots` in a separate process with its own database. One
+rehearsal runs at a time, at low priority. The result is kept while the server runs, and permanently in the audit log.
 """
 
 import asyncio
@@ -60,7 +59,7 @@ class Rehearsals:
         return self._task is not None and not self._task.done()
 
     def start(self, rehearsal: Rehearsal, text: str, note: Note) -> bool:
-        """Begin, and call `note` at the end. False: another rehearsal is running."""
+        """Start a rehearsal, and call `note` at the end. False: another rehearsal is running."""
         if self.is_busy:
             return False
         self._newest[rehearsal.draft] = rehearsal

@@ -18,7 +18,7 @@ from server.store.accuracy import wilson
 from server.store.database import Database, DatabaseDown
 from server.store.episodes import BrokenEpisode
 
-_BREATHE_EVERY: Final = 16  # timesteps: the live games' thread gets its turn in between
+_BREATHE_EVERY: Final = 16  # timesteps between which the live games' thread can run
 
 
 def record_json(connection: Connection, episode: str, blind: bool) -> str:
@@ -76,7 +76,7 @@ def simulate(loaded: EpisodeRecord, stored: list[TickRecord], blind: bool) -> tu
 
 
 def row_of(tick: TickRecord, simulation: Simulation, blind: bool) -> dict[str, Any]:
-    """One tick as the page takes it; `simulation` stands at its state."""
+    """Return one tick for the page; `simulation` is at its state."""
     kitchen = simulation.kitchen()
     return {
         "t": tick.timestep,
@@ -106,12 +106,12 @@ def visible(arrived: Sequence[InputRecord], blind: bool) -> list[InputRecord]:
 
 
 def input_of(one: InputRecord, tick_ms: int, held: Sequence[PauseRecord] = ()) -> dict[str, Any]:
-    """One input as the page takes it. `t`: the timestep in which it counted, or else in which it arrived."""
+    """Return one input for the page. `t`: the timestep in which it counted, otherwise the one in which it arrived."""
     if one.timestep is not None:
         t = one.timestep - 1
     elif one.received_ms is not None:
         t = max(0, int(one.received_ms // tick_ms))
-    else:  # the game stood still: at the state of the last pause that had begun
+    else:  # the game was paused: use the state of the last pause that had begun
         begun = [pause.timestep for pause in held if pause.started_at.timestamp() * 1000 <= one.received_unix_ms]
         t = begun[-1] if begun else 0
     keys = {"seat": one.seat, "seq": one.seq, "held": one.held, "tap": one.tap, "marks": one.marks}
@@ -147,14 +147,14 @@ def _intention_accuracy(connection: Connection, episode: str) -> dict[str, Any] 
 
 
 class StoredTicks:
-    """The ticks of a game that another process plays, as they come into the database."""
+    """Reads the ticks of a game that another process plays, as they are stored."""
 
     def __init__(self, database: Database, episode: str) -> None:
         self._database, self._episode = database, episode
         self._simulation: Simulation | None = None
 
     async def new_rows(self, blind: bool) -> list[dict[str, Any]]:
-        """The newest at the first call, then all that came since; none while the database is away."""
+        """Return the newest tick at the first call, then all new ones; none while the database cannot be reached."""
         with suppress(DatabaseDown):
             return await self._database.read(self._read, blind)
         return []

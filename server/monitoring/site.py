@@ -7,7 +7,7 @@ from server.store.database import Database
 
 
 class PlaceLimit(Protocol):
-    """How many new participants one address may bring in an hour."""
+    """The limit on new participants from one address per hour."""
 
     an_hour: int
 

@@ -1,6 +1,5 @@
-"""Posts alerts to an address that the researcher gave, e.g. of a chat. Never waits for it, never tells the address.
-
-What cannot be delivered is tried again a few times, then dropped: the dashboard and the database have it anyway.
+"""Post alerts to an address from the settings, e.g. of a chat, in the background. The address is never logged. Delivery
+is tried a few times, then dropped: the dashboard and the database have the alert anyway.
 """
 
 import asyncio

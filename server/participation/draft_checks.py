@@ -1,4 +1,4 @@
-"""What a study that is written in the dashboard must fulfil besides being a sound file."""
+"""Checks of a study that is written in the dashboard, in addition to those of a study file."""
 
 from collections.abc import Iterator, Sequence
 from functools import cache
@@ -13,8 +13,8 @@ from server.study_check import doubts, models_named, stage_problems
 
 
 def draft_problems(file: StudyFile, served: Sequence[StudyFile], loads: bool = False) -> list[PlacedProblem]:
-    """Everything that keeps the study from being opened here, and doubts. `served`: the studies from files. `loads`:
-    try the models too, which takes seconds."""
+    """Return everything that prevents opening the study here, and warnings. `served`: the studies from files. `loads`:
+    load the models too, which takes seconds."""
     foreign = [*_taken(file, served), *_foreign(file, served)]
     if foreign:
         return [*file.doubts, *map(file.places.placed, foreign)]
@@ -28,7 +28,7 @@ def draft_problems(file: StudyFile, served: Sequence[StudyFile], loads: bool = F
 
 
 def known_names(kitchens: Sequence[str] = ()) -> dict[str, list[str]]:
-    """The layouts, agents and predictors that the form suggests. `kitchens`: those of the dashboard."""
+    """Return the layouts, agents and predictors that the form suggests. `kitchens`: those of the dashboard."""
     bundled = _bundled_names()
     return bundled | {"layouts": [*bundled["layouts"], *(name for name in kitchens if name not in bundled["layouts"])]}
 
@@ -48,8 +48,8 @@ def _taken(file: StudyFile, served: Sequence[StudyFile]) -> Iterator[Problem]:
 
 
 def _foreign(file: StudyFile, served: Sequence[StudyFile]) -> Iterator[Problem]:
-    """A model that is a file, a Python class or an address runs or reads what it names: only people who may log in
-    on the server decide that, not accounts of the dashboard."""
+    """Refuse models that are files, Python classes or addresses: loading them runs or reads what they name, which only
+    people with access to the server may decide, not accounts of the dashboard."""
     known = {without_variant(model) for one in served for _, _, model in models_named(one.study)}
     told = set()
     for place, _, model in models_named(file.study):

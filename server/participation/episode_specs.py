@@ -1,4 +1,6 @@
-"""From a step of a study to the episode that the live game plays. The one place where study words become game words."""
+"""Turn a step of a study into the episode that the live game plays. This is the only place that maps study settings to
+game settings.
+"""
 
 from functools import cache
 from typing import Literal
@@ -22,11 +24,9 @@ _SHOWN: dict[str, Literal["nothing", "random", "predictor"]] = {
 
 def episode_spec(study: Study, step: StudyStep, condition: str, language: str, people: int = 1) -> EpisodeSpec:
     """The episode of a tutorial or episode step, for a participant in `condition` who reads `language`. `people`: how
-    many play a round of two; where one stays alone, the study's stand-in plays with them.
-
-    The same in all conditions but for what is shown: the predictor is asked in each. Raises LayoutError or
-    FileNotFoundError for a layout that is none (`kitchenmind study check` finds these first), KeyError for names
-    that the study lacks.
+    many play a round of two; a participant without a partner plays with the study's fallback agent. Episodes of all
+    conditions differ only in what is shown: the predictor runs in each. Raises LayoutError or FileNotFoundError for an
+    invalid layout (`kitchenmind study check` finds these first), KeyError for names that the study lacks.
     """
     arm = study.condition(condition).at(step.block)
     tutorial = step.kind == "tutorial"
@@ -63,23 +63,23 @@ def episode_spec(study: Study, step: StudyStep, condition: str, language: str, p
 
 
 def agent_of(study: Study, step: StudyStep, people: int = 1) -> PartnerSettings:
-    """The partner in a tutorial or episode step; where a round of two is played by one, the study's stand-in."""
+    """The partner in a tutorial or episode step; if a round of two is played by one, the study's fallback agent."""
     agent = study.tutorial.agent if step.kind == "tutorial" else study.agent(step.agent)
     return study.waiting_room.agent if agent.human and people == 1 else agent
 
 
 def lessons(study: Study, condition: Condition) -> tuple[str, ...]:
-    """What the tutorial teaches: marks only to those who will see some."""
+    """Return the tutorial's lessons; marks are only taught to participants who will see some."""
     return tuple(key for key in study.tutorial.lessons if key != "marks" or study.shows_predictions(condition))
 
 
 def show_of(study: Study, condition: Condition) -> Show:
-    """When the marks of a condition are drawn; `always` also where it has none."""
+    """Return when the marks of a condition are drawn; `always` also if it has none."""
     return (condition.show or study.predictor.show) if study.shows_predictions(condition) else "always"
 
 
 def opacity_of(study: Study, condition: Condition) -> bool:
-    """Whether the marks of a condition fade with the predictor's confidence."""
+    """Return whether the marks of a condition fade with the predictor's confidence."""
     own = condition.confidence_opacity
     return study.predictor.confidence_opacity if own is None else own
 
@@ -91,7 +91,8 @@ def view_radius_of(study: Study, condition: Condition) -> int:
 
 
 def is_misleading(condition: Condition, step: StudyStep) -> bool:
-    """Whether the marks of a round mislead: from a round on, in a share of the rounds that its seed draws."""
+    """Return whether the marks of a round mislead: from a certain round on, in a share of the rounds, drawn with the
+    seed."""
     rounds = condition.misleading
     drawn = uniform(step.seed, 0, MISLEAD) < rounds.share
     return condition.predictor == "misleading" and step.number >= rounds.from_round and drawn
@@ -103,9 +104,8 @@ def layout_of(kitchen: KitchenChoice) -> Layout:
 
 
 def predictor_of(study: Study, agent: PartnerSettings, condition: Condition) -> str | None:
-    """Return the name of the predictor that watches the agent; None for a person whom no predictor watches.
-
-    In a degraded condition it is the worsened one, except in the tutorial, where everybody learns to read the marks."""
+    """Return the name of the predictor that watches the agent; None for a person without a predictor. In a degraded
+    condition it is the degraded one, except in the tutorial, where everybody learns to read the marks."""
     if agent.human and agent.predictor is None:
         return None
     name = agent.predictor or f"{agent.model or agent.name}_predictor_{condition.form or study.predictor.form}"
@@ -115,7 +115,7 @@ def predictor_of(study: Study, agent: PartnerSettings, condition: Condition) -> 
 
 
 def models_of(study: Study) -> tuple[set[tuple[str, str]], set[tuple[str, str]]]:
-    """All (layout, agent) and (layout, predictor) pairs that the study's games ask."""
+    """Return all (layout, agent) and (layout, predictor) pairs that the study's games use."""
     games = [(kitchen.name, agent) for kitchen in study.layouts for agent in study.agents if "episodes" in study.flow]
     if "tutorial" in study.flow:
         games.append((study.tutorial.layout.name, study.tutorial.agent))

@@ -14,7 +14,7 @@ from server.store.participants import Participant
 from server.study.steps import StudyStep
 
 NOT_ASKED = "not_asked"  # kind of the event
-_CODE_LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # none that look alike
+_CODE_LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # without characters that look alike
 
 
 def new_code() -> str:
@@ -24,15 +24,15 @@ def new_code() -> str:
 
 
 def note(connection: Connection, participant_id: str, happened: Mapping[str, Mapping[str, Any]]) -> None:
-    """Keep things that happened apart from the answers: a failed attention check, a wrong answer in the quiz."""
+    """Store events besides the answers: a failed attention check, a wrong answer in the quiz."""
     now = datetime.now(UTC)
     new = [events.Event(kind, now, participant_id, detail=dict(detail)) for kind, detail in happened.items()]
     events.add(connection, *new)
 
 
 def move_on(connection: Connection, all_studies: Studies, participant: Participant) -> bool:
-    """To the next step that the answers lead to; who gets to the last one has done everything, and gets the code in the
-    same transaction. What is not asked because of answers is noted."""
+    """Advance to the next step that the answers lead to; at the last one the participant has finished, and gets the
+    code in the same transaction. Questions that are skipped because of answers are noted."""
     way, study = all_studies.way(participant), all_studies.of(participant)
     said = answers.of_participant(connection, participant.id) if study.branches else {}
     following, passed_over = participant.position + 1, list[StudyStep]()

@@ -1,7 +1,6 @@
-"""Kitchens that were drawn in the dashboard, in the studies that name them.
-
-When a study is read, the grids of these kitchens are written into its text. So a version of a study that is stored,
-bundled or hashed has its kitchens in it, and a kitchen that is changed later does not change it.
+"""Kitchens drawn in the dashboard, in the studies that name them. When a study is read, the grids of these kitchens are
+written into its text. A stored, bundled or hashed version of a study thus contains its kitchens, and later changes to a
+kitchen do not affect it.
 """
 
 import json
@@ -17,7 +16,7 @@ from server.study.loader import StudyFile, load_study, parse_study
 from server.study.written_grids import with_grids
 
 SCRIPTED: Final = ("planner", "random", "stay")  # agents that can play every kitchen
-Grids = Callable[[], Mapping[str, str]]  # asked only if a study names a kitchen that is not bundled
+Grids = Callable[[], Mapping[str, str]]  # called only if a study names a kitchen that is not bundled
 
 
 def load_with_kitchens(path: str | Path, grids: Grids, models_folder: Path | None = None) -> StudyFile:

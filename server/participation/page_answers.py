@@ -1,4 +1,4 @@
-"""The questions of one page, and its answers: valid, right (quiz), and attentive (attention checks)."""
+"""The questions of one page, and checks of its answers: valid, correct (quiz), attentive (attention checks)."""
 
 from collections.abc import Mapping
 

@@ -1,6 +1,6 @@
-"""Rounds of two people, as functions on one database transaction: who waits for whom, who is seated, who stays alone.
-
-Two who have met stay together; who has lost the other, or never met one, continues with the study's stand-in.
+"""Rounds of two people, as functions on one database transaction: waiting, seating, and continuing alone. Two people
+who have played together stay together; a participant who has lost the partner, or never met one, continues with the
+study's fallback agent.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,7 +24,7 @@ SeatDown = Callable[[Connection, Sequence[Participant], StudyStep], str]  # make
 
 @dataclass(frozen=True)
 class Company:
-    """What there is to know about a participant's rounds of two so far."""
+    """A participant's rounds of two so far."""
 
     partner: str | None = None  # whom they have played with
     alone: str = ""  # why they play without anybody; empty: they do not
@@ -36,7 +36,7 @@ def is_for_two(study: Study, step: StudyStep) -> bool:
 
 
 def company(connection: Connection, studies: Studies, participant: Participant, step: StudyStep) -> Company:
-    """With whom the participant plays, or why with nobody."""
+    """Return the participant's partner, or why there is none."""
     study = studies.of(participant)
     rounds = {one.number for one in studies.way(participant) if is_for_two(study, one) and one.number < step.number}
     played = [one for one in episodes.of_participant(connection, participant.id) if one.number in rounds]
@@ -57,7 +57,7 @@ def company(connection: Connection, studies: Studies, participant: Participant, 
 def request(
     connection: Connection, studies: Studies, participant: Participant, step: StudyStep, partner: str | None
 ) -> PairingRequest:
-    """What the participant waits for, since they first opened the page of the round."""
+    """Return the participant's pairing request, with the time when they first opened the page of the round."""
     first = select(func.min(visits.c.entered_at))
     since = connection.execute(
         first.where(visits.c.participant_id == participant.id, visits.c.step_key == step.key)
@@ -68,7 +68,7 @@ def request(
 
 
 def seat_two(connection: Connection, studies: Studies, seat_down: SeatDown, first: str, second: str) -> bool:
-    """Make the round of these two. False, and nothing changes, if one of them can no longer play it."""
+    """Create the round of these two. Returns False, and changes nothing, if one of them can no longer play it."""
     both = [participants.get(connection, one) for one in (first, second)]
     present = [one for one in both if one is not None and one.status == "active"]
     if len(present) < len(both):
@@ -83,7 +83,8 @@ def seat_two(connection: Connection, studies: Studies, seat_down: SeatDown, firs
 
 
 def _as_before(connection: Connection, study: Study, pair: list[Participant]) -> list[Participant]:
-    """Two who have played together keep their seats: who is watched stays watched. The first gets the study's seat."""
+    """Return the seats: two who have played together keep theirs, so the same person stays watched. Otherwise the first
+    gets the study's seat."""
     first, second = pair
     both = {first.id, second.id}
     together = [
@@ -95,7 +96,8 @@ def _as_before(connection: Connection, study: Study, pair: list[Participant]) ->
 
 
 def go_alone(connection: Connection, studies: Studies, seat_down: SeatDown, participant_id: str, why: str) -> None:
-    """Let the participant continue alone: with the stand-in, or out of the study with a code, as its file says."""
+    """Let the participant continue alone: with the fallback agent, or to the end of the study with a code, as its file
+    says."""
     participant = participants.get(connection, participant_id)
     if participant is None or participant.status != "active":
         return

@@ -1,5 +1,6 @@
-"""The models that play in the preview of a draft. Those of a kitchen that a draft draws are kept apart from all others:
-the name may belong to another kitchen, in which participants play, and the grid changes while it is drawn."""
+"""The models of a draft's preview. Those of a kitchen that a draft draws are separate from all others: another kitchen
+of the same name may be in use by participants, and the grid changes while it is drawn.
+"""
 
 import asyncio
 import hashlib
@@ -19,7 +20,7 @@ IDLE_S: Final = 300.0  # after which the models of a kitchen that nobody plays i
 
 
 class PreviewModels:
-    """Loads what a round of a preview asks."""
+    """Loads the models of a round of a preview."""
 
     def __init__(self, models: ModelServer, idle_s: float = IDLE_S) -> None:
         self._models, self._idle_s = models, idle_s
@@ -29,8 +30,8 @@ class PreviewModels:
         self._loading = asyncio.Lock()
 
     async def load(self, file: StudyFile, kitchen: KitchenChoice) -> str:
-        """Load what the study asks in one of its kitchens; return the name by which that kitchen's models are asked.
-        Raises StudyError."""
+        """Load the study's models for one of its kitchens; return the name under which that kitchen's models are
+        called. Raises StudyError."""
         required = required_models([file])
         own = kitchen.grid is not None
         layout = f"{kitchen.name}{APART}{_digest(required.grids[kitchen.name])}" if own else kitchen.name
@@ -52,7 +53,7 @@ class PreviewModels:
 
     @asynccontextmanager
     async def playing(self, file: StudyFile, kitchen: KitchenChoice) -> AsyncIterator[str]:
-        """Have the models of a kitchen while a round is played in it, as `load`."""
+        """Keep the models of a kitchen loaded while a round is played in it, like `load`."""
         layout = await self.load(file, kitchen)
         if kitchen.grid is None:
             yield layout

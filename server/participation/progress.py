@@ -1,6 +1,6 @@
 """How a participant moves through a study, as functions on one database transaction.
 
-Every function may be called again: what is done stays done, and what comes too late changes nothing."""
+Every function is idempotent, and a call that comes too late changes nothing."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,16 +23,16 @@ _QUIZ_FAILED = "quiz_failed"  # kind of the event
 
 
 class StudyPaused(StudyFullError):
-    """A researcher paused the study: nobody is let in now."""
+    """A researcher paused the study: no new participants are accepted now."""
 
 
 class AlreadyFinished(Exception):
-    """The person's participation is over: knowing the recruiter's id is not enough to get back to it."""
+    """The person's participation is over, and the recruiter's id alone does not reopen it."""
 
 
 @dataclass(frozen=True)
 class ConsentArrival:
-    """Somebody who consents: by which study, with which cookie, from which link. `holder`: the participant whose
+    """A consent: for which study, with which cookie, from which link. `holder`: the participant whose
     cookie the browser had before."""
 
     study: str
@@ -46,7 +46,7 @@ class ConsentArrival:
 
 @dataclass(frozen=True)
 class Submission:
-    """A page as it was sent: for which step, with which checked answers."""
+    """A submitted page: its step and its checked answers."""
 
     step: StudyStep
     answers: Mapping[str, Any] = field(default_factory=dict)
@@ -56,14 +56,14 @@ class Submission:
 
 @dataclass(frozen=True)
 class FailedQuiz:
-    """An attempt at the quiz that was not right. `wrong`: the answers given to the questions that were missed."""
+    """A wrong attempt at the quiz. `wrong`: the answers given to the questions that were missed."""
 
     attempt: int
     wrong: Mapping[str, Any]
 
 
 def known(connection: Connection, all_studies: Studies, name: str, person: str | None) -> Participant | None:
-    """The participant that the recruiter sent before, in whichever version of the study."""
+    """Return the participant whom the recruiter sent before, in any version of the study."""
     for study_id in all_studies.versions(name) if person else ():
         found = participants.by_recruitment_id(connection, study_id, person or "")
         if found is not None:
@@ -72,20 +72,20 @@ def known(connection: Connection, all_studies: Studies, name: str, person: str |
 
 
 def already_here(connection: Connection, all_studies: Studies, arrival: ConsentArrival) -> Participant | None:
-    """The participant who sent this very page before, or whom the recruiter sent before."""
+    """Return the participant who sent this page before, or whom the recruiter sent before."""
     same_page = participants.by_token(connection, arrival.token)
     return same_page or known(connection, all_studies, arrival.study, arrival.person)
 
 
 def has_news(connection: Connection, participant_id: str, extra: Mapping[str, str]) -> bool:
-    """Whether the link brings other parameters than those that are stored: a new assignment, a new session."""
+    """Return whether the link has other parameters than those stored: a new assignment, a new session."""
     kept = participants.personal_of(connection, participant_id)
     return any(kept.get(name) != value for name, value in extra.items())
 
 
 def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival) -> Participant:
-    """The participant who consents now, in the condition whose turn it is among people, or among bots; or the one that
-    the person already is, who continues with the new cookie and the link's newest parameters. Raises StudyFullError,
+    """Create the participant who consents now, in the next condition among people or among bots; or return the person's
+    existing participant, who continues with the new cookie and the link's newest parameters. Raises StudyFullError,
     StudyPaused, StudyClosed, AlreadyFinished, KeyError (the study is not open)."""
     same_page = participants.by_token(connection, arrival.token)
     if same_page is not None:
@@ -124,7 +124,7 @@ def enrol(connection: Connection, all_studies: Studies, arrival: ConsentArrival)
 def enrol_within(
     connection: Connection, all_studies: Studies, arrival: ConsentArrival, budgets: Sequence[PlaceBudget]
 ) -> None:
-    """`enrol`; somebody new takes one of the places that the address may bring. Raises NoPlaceLeft too."""
+    """Like `enrol`, but a new participant takes one of the address's places. Also raises NoPlaceLeft."""
     now = datetime.now(UTC)
     if already_here(connection, all_studies, arrival) is None:
         new_places.check(connection, budgets, now)
@@ -138,8 +138,8 @@ def is_paused(connection: Connection, study: str) -> bool:
 
 
 def held(connection: Connection, study_id: int, study: Study, simulated: bool = False) -> dict[str, Count]:
-    """How many people (or bots) hold a place in each condition. Bots never take a person's place. Who consented and
-    then did nothing holds one for `hold_min` only."""
+    """Return how many people (or bots) hold a place in each condition. Bots never take a person's place. A participant
+    who consented and then did nothing holds one for `hold_min` only."""
     found = participants.counts(connection, study_id, simulated)
     silent = participants.silent(connection, (study_id,), _held_since(study), simulated)
     return {
@@ -152,8 +152,8 @@ def _held_since(study: Study) -> datetime:
 
 
 def _place_is_lost(connection: Connection, all_studies: Studies, participant: Participant) -> bool:
-    """Whether the participant did nothing for so long after consent that others have taken all places; this ends the
-    participation."""
+    """Return whether the participant was inactive for so long after consent that others have taken all places; if so,
+    end the participation."""
     study = all_studies.of(participant)
     quota = study.condition(participant.condition).quota
     if quota is None or participant.position > 0 or participant.started_at >= _held_since(study):
@@ -165,12 +165,12 @@ def _place_is_lost(connection: Connection, all_studies: Studies, participant: Pa
 
 
 def release(connection: Connection, study_id: int, study: Study) -> int:
-    """Give the places of those back who were not seen for too long; return how many."""
+    """Release the places of participants who were not seen for too long; return how many."""
     return participants.time_out(connection, study_id, datetime.now(UTC) - timedelta(minutes=study.timeout_min))
 
 
 def arrive(connection: Connection, all_studies: Studies, participant_id: str) -> Participant | None:
-    """The participant opens the page of the current step: a game that is over is left behind, the visit is noted."""
+    """Handle the opening of the current step's page: advance past a game that is over, and store the visit."""
     participant = participants.get(connection, participant_id)
     if participant is None or participant.status != "active":
         return participant
@@ -188,7 +188,7 @@ def arrive(connection: Connection, all_studies: Studies, participant_id: str) ->
 
 
 def submit(connection: Connection, all_studies: Studies, participant_id: str, submission: Submission) -> bool:
-    """Store a page's answers and move on to the next step. False, and nothing changes, if the participant is no
+    """Store a page's answers and advance to the next step. Returns False, and changes nothing, if the participant is no
     longer at that step: the page was sent twice, from another tab, or after the end."""
     participant = participants.get(connection, participant_id)
     if participant is None or participant.status != "active":
@@ -231,7 +231,7 @@ def _screened_out(connection: Connection, participant_id: str, study: Study) -> 
 
 
 def quiz_attempt(connection: Connection, participant_id: str) -> int:
-    """Return the number, from 1, of the attempt at the quiz that the participant has now."""
+    """Return the number, from 1, of the participant's current attempt at the quiz."""
     return 1 + len(events.of_participant(connection, participant_id, _QUIZ_FAILED))
 
 
@@ -257,7 +257,7 @@ def wrong_quiz(connection: Connection, all_studies: Studies, participant_id: str
 
 
 def by_code(connection: Connection, all_studies: Studies, name: str, code: str) -> Participant | None:
-    """Who was given this completion code, in whichever version of the study."""
+    """Return the participant with this completion code, in any version of the study."""
     for study_id in all_studies.versions(name) if code else ():
         found = participants.by_code(connection, study_id, code)
         if found is not None:
@@ -266,12 +266,12 @@ def by_code(connection: Connection, all_studies: Studies, name: str, code: str) 
 
 
 def last_episode(connection: Connection, participant_id: str, number: int) -> episodes.StoredEpisode | None:
-    """The episode before the `number`-th, for the page that gets somebody ready."""
+    """Return the episode before the `number`-th, for the page before a round."""
     return episodes.of_step(connection, participant_id, f"episode-{number - 1:02d}") if number > 1 else None
 
 
 def _is_over(connection: Connection, participant: Participant, step: StudyStep) -> bool:
-    """A tutorial has to be passed; an episode has to have ended, in whatever way."""
+    """Return whether a game is over: a tutorial must be passed, an episode must have ended for any reason."""
     episode = episodes.of_step(connection, participant.id, step.key)
     if episode is None:
         return False

@@ -1,4 +1,4 @@
-"""What a recruiter's link brings and what goes back: parameters in, an address or a form out."""
+"""Recruiters' links: read their parameters, and build the address or form that leads back."""
 
 import logging
 import re
@@ -13,16 +13,17 @@ from server.study.recruitment import Exit, Recruitment
 log = logging.getLogger(__name__)
 LONGEST_PARAMETER = 128
 MTURK_HOME: Final = "turkSubmitTo"
-# Everything that MTurk puts into `turkSubmitTo`. The value comes with the link, so it only selects one of these.
+# All values that MTurk uses for `turkSubmitTo`. The value in the link only selects one of these.
 MTURK_ORIGINS: Final = ("https://www.mturk.com", "https://workersandbox.mturk.com", "https://worker.mturk.com")
-# {{%PROLIFIC_PID%}}, %SURVEY_CODE%, ${workerId}, {person}, <id>, [id]: what a recruiter should have replaced.
+# {{%PROLIFIC_PID%}}, %SURVEY_CODE%, ${workerId}, {person}, <id>, [id]: placeholders that a recruiter should have
+# replaced.
 _PLACEHOLDER = re.compile(r"\{\{|\}\}|\$\{|^(%+\w+%+|\{.*\}|<.*>|\[.*\])$")
-PREVIEW = "ASSIGNMENT_ID_NOT_AVAILABLE"  # what MTurk says to somebody who only looks
+PREVIEW = "ASSIGNMENT_ID_NOT_AVAILABLE"  # MTurk's value in a preview
 
 
 @dataclass(frozen=True)
 class WayBack:
-    """Where the last page leads: a link, or a form with hidden `fields` that is posted to `url`."""
+    """The target of the last page: a link, or a form with hidden `fields` that is posted to `url`."""
 
     url: str
     fields: Mapping[str, str] | None = None
@@ -53,12 +54,12 @@ def recruitment_of(recruitment: Recruitment, given: Mapping[str, str]) -> tuple[
 
 
 def is_preview(recruitment: Recruitment, given: Mapping[str, str]) -> bool:
-    """Whether somebody looks at an MTurk assignment that they have not accepted."""
+    """Return whether this is a preview of an MTurk assignment that the person has not accepted."""
     return recruitment.source == "mturk" and _parameter(given, "assignmentId") == PREVIEW
 
 
 def may_start_new(study: Study) -> bool:
-    """Whether a second person in the same browser may begin without a link of their own."""
+    """Return whether a second person in the same browser may begin without a personal link."""
     return study.recruitment.person_parameter is None
 
 
@@ -73,8 +74,8 @@ def leave_url(outcome: Exit, values: Mapping[str, str]) -> str | None:
 
 
 def way_back(recruitment: Recruitment, outcome: Exit, values: Mapping[str, str]) -> WayBack | None:
-    """How somebody gets back to the recruiter, who learns of a finished assignment. `values`: `code`, `person` and
-    what the link brought."""
+    """Return the way back to the recruiter, which reports a finished assignment. `values`: `code`, `person` and the
+    link's parameters."""
     url = leave_url(outcome, values)
     if url is not None:
         return WayBack(url)

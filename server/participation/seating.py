@@ -1,4 +1,4 @@
-"""Which game a participant may play now, and in which seat: the step of their way as an episode in the database."""
+"""Find the game and the seat of a participant: the episode of their current step in the database."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ Fingerprint = Callable[[str, str], str | None]  # (layout, model) -> sha256 of i
 
 @dataclass(frozen=True)
 class ConnectedPlayer:
-    """Whose socket it is, and what they play now."""
+    """The participant of a socket, and their game."""
 
     participant: str
     episode: str | None  # None: their current step is not a game
@@ -41,7 +41,8 @@ class Seating:
     code_version: str
 
     async def find(self, token: str | None, study: str) -> ConnectedPlayer | None:
-        """Return whose token of this study it is and what they play now; None for others. Raises DatabaseDown."""
+        """Return the participant with this token of the study and their game; None if there is none. Raises
+        DatabaseDown."""
         if not token:
             return None
         participant, player = await self.database.read(self._look, token, study)
@@ -50,7 +51,8 @@ class Seating:
         return await self.database.write(self._seat, participant)
 
     def _look(self, connection: Connection, token: str, study: str) -> tuple[str | None, ConnectedPlayer | None]:
-        """Whose token it is, and the seat that they have already: who comes back to a game waits for no commit."""
+        """Return the participant with this token and their existing seat, without a write: a reconnection need not wait
+        for a commit."""
         participant = participants.by_token(connection, token)
         if participant is not None and self.studies.version(participant.study_id) is None:
             self.studies.learn(connection)  # another process serves a newer version
@@ -60,7 +62,7 @@ class Seating:
         return participant.id, self._seated(connection, participant, self.studies.step(participant))
 
     def _seat(self, connection: Connection, participant_id: str) -> ConnectedPlayer | None:
-        """The seat of somebody who may have none yet."""
+        """Return the participant's seat, creating it if necessary."""
         participant = participants.get(connection, participant_id)
         if participant is None:
             return None
@@ -79,7 +81,7 @@ class Seating:
         return self._seated(connection, participant, step)
 
     def _seated(self, connection: Connection, participant: Participant, step: StudyStep) -> ConnectedPlayer | None:
-        """What they play at this step; None if a seat is still to be given."""
+        """Return their game at this step; None if they have no seat yet."""
         nothing = ConnectedPlayer(participant.id, None, VIEWER, self._next_url(participant))
         if participant.status != "active" or not step.is_game:
             return nothing
@@ -94,11 +96,11 @@ class Seating:
         return step_address(self.studies.of(participant).name)
 
     async def seat_two(self, first: str, second: str) -> bool:
-        """The round of these two people exists from now on; False if one of them can no longer play it."""
+        """Create the round of these two people; return False if one of them can no longer play it."""
         return await self.database.write(pairing.seat_two, self.studies, self._sit, first, second)
 
     async def seat_alone(self, participant_id: str) -> None:
-        """Nobody came for this person."""
+        """Seat a person for whom no partner arrived."""
         await self.database.write(pairing.go_alone, self.studies, self._sit, participant_id, "nobody_came")
 
     def _sit(self, connection: Connection, people: Sequence[Participant], step: StudyStep) -> str:
@@ -130,5 +132,5 @@ def _seat_of(participant: Participant, episode: StoredEpisode) -> int:
 
 
 def _to_be_repeated(step: StudyStep, episode: StoredEpisode) -> bool:
-    """A tutorial is there to be passed: one that ended otherwise starts again."""
+    """Return whether the tutorial starts again, because it ended without being passed."""
     return step.kind == "tutorial" and episode.status in ("done", "aborted") and not episode.passed

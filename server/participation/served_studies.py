@@ -1,4 +1,4 @@
-"""The studies that are served, and every version that somebody once consented to. Knows the store, no HTTP."""
+"""The studies that are served, and every version to which somebody has consented."""
 
 import logging
 from collections.abc import Iterable
@@ -37,17 +37,17 @@ class Studies:
         return studies
 
     async def add(self, database: Database, file: StudyFile) -> int:
-        """Store a version, which nobody is let into yet; return its number. Raises DatabaseDown."""
+        """Store a version without opening it to participants; return its number. Raises DatabaseDown."""
         row = await database.write(stored_studies.register, file.study.name, file.text)
         self._versions = self._versions | {row.id: file.study}
         return row.id
 
     def let_into(self, name: str, number: int) -> None:
-        """Let those who come from now on into this version of a study."""
+        """Let new participants into this version of a study from now on."""
         self._open[name] = number
 
     def learn(self, connection: Connection) -> None:
-        """Read the versions back that are not known here: earlier ones, and those that other processes serve."""
+        """Read versions that are not loaded here: earlier ones, and those that other processes serve."""
         found: dict[int, Study] = {}
         for row in stored_studies.every(connection):
             if row.id in self._versions or row.id in self._unreadable:
@@ -85,19 +85,19 @@ class Studies:
         return self._versions[participant.study_id]
 
     def way(self, participant: Participant) -> tuple[StudyStep, ...]:
-        """All steps of the participant."""
+        """Return all steps of the participant."""
         study = self.of(participant)
         # Conditions fill in turn, so counting per condition spreads the rows of a Latin square evenly over each.
         number = (participant.allocation_number - 1) // len(study.conditions)
         return steps(study, participant.condition, participant.seed, number)
 
     async def said(self, database: Database, participant: Participant) -> Said | None:
-        """The answers on which pages and questions may depend; of a study without such, none are read."""
+        """Return the answers on which pages and questions may depend; none are read for a study without branches."""
         if not self.of(participant).branches:
             return {}
         return await database.read(answers.of_participant, participant.id)
 
     def step(self, participant: Participant) -> StudyStep:
-        """The step that the participant is at; the last one for those who finished."""
+        """Return the participant's current step; the last one for those who finished."""
         way = self.way(participant)
         return way[min(participant.position, len(way) - 1)]

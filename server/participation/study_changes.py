@@ -1,4 +1,4 @@
-"""What the researchers' pages know of study files that have changed since they were loaded."""
+"""The interface for changed study files, as the researchers' pages use it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,8 +11,8 @@ from server.study.loader import StudyFile
 
 @dataclass(frozen=True)
 class ServedVersion:
-    """The version of a study that a process gives to those who come from now on. `opened_at`: when a researcher chose
-    it; 0: it was there at the start; less: the same, of a process that was started again while others run."""
+    """The version of a study that new participants of a process get. `opened_at`: when a researcher chose it; 0: since
+    the start; less: the same, of a process that was restarted while others run."""
 
     study: str
     sha256: str
@@ -20,7 +20,7 @@ class ServedVersion:
 
 
 class Serving(Protocol):
-    """A process, as far as its studies go."""
+    """The studies of a process."""
 
     @property
     def served(self) -> Sequence[ServedVersion]: ...
@@ -28,7 +28,8 @@ class Serving(Protocol):
 
 @dataclass(frozen=True)
 class ChangedStudy:
-    """A study file that is not as it is served. `problem`: why it cannot be served as it is now; empty: it can."""
+    """A study file that differs from the version served. `problem`: why its current content cannot be served; empty: it
+    can."""
 
     name: str
     source: str
@@ -51,15 +52,16 @@ class Versions(Protocol):
     changed: dict[str, ChangedStudy]
 
     def look(self) -> None:
-        """Find the files that are not as they are served."""
+        """Find the files that differ from the version served."""
         ...
 
     async def prepare_file(self, database: Database, name: str) -> ServedVersion:
-        """Know the file as it is now as a version, and have its models. Raises StudyError, OSError, DatabaseDown."""
+        """Store the current content of the file as a version, and load its models. Raises StudyError, OSError,
+        DatabaseDown."""
         ...
 
     async def prepare(self, database: Database, name: str, sha256: str) -> None:
-        """Know a stored version and have its models, before anybody can be in it. Raises StudyError, DatabaseDown."""
+        """Read a stored version and load its models, before participants get it. Raises StudyError, DatabaseDown."""
         ...
 
     def open(self, version: ServedVersion) -> bool:
@@ -76,8 +78,8 @@ class Versions(Protocol):
         ...
 
     async def prepare_draft(self, database: Database, file: StudyFile) -> tuple[ServedVersion, int]:
-        """Store a study that was written in the dashboard as a version, and have its models; return what is to be
-        opened and the number of the version. Raises StudyError, DatabaseDown."""
+        """Store a study that was written in the dashboard as a version, and load its models; return the version to open
+        and its number. Raises StudyError, DatabaseDown."""
         ...
 
 

@@ -1,10 +1,7 @@
-"""Study files while they are served: says when one has changed, and takes the new version in without a restart.
-
-Participants who have begun keep their version, so its agents and predictors stay loaded; those that the newest version
-no longer names are loaded at the start for everybody who is still in the study.
-
-Several processes serve the same version: each is prepared for a new one before any lets somebody into it, and a process
-that missed that follows the others.
+"""Watch the served study files: report changes, and load new versions without a restart. Participants who have begun
+keep their version, so its agents and predictors stay loaded; at the start, those that the newest version no longer
+names are loaded for participants who are still in the study. Several processes serve the same version: all prepare a
+new one before any opens it, and a process that missed this follows the others.
 """
 
 import asyncio
@@ -41,7 +38,7 @@ OtherProcesses = Callable[[], Awaitable[Sequence[Serving]]]  # the other process
 
 
 class StudyVersions:
-    """The files of a server; made once in server.main, `run` looks at them until it is cancelled."""
+    """The files of a server; made once in server.main, `run` checks them until it is cancelled."""
 
     def __init__(
         self,
@@ -64,16 +61,16 @@ class StudyVersions:
         self.changed: dict[str, ChangedStudy] = {}
 
     def served(self) -> tuple[ServedVersion, ...]:
-        """What this process serves, for the others."""
+        """Return what this process serves, for the others."""
         return tuple(ServedVersion(name, file.sha256, self._opened_at[name]) for name, file in self._served.items())
 
     def fingerprint(self, layout: str, model: str) -> str | None:
-        """Return the SHA-256 that names a model in the data."""
+        """Return the SHA-256 that identifies a model in the data."""
         return self._required.fingerprint(layout, model)
 
     async def begin(self, database: Database, joins: bool = False) -> None:
-        """Load what participants of earlier versions need. `joins`: other processes serve already, so this one serves
-        what they do; the files may have changed since they started."""
+        """Load the models that participants of earlier versions need. `joins`: other processes serve already, so this
+        one serves the same versions; the files may have changed since they started."""
         self._database = database
         if joins:
             self._opened_at = dict.fromkeys(self._served, _JOINED)
@@ -82,7 +79,7 @@ class StudyVersions:
         await self.load_earlier(database)
 
     async def run(self) -> None:
-        """Look at the files every few seconds, and at the other processes if there are any."""
+        """Check the files every few seconds, and the other processes if there are any."""
         while True:
             await asyncio.sleep(LOOK_EVERY_S)
             try:
@@ -91,10 +88,10 @@ class StudyVersions:
             except DatabaseDown:
                 pass
             except Exception:
-                log.exception("the study files could not be looked at")
+                log.exception("the study files could not be checked")
 
     async def _follow(self) -> None:
-        """Know every version that somebody can be in, and serve the one that was chosen last."""
+        """Load every version that participants can be in, and serve the one that was chosen last."""
         database = self._database
         if self._other_processes is None or database is None:
             return
@@ -115,7 +112,7 @@ class StudyVersions:
                 self.open(version)
 
     def look(self) -> None:
-        """Find the files that are not as they are served."""
+        """Find the files that differ from the version served."""
         for name in self._from_files:
             file = self._served[name]
             stamp = _stamp(Path(file.source))
@@ -139,7 +136,7 @@ class StudyVersions:
         return ChangedStudy(name, served.source, served.sha256, file.sha256)
 
     def _checked(self, name: str, served: StudyFile) -> StudyFile:
-        """The file as it is now. Raises StudyError, OSError."""
+        """Read the current file. Raises StudyError, OSError."""
         file = load_with_kitchens(served.source, self._kitchens, self._settings.models_folder)
         if file.study.name != name:
             raise StudyError([f"{file.source}:1: the study is now called {file.study.name!r}, not {name!r}."])
@@ -156,8 +153,8 @@ class StudyVersions:
         return file
 
     async def prepare_file(self, database: Database, name: str) -> ServedVersion:
-        """Store the file as it is now as a version, and have its models; return what is to be opened. Raises StudyError
-        (also for a model that does not load), OSError, DatabaseDown."""
+        """Store the current content of the file as a version, and load its models; return the version to open. Raises
+        StudyError (also for a model that does not load), OSError, DatabaseDown."""
         file = await asyncio.to_thread(self._checked, name, self._served[name])
         await self._have(database, file)
         return ServedVersion(name, file.sha256, time.time())
@@ -195,7 +192,7 @@ class StudyVersions:
             number, self._served[name] = found
             self._studies.let_into(name, number)
             self.changed.pop(name, None)
-            self._stamps[name] = _NOT_LOOKED  # the file may be another one again
+            self._stamps[name] = _NOT_LOOKED  # the file may have changed again
         return True
 
     @property
@@ -208,8 +205,8 @@ class StudyVersions:
         return tuple(self._served[name] for name in self._from_files)
 
     async def prepare_draft(self, database: Database, file: StudyFile) -> tuple[ServedVersion, int]:
-        """Store a study that was written in the dashboard as a version, and have its models; return what is to be
-        opened and the number of the version. Raises StudyError, DatabaseDown."""
+        """Store a study that was written in the dashboard as a version, and load its models; return the version to open
+        and its number. Raises StudyError, DatabaseDown."""
         if file.study.name in self._from_files:
             reason = f"{file.study.name!r} is served from a file of this server"
             raise StudyError([f"{file.source}:1: {reason}. Choose another name."])
@@ -235,8 +232,8 @@ class StudyVersions:
                 self.open(ServedVersion(one.study, one.sha256, one.opened_at.timestamp()))
 
     async def load_earlier(self, database: Database) -> None:
-        """Load what participants of earlier versions need, who are still in the study. What cannot be loaded is said
-        in the log: it does not keep the others from playing."""
+        """Load the models for participants of earlier versions who are still in the study. Failures are logged and do
+        not affect other participants."""
         for study_id in await database.read(_in_use):
             study = self._studies.version(study_id)
             newest = self._served.get(study.name) if study is not None else None
@@ -265,6 +262,6 @@ def _stamp(path: Path) -> _Stamp:
 
 
 def _in_use(connection: Connection) -> list[int]:
-    """The versions that active participants are in."""
+    """Return the versions of active participants."""
     query = select(participants.c.study_id).where(participants.c.status == "active").distinct()
     return sorted(connection.execute(query).scalars())

@@ -1,6 +1,5 @@
-"""The waiting room: people of one condition who have come to the same round are brought together as they arrive.
-
-Knows sockets as the game does, and no database: who is seated with whom is stored by the two functions it is given.
+"""The waiting room: pair people of one condition who have reached the same round, as they arrive. It has sockets but no
+database: two functions given to it store the seats.
 """
 
 import asyncio
@@ -25,7 +24,7 @@ Room = tuple[int, str, str, bool]  # study version, condition, step, simulated o
 
 @dataclass(frozen=True)
 class PairingRequest:
-    """What somebody waits for: a round of two. Equal `room`s can be seated together."""
+    """A request for a round of two. People with equal `room`s can be seated together."""
 
     room: Room
     since: datetime  # when they first came to this round
@@ -47,7 +46,7 @@ SeatAlone = Callable[[str], Awaitable[None]]
 
 
 class WaitingRoom:
-    """Everybody who waits for somebody. Made once in server.main."""
+    """All people who wait for a partner. Made once in server.main."""
 
     def __init__(self, clock: Clock, seat_two: SeatTwo, seat_alone: SeatAlone) -> None:
         self._clock, self._seat_two, self._seat_alone = clock, seat_two, seat_alone
@@ -59,9 +58,8 @@ class WaitingRoom:
         return len(self._waiting)
 
     def enter(self, participant: str, request: PairingRequest, connection: Connection) -> None:
-        """Wait from now on; the newest tab of a waiting participant takes over.
-
-        A participant who got a seat after the request was read is called at once: they have a game already.
+        """Add a waiting participant; the newest tab takes over. A participant who got a seat after the request was read
+        is dismissed at once, because they have a game already.
         """
         if self._seated.pop(participant, None) == request.room:
             connection.close(CloseCode.GAME_READY, "there is a game now")
@@ -75,7 +73,7 @@ class WaitingRoom:
             self._keeper = asyncio.create_task(self._keep())
 
     def leave(self, participant: str, connection: Connection) -> None:
-        """A socket is gone; nothing happens if another one has taken over."""
+        """Handle a closed socket; nothing happens if another one has taken over."""
         waiter = self._waiting.get(participant)
         if waiter is not None and waiter.connection is connection:
             del self._waiting[participant]
@@ -91,7 +89,7 @@ class WaitingRoom:
             await self._clock.sleep(LOOK_EVERY_S)
 
     def _is_free(self, waiter: _Waiter) -> bool:
-        """Whether they still wait in this tab and are not being seated (seating awaits the database)."""
+        """Return whether they still wait in this tab and are not being seated (seating awaits the database)."""
         return self._waiting.get(waiter.participant) is waiter and not waiter.busy
 
     async def _serve(self, waiter: _Waiter, other: _Waiter | None) -> None:
@@ -106,9 +104,9 @@ class WaitingRoom:
         except DatabaseDown:
             for one in some:
                 self._waiting.get(one.participant, one).busy = False
-            log.warning("nobody can be seated while the database is away")
+            log.warning("people cannot be paired while the database is unavailable")
         except Exception:
-            log.exception("%d who waited cannot be seated", len(some))
+            log.exception("%d waiting people cannot be paired", len(some))
             for one in some:
                 self._dismiss(one, CloseCode.FAILED, "the server failed")
         else:
@@ -118,7 +116,7 @@ class WaitingRoom:
                 self._dismiss(one, CloseCode.GAME_READY, "there is a game now")
 
     async def _seat(self, some: list[_Waiter]) -> bool:
-        """Whether they have a game now."""
+        """Seat two people; return whether they have a game now."""
         if len(some) == 2:
             return await self._seat_two(some[0].participant, some[1].participant)
         await self._seat_alone(some[0].participant)
@@ -131,7 +129,7 @@ class WaitingRoom:
             del self._seated[next(iter(self._seated))]
 
     def _dismiss(self, waiter: _Waiter, code: CloseCode, reason: str) -> None:
-        """Close the tab in which they sit now: their page connects again and finds the game."""
+        """Close their current socket: the page connects again and finds the game."""
         now = self._waiting.pop(waiter.participant, waiter)
         now.connection.close(code, reason)
 
@@ -147,7 +145,7 @@ class WaitingRoom:
 
 
 def fit(one: _Waiter, other: _Waiter) -> bool:
-    """Whether two may be seated together."""
+    """Return whether two people may be seated together."""
     if one.request.room != other.request.room:
         return False
     return one.request.partner in (None, other.participant) and other.request.partner in (None, one.participant)

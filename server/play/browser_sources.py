@@ -1,4 +1,5 @@
-"""Write what the pages' scripts share with the server from the Python types: `python -m server.play.browser_sources`.
+"""Generate the files that the pages' scripts share with the server from the Python types: `python -m
+server.play.browser_sources`.
 
 `wire.d.ts` has the types of all messages (read only by the type checker of the scripts), `protocol.js` the protocol's
 number and the close codes. A test compares both with the types.

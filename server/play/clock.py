@@ -30,10 +30,10 @@ class Clock:
         return round(time.time() * 1000, 3)
 
     async def sleep(self, seconds: float) -> None:
-        """Real seconds, whatever the speed: for what waits for machines."""
+        """Sleep real seconds, whatever the speed: to wait for machines."""
         await asyncio.sleep(seconds)
 
     async def sleep_until(self, moment: float) -> None:
-        """Return at or after `moment` of `now()`; the event loop may wake up a millisecond early, this does not."""
+        """Sleep until `moment` of `now()`, never less; the event loop's own sleep may end a millisecond early."""
         while (left_s := (moment - self.now()) / self.speed) > 0:
             await asyncio.sleep(left_s)

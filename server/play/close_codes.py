@@ -1,4 +1,4 @@
-"""Why a websocket closes, as its close code says: one table for the server, the pages and the simulated participants.
+"""Close codes of websockets: one table for the server, the pages and the simulated participants.
 
 docs/reference/protocol.md says what a client does with each; static/js/browser/protocol.js is written from this file.
 """

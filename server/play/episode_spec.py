@@ -1,4 +1,6 @@
-"""What one episode is, fixed before it starts. server.study makes it, server.store keeps it, server.play plays it."""
+"""The specification of one episode, fixed before it starts. server.participation makes it, server.store keeps it,
+server.play plays it.
+"""
 
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -1,4 +1,4 @@
-"""What the frame of a state shows to each person: decided once a state, stored, then sent."""
+"""Decide what the frame of a state shows to each person: once per state; then it is stored and sent."""
 
 from collections.abc import Mapping
 
@@ -31,7 +31,7 @@ class Frames:
         self.watch()
 
     def watch(self) -> None:
-        """Let everybody whose sight is limited look at the current state."""
+        """Update the limited sight of every participant with the current state."""
         if self._sights:
             kitchen = self._simulation.kitchen()
             for sight in self._sights.values():
@@ -44,7 +44,7 @@ class Frames:
             self.asked = person.marks_key.take()
 
     def decide(self, answers: Answers, over: bool) -> None:
-        """Decide what the frame of the current state shows. Nothing is done any more when the episode is `over`."""
+        """Decide what the frame of the current state shows. If the episode is `over`, nothing is drawn."""
         self.misleading = None
         sight = self._sights.get(self._viewer)
         self.in_sight = None if sight is None else sight.sees_partner(self._simulation.kitchen())
@@ -79,7 +79,7 @@ class Frames:
             self.displayed = tuple(zip(actions, (opacity for _, opacity in self.displayed), strict=True))
 
     def welcome(self, person: int, episode: str, resumed: bool) -> messages.Welcome:
-        """All that the page of one person needs to draw the game."""
+        """Return everything that one person's page needs to draw the game."""
         spec, simulation = self._spec, self._simulation
         state, partner_seen, unknown = self.seen_by(person)
         sees_predictions = spec.shown != "nothing" and person != spec.watched_seat

@@ -1,4 +1,4 @@
-"""A session with the people who play it: who is connected, who is told what, what has to be stored about it."""
+"""A session with its players: connections, messages to them, and records to store."""
 
 from collections.abc import Callable
 from datetime import datetime
@@ -17,7 +17,7 @@ from server.play.session import COUNTDOWN_S, Session
 
 
 class Connection(Protocol):
-    """One socket of one participant, as the game sees it. Neither call waits."""
+    """One socket of one participant, as the game sees it. Its methods return at once."""
 
     tab: str
     is_new_page: bool  # it has no state of the game yet and counts its inputs from the start
@@ -29,7 +29,7 @@ class Connection(Protocol):
 
 
 class Game:
-    """One running episode. Everything here is immediate; `loop` does what takes time."""
+    """One running episode. Its methods return at once; `loop` does the slow work."""
 
     def __init__(
         self,
@@ -54,10 +54,10 @@ class Game:
     def episode(self) -> str:
         return self.session.episode
 
-    # People
+    # Participants
 
     def join(self, person: int, connection: Connection) -> None:
-        """A page said Hello. The newest connection of a person plays; the one before is told and closed."""
+        """Handle a page's Hello. The newest connection of a person plays; the one before is told and closed."""
         before = self.connections.get(person)
         if before is not connection:
             if before is not None:
@@ -74,14 +74,14 @@ class Game:
             connection.send(self._paused(person))
 
     def leave(self, person: int, connection: Connection) -> None:
-        """A socket is gone. Nothing happens if another one has taken over."""
+        """Handle a closed socket. Nothing happens if another one has taken over."""
         if self.connections.get(person) is connection:
             del self.connections[person]
             self.idle_since = self.clock.now()
             self.pause(person, "lost")
 
     def receive(self, person: int, connection: Connection, message: messages.Incoming) -> None:
-        """Take a message in; those of a connection that was taken over change nothing."""
+        """Handle a message; one from a connection that was taken over has no effect."""
         if self.connections.get(person) is not connection:
             return
         match message:
@@ -106,7 +106,7 @@ class Game:
             connection.send(self._paused(person))
 
     def dismiss_all(self) -> None:
-        """The game continues in another process."""
+        """Close all connections, because the game continues in another process."""
         for connection in self.connections.values():
             self._dismiss(connection)
         self.connections.clear()
@@ -116,10 +116,10 @@ class Game:
         connection.send(messages.Superseded())
         connection.close(CloseCode.SUPERSEDED, "another tab has taken over")
 
-    # Standing still and going on
+    # Pausing and resuming
 
     def pause(self, holder: Holder, reason: str) -> None:
-        """Stop at once. A state that is being made is still stored and shown; then nothing moves."""
+        """Pause at once. A state that is being made is still stored and shown."""
         record = self.session.pause(holder, reason, self.clock.now(), self.clock.wall())
         if not self.session.moving:
             self._stop(self)
@@ -129,7 +129,7 @@ class Game:
             self.tell_paused()
 
     def interrupted(self, since: datetime | None) -> None:
-        """The game comes from the database: it has stood still since `since` (None: nobody knows, so since now)."""
+        """Mark a game from the database as paused since `since` (None: unknown, so since now)."""
         now, session = self.clock.wall(), self.session
         since = min(since or now, now)  # the wall clock may have been set back
         session.paused_since -= (now - since).total_seconds() * self.clock.speed
@@ -145,18 +145,19 @@ class Game:
             self.retrying_writer.pause(record)
 
     def store_inputs(self) -> None:
-        """Store what arrived while the game stands still: its next record may never come."""
+        """Store inputs that arrived while the game is paused: there may be no next record."""
         if records := self.session.settled_inputs():
             self.retrying_writer.inputs(self.episode, records)
 
-    # What people are told
+    # Messages to participants
 
     def broadcast(self, message: Outgoing) -> None:
         for connection in self.connections.values():
             connection.send(message)
 
     def _welcome(self, person: int) -> messages.Welcome:
-        """The page's clock is on the wall: where the games' clock is faster, its timesteps are shorter."""
+        """Return the welcome message. The page uses real time, so with a faster game clock its timesteps are
+        shorter."""
         welcome = self.session.welcome(person)
         return structs.replace(welcome, tick_ms=max(1, round(welcome.tick_ms / self.clock.speed)))
 
@@ -174,20 +175,20 @@ class Game:
                 connection.send(self._paused(person))
 
     def show(self) -> None:
-        """The stored state goes out."""
+        """Send the stored state."""
         for person, connection in self.connections.items():
             connection.send(self.session.tick_message(person))
         self._teach()
 
     def _teach(self) -> None:
-        """Tell which lesson is on whenever it changes."""
+        """Send the current lesson whenever it changes."""
         lesson = self.session.lesson()
         if lesson is not None and lesson != self._lesson:
             self._lesson = lesson
             self.broadcast(lesson)
 
     def tell_end(self, result: EpisodeResult) -> None:
-        """The episode is stored; everybody continues."""
+        """Tell everybody that the episode is over and stored."""
         for connection in self.connections.values():
             figures = (result.score, result.soups, result.progress, result.passed)
             reason = cast(messages.EndReason, result.reason)

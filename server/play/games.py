@@ -1,4 +1,4 @@
-"""All games of this server: taken up when somebody comes, ended when they are over, kept no longer than needed."""
+"""All games of this server: loaded when a participant connects, ended when they are over, unloaded when unused."""
 
 import asyncio
 import logging
@@ -18,29 +18,30 @@ log = logging.getLogger(__name__)
 Load = Callable[[str], Awaitable[EpisodeRecord | None]]
 AfterEnd = Callable[[EpisodeRecord, EpisodeResult], Awaitable[None]]
 KEEP_EVERY_S: Final = 0.25
-FORGET_AFTER_S: Final = 120.0  # a game that waits for nobody in particular is taken up again from the database
+FORGET_AFTER_S: Final = 120.0  # after this many seconds a game without participants is unloaded; the database has it
 STOP_WITHIN_S: Final = 5.0
 _LOOK_AGAIN_S: Final = 0.002
 
 
 class NoGame(Exception):
-    """There is no such episode, it is over, or the server is going down."""
+    """There is no such episode, it is over, or the server is stopping."""
 
 
 class Owners(Protocol):
-    """Who plays which game, where several processes serve. `load` makes this process the owner."""
+    """Ownership of games if several processes serve. `load` makes this process the owner."""
 
     async def still_mine(self, episode: str) -> bool:
-        """Whether no other process has taken the game up since. Raises RecorderDown."""
+        """Return whether this process still owns the game. Raises RecorderDown."""
         ...
 
     def let_go(self, episode: str) -> None:
-        """The game is over here, or was taken up by another process."""
+        """Give up a game that is over, or that another process has taken over."""
         ...
 
 
 class Games:
-    """The live games by episode. `load` reads an episode from the database; `after_end` hears of every stored end."""
+    """The live games by episode. `load` reads an episode from the database; `after_end` is called after every stored
+    end."""
 
     def __init__(
         self,
@@ -73,11 +74,11 @@ class Games:
         return Games(self.clock, self._models, recorder, load)
 
     def get(self, episode: str) -> Game | None:
-        """The game if it is live here."""
+        """Return the game if it is live here."""
         return self._games.get(episode)
 
     async def join(self, episode: str, person: int, connection: Connection) -> Game:
-        """A page said Hello. Raises NoGame, RecorderDown; and what `load` and the re-simulation raise."""
+        """Handle a page's Hello. Raises NoGame, RecorderDown, and what `load` and the re-simulation raise."""
         if self.stopping:
             raise NoGame("the server is going down")
         game = self._games.get(episode)
@@ -139,7 +140,7 @@ class Games:
             self._spawn(self._finish(game, result))
 
     async def _finish(self, game: Game, result: EpisodeResult) -> None:
-        """The end is stored before anybody hears of it."""
+        """Store the end, then tell the participants."""
         try:
             await game.retrying_writer.end(result)
             if self._after_end is not None:
@@ -155,7 +156,8 @@ class Games:
         self._forget(game)
 
     def let_go(self, game: Game) -> None:
-        """Another process plays it now: nothing more is done or stored here, and those who are here are told."""
+        """Give up a game that another process has taken over: nothing more is stored here, and connected participants
+        are told."""
         if self._games.get(game.episode) is game:
             log.info("episode %s was taken up by another process", game.episode)
             self._forget(game)
@@ -194,14 +196,14 @@ class Games:
                     self._forget(game)
 
     async def stop(self) -> None:
-        """Running games pause durably, everybody is told that the server comes back, sockets close with 1012."""
+        """Pause running games durably, tell everybody that the server restarts, and close sockets with 1012."""
         self.stopping = True
         if self._keeper is not None:
             self._keeper.cancel()
         games = list(self._games.values())
         for game in games:
             game.pause("server", "server")
-            game.store(game.session.end_pause(self.clock.now()))  # the process that takes it up begins its own pause
+            game.store(game.session.end_pause(self.clock.now()))  # the process that takes it over begins its own pause
         await self.loop.close()
         try:
             async with asyncio.timeout(STOP_WITHIN_S):

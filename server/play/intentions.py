@@ -1,4 +1,4 @@
-"""From a predictor's intentions to what a frame shows: in every condition the same bytes."""
+"""Turn a predictor's intentions into a frame's content, with the same number of bytes in every condition."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -42,8 +42,8 @@ def display(
 
 
 def wrong_intention(intentions: Sequence[Intention]) -> Intention | None:
-    """Return the most plausible wrong intention: the runner-up, if it is another use of a station. None if the
-    runner-up is that nothing happens: that would not mislead anybody."""
+    """Return the most plausible wrong intention: the runner-up, if it is another use of a station. None if the second
+    most likely is no interaction, which would not mislead."""
     first, *others = intentions or (None,)
     for other in others:
         if first is not None and (other.kind, other.x, other.y) != (first.kind, first.x, first.y):

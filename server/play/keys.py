@@ -1,4 +1,4 @@
-"""What a person's keys mean: which action they decide at the next tick. Knows neither clock nor socket."""
+"""Turn a person's keys into the action of the next tick."""
 
 from operator import attrgetter
 from typing import Final
@@ -23,7 +23,7 @@ from server.play.recorder import (
 )
 
 _MAX_TABS: Final = 16  # of one person in one game whose last message is remembered
-MAX_SETTLED: Final = 1000  # inputs of one person that wait to be stored; a game that stands still stores none
+MAX_SETTLED: Final = 1000  # inputs of one person that wait to be stored; a paused game stores none
 
 
 class InputArrival(Struct, frozen=True, gc=False):
@@ -35,7 +35,7 @@ class InputArrival(Struct, frozen=True, gc=False):
 
 
 class Press(Struct, eq=False, gc=False):
-    """One Input and what became of it."""
+    """One Input and its outcome."""
 
     number: int  # 1, 2, ... in the order of arrival
     keys: Input
@@ -73,9 +73,8 @@ class Keys:
         self._settled: list[Press] = []
 
     def press(self, keys: Input, received: float, taps_count: bool = True, arrival: InputArrival = _UNKNOWN) -> bool:
-        """Take a message in. False: it is a repeat or older than one already seen, and nothing changed.
-
-        `taps_count` False: the game stands still; a key that is held keeps counting, one just tapped does not.
+        """Handle an Input. Returns False, and changes nothing, for a repeated or outdated one. `taps_count` False: the
+        game is paused; a held key still counts, a tap does not.
         """
         self._count += 1
         press = Press(self._count, keys, received, arrival)
@@ -120,7 +119,7 @@ class Keys:
         return STAY, None
 
     def clear(self, outcome: InputOutcome = FORGOTTEN) -> None:
-        """Forget every key, but not which messages were seen: after a pause nothing old comes back."""
+        """Forget every key, but not which messages were seen, so that no old key acts after a pause."""
         waiting = [press for _, press in self._taps.values()]
         if self._held_by is not None:
             waiting.append(self._held_by)
@@ -135,7 +134,7 @@ class Keys:
 
     def page(self, tab: str, is_new: bool) -> None:
         """A page takes over. A new one counts its messages from the start; one that was here before keeps counting,
-        so that a message which it repeats after a lost connection is not done twice."""
+        so that a message repeated after a lost connection has no second effect."""
         self.clear()
         if self._tab is not None:
             self._seqs[self._tab] = self.seq
@@ -162,7 +161,7 @@ class Keys:
             self._settle(press, outcome)
 
     def _settle(self, press: Press, outcome: InputOutcome, timestep: int | None = None) -> None:
-        """The first outcome stays: a key that is held on decides many timesteps."""
+        """Set the outcome, unless there is one: a held key decides many timesteps."""
         if press.outcome is None:
             press.outcome, press.timestep = outcome, timestep
             if len(self._settled) < MAX_SETTLED:

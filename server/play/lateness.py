@@ -1,4 +1,4 @@
-"""How late the timesteps of the last minute began. What is older says nothing about now and is not told."""
+"""The lateness of the timesteps of the last minute; older values are dropped."""
 
 import time
 from collections import deque
@@ -10,7 +10,7 @@ _KEPT: Final = 10_000
 
 
 class Lateness:
-    """Of the last ticks, each with the (real) moment at which it began."""
+    """The lateness of the last ticks, each with the (real) moment at which it began."""
 
     def __init__(self) -> None:
         self._ticks: deque[tuple[float, float]] = deque(maxlen=_KEPT)  # (moment, ms), oldest first

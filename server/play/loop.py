@@ -23,7 +23,7 @@ from server.play.slots import Slot, between_batches, slots_of
 log = logging.getLogger(__name__)
 COMMIT_S: Final = 1.0  # a commit that takes longer counts as RecorderDown
 PROBE_S: Final = 0.5
-STALLED_S: Final = 1.0  # a server that slept so long counts down again instead of rushing through what it missed
+STALLED_S: Final = 1.0  # a server that was suspended for longer counts down again instead of catching up
 _SERVER: Final = "server"
 
 
@@ -56,7 +56,7 @@ class Loop:
         return len(self._slot_of)
 
     def start(self, game: Game) -> None:
-        """Count down and play on, in the emptiest slot."""
+        """Count down and continue the game, in the slot with the fewest games."""
         tick_ms = game.session.spec.tick_ms
         if tick_ms not in self._slots:
             self._slots[tick_ms] = slots_of(tick_ms, patient=self.clock.patience_s > 0)
@@ -76,13 +76,13 @@ class Loop:
             self._spawn(self._make_start(game))
 
     def stop(self, game: Game) -> None:
-        """The game stands still (or is gone)."""
+        """Stop driving a game that is paused or over."""
         slot = self._slot_of.pop(game, None)
         if slot is not None:
             slot.games.discard(game)
 
     async def between_batches(self) -> None:
-        """Return when no batch is due for a while: for work that can wait and would make the games' timesteps late."""
+        """Wait until no batch is due for a while: for work that can wait and would delay timesteps."""
         await between_batches([slot for slots in self._slots.values() for slot in slots], self.clock)
 
     async def close(self) -> None:
@@ -119,7 +119,7 @@ class Loop:
                 await self.clock.sleep(0.001)
 
     def _is_due(self, session: Session, now: float) -> bool:
-        """Whether the next timestep is to be made; with a patient clock it is due as soon as all have acted."""
+        """Return whether the next timestep is due; with a patient clock that is as soon as all players have acted."""
         late_s = now - session.next_deadline
         if not self.clock.patience_s:
             return late_s >= 0
@@ -165,7 +165,7 @@ class Loop:
         await self._finish(begun)
 
     async def _finish(self, begun: Sequence[tuple[Game, list[Question]]]) -> None:
-        """States that were made: asked about, stored, shown."""
+        """Finish new states: call the models, store, and show them."""
         for game, _ in begun:
             game.busy = True
         decisions, models_ms = await self._ask(begun)
@@ -240,7 +240,7 @@ class Loop:
             self._broken(game, error)
 
     def _stored(self, game: Game) -> None:
-        """The state is durable: only now anybody sees it."""
+        """Show a state, now that it is stored."""
         game.busy, game.unstored, game.session.stored = False, None, True
         game.show()
         if game.session.over:
@@ -285,7 +285,7 @@ class Loop:
             log.warning("the database commits again, %d games continue", len(games))
             for game, _ in games:
                 self._unstored.discard(game)
-                if game.session.over:  # its last timestep is about to be shown: it no longer stands still
+                if game.session.over:  # its last timestep is about to be shown: it is no longer paused
                     game.tell_countdown(0)
                 elif game.episode not in lost:
                     game.release(DATABASE)  # first: the countdown comes before its timestep

@@ -1,4 +1,6 @@
-"""From a prediction to what a frame shows: in every condition the same bytes, an action and its opacity a step."""
+"""Turn a prediction into a frame's marks, an action and its opacity per step, with the same number of bytes in every
+condition.
+"""
 
 from collections.abc import Sequence
 from typing import Final
@@ -15,7 +17,7 @@ Displayed = tuple[tuple[int, int], ...]  # a step: (action 0-6, opacity %)
 
 
 def display(spec: EpisodeSpec, timestep: int, prediction: Sequence[Sequence[float]]) -> Displayed:
-    """What the participant sees on the state of `timestep`.
+    """Return the marks on the state of `timestep`.
 
     `prediction` (steps, 6): probabilities, empty where the predictor gave none (then nothing is drawn). Random marks
     are uniform over the six actions and redrawn each timestep.
@@ -47,7 +49,8 @@ def hidden(displayed: Displayed) -> Displayed:
 
 
 def _opacities(spec: EpisodeSpec, prediction: Sequence[Sequence[float]]) -> Sequence[int]:
-    """With confidence a step fades with its largest probability, in all conditions alike: bytes tell nothing."""
+    """Return the opacities. With confidence a step fades with its largest probability, in all conditions, so that
+    frames do not reveal the condition."""
     plain = OPACITIES[: spec.steps_shown]
     if not (spec.confidence_opacity and prediction):
         return plain

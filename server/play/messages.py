@@ -11,14 +11,14 @@ from msgspec import Meta, Struct
 
 PROTOCOL = 1
 MAX_FRAME_BYTES = 1024
-MAX_READ_BYTES = 4 * MAX_FRAME_BYTES  # more is never read: the websocket library closes the socket, in its own words
+MAX_READ_BYTES = 4 * MAX_FRAME_BYTES  # longer frames are never read: the websocket library closes the socket
 
 Count = Annotated[int, Meta(ge=0)]
 Seconds = Annotated[float, Meta(ge=0)]
 Seq = Annotated[int, Meta(ge=0, lt=2**53)]
 Milliseconds = Annotated[float, Meta(ge=0, le=1e15)]
 Move = Annotated[int, Meta(ge=0, le=3)]
-Tap = Literal[0, 1, 2, 3, 5]  # staying is no key
+Tap = Literal[0, 1, 2, 3, 5]  # there is no key for staying
 Action = Annotated[int, Meta(ge=0, le=5)]
 ShownAction = Annotated[int, Meta(ge=0, le=6)]  # 6: nothing is drawn
 ShownKind = Annotated[int, Meta(ge=0, le=8)]  # 0-7: an InteractionKind; 8: nothing is drawn
@@ -142,8 +142,8 @@ class Tick(ToBrowser, frozen=True):
     the participant asks for the marks on this state; always true where marks need no asking. It is how a page that
     connects again, or a second one, knows whether a toggle is on. `intention`: what the watched chef will do next at
     which station: [kind 0-8, x, y, opacity in %]; kinds: 0 none soon, 1 take an onion, 2 take a dish, 3 take a soup, 4
-    fill a pot, 5 plate a soup, 6 serve, 7 put down, 8 nothing is drawn. `pad` means nothing: it makes the frames of all
-    conditions equally long."""
+    fill a pot, 5 plate a soup, 6 serve, 7 put down, 8 nothing is drawn. `pad` has no meaning: it makes the frames of
+    all conditions equally long."""
 
     state: KitchenState
     prediction: tuple[tuple[ShownAction, Opacity], ...]
@@ -220,14 +220,14 @@ _encoder = msgspec.json.Encoder()
 
 
 class BadMessage(ValueError):
-    """A frame that is no message of this protocol; the text says why."""
+    """The frame is not a message of this protocol; the text says why."""
 
 
 def decode(frame: str | bytes) -> Incoming:
     """The message in a text frame. Raises BadMessage."""
     try:
         message: Incoming = _decoder.decode(frame)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:  # the last: brackets in brackets
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:  # the last: too deeply nested
         raise BadMessage(str(error)) from None
     return message
 

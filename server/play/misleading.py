@@ -1,4 +1,4 @@
-"""The most plausible wrong future of the watched chef: what it could well do next, and will not."""
+"""The most plausible wrong prediction for the watched chef: likely actions that it will not take."""
 
 from collections.abc import Sequence
 from heapq import heappop, heappush

@@ -1,4 +1,4 @@
-"""What the models are asked about a state, and what their answers decide. Knows no clock; never runs a network."""
+"""The questions to the models about a state, and the decisions from their answers."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ from server.play.simulation import Simulation
 
 
 class Answers(Struct, frozen=True, gc=False):
-    """What the models said about one state."""
+    """The models' answers about one state."""
 
     next_actions: tuple[int | None, int | None]  # by seat; None: a human's seat, or no answer in time
     prediction: tuple[tuple[float, ...], ...]  # (steps, 6); empty: no predictor, or no answer in time

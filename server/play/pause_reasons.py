@@ -1,4 +1,4 @@
-"""Why a game stands still, since when, and how long it may. Times are seconds of the caller's clock."""
+"""Why a game is paused, since when, and how long it may be. Times are seconds of the caller's clock."""
 
 from dataclasses import dataclass, replace
 
@@ -9,7 +9,7 @@ DATABASE = "database"
 RESEARCHER = "researcher"
 NOT_STARTED = "not_started"  # the participant has not pressed start yet: no pause, no limit
 
-SHORTEST_S = 0.5  # what an absence counts for at least, so that the pauses of a game are bounded also by their number
+SHORTEST_S = 0.5  # the least that an absence counts for, which limits the number of pauses of a game
 
 Holder = int | str  # a person's seat, DATABASE or RESEARCHER
 
@@ -21,7 +21,7 @@ class Hold:
 
 
 class PauseReasons:
-    """Everything that keeps one game from moving. It may go on when the last hold is released."""
+    """All reasons to pause one game. It may continue when the last one is released."""
 
     def __init__(self, limits: PauseLimits, away_ms: float) -> None:
         self._limits = limits
@@ -53,7 +53,7 @@ class PauseReasons:
         self._limits = PauseLimits(limits.each_s + seconds, limits.episode_s + seconds)
 
     def reason(self, person: int) -> str:
-        """Why it stands still, as this person is told: their own reason first, then the server's, then the other's."""
+        """Return the reason to show to this person: their own first, then the server's, then the other person's."""
         own = self._held.get(person)
         if own is not None:
             return own.reason

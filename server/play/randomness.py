@@ -1,4 +1,6 @@
-"""All chance in an episode: a number for (seed, timestep, purpose); a restarted game draws the same ones again."""
+"""All randomness of an episode: a number for (seed, timestep, purpose); a restarted game draws the same numbers
+again.
+"""
 
 from functools import lru_cache
 from typing import Final

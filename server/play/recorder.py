@@ -1,4 +1,4 @@
-"""What the live game hands to the database, and what it asks of it. server.store.episodes is the real recorder."""
+"""The interface between the live game and the database. server.store.episodes implements it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -118,7 +118,7 @@ class StoredInputs:
 
 @dataclass(frozen=True)
 class EpisodeRecord:
-    """An episode as stored, ready to go on: its spec and all committed ticks' joint actions."""
+    """An episode as stored, ready to be continued: its spec and all committed ticks' joint actions."""
 
     episode: str
     participants: tuple[str | None, str | None]  # participant ids by seat

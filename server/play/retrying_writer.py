@@ -1,4 +1,6 @@
-"""Writes that must arrive however long the database is away: pauses, inputs and the end of one episode, in order."""
+"""Writes that are retried however long the database is unavailable: pauses, inputs and the end of one episode, in
+order.
+"""
 
 import asyncio
 import logging

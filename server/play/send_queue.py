@@ -1,4 +1,4 @@
-"""What waits to be sent to one browser: never much, newest state wins. Also its heartbeat. Knows no socket."""
+"""The bounded queue of messages to one browser, in which a new state replaces an older one; also its heartbeat."""
 
 import asyncio
 from collections import deque
@@ -10,8 +10,8 @@ from server.play.close_codes import CloseCode
 from server.play.messages import Outgoing, Ping, Tick, encode
 
 PING_EVERY_S: Final = 1.0
-SLOW_AFTER_S: Final = 0.5  # an unanswered Ping this old: the reader is behind, no state is sent but the newest
-DEAD_AFTER_S: Final = 4.5  # an unanswered Ping this old: nobody is there
+SLOW_AFTER_S: Final = 0.5  # an unanswered Ping this old: the reader is behind, only the newest state is sent
+DEAD_AFTER_S: Final = 4.5  # an unanswered Ping this old: the connection is lost
 _MOST_WAITING: Final = 16  # messages other than states
 
 
@@ -65,20 +65,20 @@ class SendQueue:
         self._wake()
 
     def close(self, code: int, reason: str) -> None:
-        """What waits is sent, then the socket closes."""
+        """Send the waiting messages, then close the socket."""
         if self._end is None:
             self._end = Close(code, reason)
             self._slow = False
             self._wake()
 
     def drop(self) -> None:
-        """The socket is gone: nothing waits any more."""
+        """Drop all waiting messages: the socket is gone."""
         self._line.clear()
         self._end = self._end or Close(CloseCode.SILENT, "gone")
         self._wake()
 
     async def next(self) -> bytes | Close:
-        """The next frame, as soon as there is one; Close when there is nothing more to come."""
+        """Return the next frame, as soon as there is one; Close at the end."""
         while True:
             if self._line and not (self._slow and self._line[0][0]):
                 self._idle = False
@@ -90,7 +90,8 @@ class SendQueue:
             await self._filled.wait()
 
     def beat(self, now: float) -> bool:
-        """To be called some times a second: asks for life signs and notices slow readers. True: nobody is there."""
+        """Send Pings and detect slow readers; call it several times a second. Returns True if the connection is
+        lost."""
         if self._pinged_at is not None:
             age_s = now - self._pinged_at
             self._slow = age_s > SLOW_AFTER_S and self._end is None
@@ -102,7 +103,7 @@ class SendQueue:
         return False
 
     def pong(self, ping_id: int, now: float) -> bool:
-        """Take an answer; False if it answers nothing that was asked."""
+        """Handle a Pong; return False if it answers no Ping."""
         if self._pinged_at is None or ping_id != self._ping_id:
             return False
         self.rtt_ms = (now - self._pinged_at) * 1000

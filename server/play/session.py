@@ -71,7 +71,7 @@ class Session:
             place = f"episode {record.episode}, timestep {self.simulation.timestep}"
             raise ReplayMismatch(f"{place}: the stored actions do not lead to the stored state")
 
-    # When
+    # Time
 
     @property
     def heard_from_all(self) -> bool:
@@ -80,12 +80,12 @@ class Session:
 
     @property
     def moving(self) -> bool:
-        """The clock of the game runs, or is about to."""
+        """Whether the clock of the game runs, or is about to."""
         return self.phase in ("countdown", "running")
 
     @property
     def over(self) -> bool:
-        """Nothing is left to play; the result waits to be stored."""
+        """Whether the episode is over; the result then waits to be stored."""
         if self.spec.horizon and self.simulation.timestep >= self.spec.horizon:
             return True
         return self.tutor is not None and self.tutor.finished
@@ -124,12 +124,12 @@ class Session:
         return replace(self.pause_record, inputs=self.settled_inputs())
 
     def release(self, holder: Holder, now: float) -> bool:
-        """Somebody is back. True: nothing holds the game any more, `count_down` may be called."""
+        """Release a person's pause. True: no reason to pause is left, `count_down` may be called."""
         self.pause_reasons.release(holder, now)
         return not self.pause_reasons and self.phase in ("waiting", "paused")
 
     def expect_others(self, person: int, now: float) -> None:
-        """Somebody is ready: from now on the time of the other people counts as an absence."""
+        """Note that somebody is ready: from now on the other people's time counts as an absence."""
         for other in self.people:
             if other != person and other in self.pause_reasons:
                 self.pause_reasons.hold(other, "lost", now)
@@ -234,7 +234,7 @@ class Session:
         )
         return self.record
 
-    # What people are told
+    # Messages to participants
 
     def tick_message(self, person: int) -> messages.Tick:
         """The frame of the current state. Only for a state that is stored."""

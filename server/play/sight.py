@@ -1,8 +1,8 @@
-"""Limited sight: the part of the kitchen that one person sees now, and what they remember of the rest.
+"""Limited sight: the part of the kitchen that one person sees now, and what was last seen of the rest.
 
 A person sees the cells at most `radius` columns and `radius` rows from their own chef (Chebyshev distance). Walls and
 stations are known from the start; what is in pots and on counters is known once it was in view, and stays as last seen.
-The other chef is seen in view only. The agent is not concerned: it always sees the whole kitchen.
+The other chef is seen in view only. Agents always see the whole kitchen.
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ class Sight:
         self._own: Cell = (0, 0)
 
     def look(self, kitchen: KitchenState) -> None:
-        """Take in what is in view in this state."""
+        """Update what was seen with this state."""
         x, y, *_ = kitchen.players[self._seat]
         self._own = (x, y)
         inside: dict[Cell, tuple[int, ...]] = {(each[0], each[1]): each for each in (*kitchen.pots, *kitchen.counters)}
@@ -51,7 +51,8 @@ class Sight:
         return tuple(cell for cell in (*self._pots, *self._counters) if cell not in self._seen)
 
     def masked(self, kitchen: KitchenState) -> KitchenState:
-        """The state as the person knows it. A chef out of view stands, for want of a place, where their own does."""
+        """The state as the person knows it. A chef out of view gets the position of the person's own chef, as there
+        must be one."""
         players = list(kitchen.players)
         if not self.sees_partner(kitchen):
             players[1 - self._seat] = (*self._own, NORTH, NOTHING)

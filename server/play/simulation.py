@@ -1,4 +1,4 @@
-"""The states of one episode so far, by the rules alone: stepped, hashed, drawn, and looked back at. Knows no time."""
+"""The states of one episode so far, computed by the rules: stepping, hashing, drawing, history."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class SimulatedStep(Struct, frozen=True, gc=False):
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """A state that is only imagined: nothing of the episode changes with it."""
+    """A hypothetical state, which does not change the episode."""
 
     players: NDArray[np.int8]  # (1, 2, 4)
     contents: NDArray[np.int8]  # (1, width, height)
@@ -86,11 +86,11 @@ class Simulation:
         return SimulatedStep(actions, rewards, (shaped_reward(first), shaped_reward(second)), (first, second))
 
     def moment(self) -> Moment:
-        """The current state, to imagine what follows."""
+        """Return a copy of the current state, to simulate what could follow."""
         return Moment(self.players()[None].copy(), self.contents()[None].copy())
 
     def imagine(self, moment: Moment, actions: tuple[int, int]) -> Moment:
-        """The state that would follow. The episode stays as it is."""
+        """Return the state that would follow, without changing the episode."""
         after = Moment(moment.players.copy(), moment.contents.copy())
         _play(self.layout, after.players, after.contents, [actions])
         return after

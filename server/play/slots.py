@@ -9,7 +9,7 @@ from server.play.clock import Clock
 from server.play.game import Game
 
 SLOT_MS: Final = 40  # five batches in a tick of 200 ms: each costs the same 4 ms, however few games are in it
-PATIENT_SLOTS: Final = 3  # a patient clock has no moments to spread over: models and database like large batches
+PATIENT_SLOTS: Final = 3  # a patient clock has no fixed moments, and large batches are more efficient
 GAP_S: Final = 0.012  # work that can wait begins only with so much time until the next batch
 BATCH_S: Final = 0.006  # a batch of a quiet server is made and stored by then
 MOST_WAITS: Final = 3

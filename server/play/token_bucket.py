@@ -1,4 +1,4 @@
-"""How much somebody may ask for: a bucket that fills with time. Knows no socket."""
+"""A token bucket: a rate limit that allows bursts."""
 
 from typing import Final
 
@@ -14,11 +14,11 @@ class TokenBucket:
         self._per_s, self._at = per_s, now
 
     def is_full(self, now: float) -> bool:
-        """Return whether nothing has been asked for long enough that it can be forgotten."""
+        """Return whether the bucket is full again, so that it can be deleted."""
         return self._tokens + (now - self._at) * self._per_s >= self._burst
 
     def spend(self, now: float) -> bool:
-        """Take one message's worth; False if there is none left."""
+        """Take one token; False if there is none left."""
         self._tokens = min(self._burst, self._tokens + (now - self._at) * self._per_s)
         self._at = now
         if self._tokens < 1:
@@ -27,5 +27,5 @@ class TokenBucket:
         return True
 
     def refund(self) -> None:
-        """Give one message's worth back: it was taken and not used."""
+        """Give one token back that was not used."""
         self._tokens = min(self._burst, self._tokens + 1)

@@ -1,4 +1,6 @@
-"""What a tutorial teaches and when a lesson is learnt: told from the game alone, so a restart knows it too."""
+"""The lessons of a tutorial and when each is learnt: derived from the game's states, so that it also works after a
+restart.
+"""
 
 from overcooked.constants import (
     COOKING,
@@ -22,7 +24,7 @@ LESSONS: dict[str, str] = {
     "marks": "the participant has watched the marks for some timesteps and then pressed use",
 }
 MARKS_WATCHED_TIMESTEPS = 15
-_COOKED = ("fetch", "fill", "wait", "plate")  # who delivers has seen all of these
+_COOKED = ("fetch", "fill", "wait", "plate")  # a delivery completes all of these
 
 
 class Tutor:

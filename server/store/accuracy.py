@@ -1,6 +1,5 @@
-"""How often the predictor was right so far, per agent and layout: counted once an episode, a few episodes at a time.
-
-Counting is spread over many short calls, so that reading a large study does not hold up the games that run.
+"""The predictor's accuracy so far, per agent and layout: each episode is counted once, a few episodes per call, so that
+reading a large study does not delay running games.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Researchers: their accounts and sessions. Stores hashes of passwords and tokens, and never sees either."""
+"""Researchers: their accounts and sessions. Stores only hashes of passwords and tokens."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -9,7 +9,7 @@ from server.store import attempts
 from server.store.tables import ROLES, admin_sessions, admins
 
 IDLE = timedelta(hours=2)
-LONGEST = timedelta(hours=12)  # a session ends then, however busy
+LONGEST = timedelta(hours=12)  # a session ends then, even if it is in use
 _SEEN_EVERY = timedelta(minutes=1)
 
 
@@ -83,7 +83,7 @@ def remove(connection: Connection, name: str) -> bool:
 
 
 def open_session(connection: Connection, name: str, token_hash: str, now: datetime) -> None:
-    """Somebody signed in: from now on the token is theirs, in blind mode. What ran out is cleared away."""
+    """Start a session with this token, in blind mode. Expired sessions are deleted."""
     old = (admin_sessions.c.created_at < now - LONGEST) | (admin_sessions.c.seen_at < now - IDLE)
     connection.execute(delete(admin_sessions).where(old))
     row = {"token_hash": token_hash, "admin": name, "blind": True, "created_at": now, "seen_at": now}
@@ -91,7 +91,7 @@ def open_session(connection: Connection, name: str, token_hash: str, now: dateti
 
 
 def session(connection: Connection, token_hash: str, now: datetime) -> tuple[AdminSession, bool] | None:
-    """Whose token it is, and whether `touch` is due; None when it is nobody's any more."""
+    """Return the session of this token, and whether `touch` is due; None if it has ended."""
     query = select(admin_sessions, admins.c.role).join_from(admin_sessions, admins)
     row = connection.execute(query.where(admin_sessions.c.token_hash == token_hash)).first()
     if row is None or now - row.created_at > LONGEST or now - row.seen_at > IDLE:
@@ -105,7 +105,7 @@ def touch(connection: Connection, token_hash: str, now: datetime) -> None:
 
 
 def close_session(connection: Connection, token_hash: str) -> None:
-    """The token is nobody's from now on."""
+    """End the session with this token."""
     connection.execute(delete(admin_sessions).where(admin_sessions.c.token_hash == token_hash))
 
 

@@ -1,4 +1,6 @@
-"""How many browsers opened a study's link, and how many were turned away before consent and why: counts, no persons."""
+"""Counts of browsers that opened a study's link, and of those turned away before consent, by reason. No data about
+persons.
+"""
 
 from collections.abc import Sequence
 from typing import Final

@@ -1,7 +1,5 @@
-"""Tries that may be wrong: passwords and completion codes. A try is counted before it is checked.
-
-Counting first is what makes the limit hold: of thirty requests at the same moment, in however many server processes,
-only as many are checked as there are tries. A try that turns out to be right is taken back.
+"""Limits on guessing passwords and completion codes. A try is counted before it is checked, so that the limit holds for
+simultaneous requests in any number of server processes. A correct try is taken back.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,6 @@
-"""How a column of tables.py is written: its meaning and unit next to its type, times always aware and in UTC."""
+"""Constructors for the columns of tables.py, with meaning and unit next to the type; times are always aware and in
+UTC.
+"""
 
 from datetime import UTC, datetime
 from typing import Any

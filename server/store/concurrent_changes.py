@@ -1,4 +1,4 @@
-"""How a command changes a database that a server may have open at the same time."""
+"""Let a command change a database that a server may have open at the same time."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +10,8 @@ from server.store.engines import OVERWRITE, TURN_LOCK, empty_log, writer_engine
 
 @contextmanager
 def beside_the_server(url: URL) -> Iterator[Connection]:
-    """A transaction of a command, whether a server has the database open or not. Nobody may be waited for inside."""
+    """Open a transaction of a command, whether or not a server has the database open. Do not wait for user input
+    inside."""
     engine = writer_engine(url)
     try:
         with engine.connect() as connection:

@@ -1,7 +1,8 @@
-"""The database as everybody uses it: `write` through one thread, `read` through a few.
+"""Access to the database: `write` through one thread, `read` through a few.
 
-Functions that wait to be written share one transaction, so that one fsync carries many games (group commit). What
-`write` returned for is durable. When the database cannot commit, `DatabaseDown` is raised and nothing was acknowledged.
+Functions that wait to be written share one transaction, so that one fsync carries many games (group commit). When
+`write` returns, its changes are durable. When the database cannot commit, `DatabaseDown` is raised and nothing was
+acknowledged.
 """
 
 import asyncio
@@ -91,7 +92,7 @@ class Database:
         await self.write(_beat)
 
     def close(self) -> None:
-        """Finish what waits, then let go of the database. May be called twice."""
+        """Finish waiting writes, then release the database. May be called twice."""
         if self._closed:
             return
         self._closed = True
@@ -162,7 +163,7 @@ class Database:
 
 
 def _apart(connection: Connection, job: _Job) -> _Outcome:
-    """One function of a group: its own fault goes to its caller, the others go on."""
+    """Run one function of a group: its error goes to its caller, and the others continue."""
     try:
         with connection.begin_nested():
             return job.function(connection, *job.arguments, **job.keywords), None

@@ -1,4 +1,4 @@
-"""The address of the database as settings and commands give it: understood, completed, shown without password."""
+"""The address of the database in settings and commands: parse it, complete it, show it without the password."""
 
 from pathlib import Path
 

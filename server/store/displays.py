@@ -2,7 +2,7 @@
 Where marks are shown on demand, they are due in the timesteps in which the participant asked for them; with limited
 sight, in those in which the watched chef was in view.
 
-Of each episode all stored timesteps count but the last one, in which nothing is done any more and nothing is shown.
+All stored timesteps of an episode count but the last one, in which nothing is shown.
 """
 
 from collections.abc import Sequence

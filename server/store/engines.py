@@ -1,4 +1,4 @@
-"""What differs between SQLite and PostgreSQL: connecting, locking out a second server, what "down" looks like."""
+"""The differences between SQLite and PostgreSQL: connecting, locking out a second server, errors that mean "down"."""
 
 import fcntl
 import os
@@ -28,7 +28,7 @@ STUCK_S = 5
 # A PostgreSQL machine that vanished is noticed in seconds, not in the quarter of an hour that TCP would take.
 _CONNECTING: Final = {
     "connect_timeout": CONNECT_TIMEOUT_S,
-    "client_encoding": "utf8",  # whatever the server speaks by itself: what it says must be readable
+    "client_encoding": "utf8",  # whatever the server's default: its messages must be readable
     "keepalives_idle": 5,
     "keepalives_interval": 2,
     "keepalives_count": 3,
@@ -102,13 +102,13 @@ def writer_engine(url: URL, lock_timeout_s: int = BUSY_TIMEOUT_S) -> Engine:
         pool_size=1,
         max_overflow=0,
         connect_args={"timeout": lock_timeout_s, "check_same_thread": False},
-        hide_parameters=True,  # what people wrote never gets into a log with an error
+        hide_parameters=True,  # errors in the log must not contain participants' texts
     )
     _sqlite_settings(
         engine,
         "BEGIN IMMEDIATE",
         "PRAGMA journal_mode=WAL",
-        "PRAGMA synchronous=FULL",  # NORMAL would lose the last commits with the power
+        "PRAGMA synchronous=FULL",  # with NORMAL, a power failure would lose the last commits
         "PRAGMA foreign_keys=ON",
         f"PRAGMA wal_autocheckpoint={CHECKPOINT_PAGES}",
         f"PRAGMA cache_size=-{CACHE_KIB}",
@@ -143,7 +143,7 @@ def reader(url: URL) -> Engine:
 
 
 def _sqlite_settings(engine: Engine, begin: str, *pragmas: str) -> None:
-    """Our own BEGIN: Python's driver would begin too late for a consistent view and end before a savepoint."""
+    """Send BEGIN explicitly: Python's driver would begin too late for a consistent view and end before a savepoint."""
 
     def connect(connection: Any, _: Any) -> None:
         connection.isolation_level = None

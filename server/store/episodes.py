@@ -1,4 +1,4 @@
-"""Episodes: drawn up, played tick by tick, paused, ended, taken up again. The live game writes to `StoreRecorder`."""
+"""Episodes: create, store tick by tick, pause, end, load again. The live game writes to `StoreRecorder`."""
 
 import asyncio
 import hashlib
@@ -76,11 +76,11 @@ class StoredEpisode:
 
 
 class BrokenEpisode(Exception):
-    """What is stored of an episode cannot be: the text says what and where."""
+    """The stored episode is inconsistent; the message says what and where."""
 
 
 class TickConflict(Exception):
-    """Another tick is stored in this place: two servers play the same episode, or the rules changed under it."""
+    """Another tick is stored in this place: two servers play the same episode, or the rules have changed."""
 
 
 _COLUMNS = [episodes.c[name] for name in StoredEpisode.__dataclass_fields__]

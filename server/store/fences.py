@@ -1,5 +1,5 @@
 """One owner for each game where several processes serve one PostgreSQL: a number that grows with every owner, checked
-in the transaction of every tick. Who has an older number cannot store anything any more.
+in the transaction of every tick. A process with an older number cannot store anything any more.
 
 An owner locks its episodes' rows as a foreign key does (KEY SHARE, which the ticks need anyway); taking a game up locks
 the row alone (UPDATE). So a commit is either whole before the game is taken up, or it sees the new number.

@@ -1,4 +1,6 @@
-"""What the watched chef really did next: simulated again from the stored actions, and how often it was predicted."""
+"""The watched chef's actual next interactions, re-simulated from the stored actions, and how often they were
+predicted.
+"""
 
 from collections.abc import Sequence
 from functools import lru_cache

@@ -1,4 +1,6 @@
-"""Participants: who is where in the study. Personal data is kept apart and never leaves this file but for its owner."""
+"""Participants: their progress in the study. Personal data is stored separately, and only used for the participant
+themselves.
+"""
 
 import hashlib
 import secrets
@@ -172,7 +174,7 @@ def of_study(connection: Connection, study_id: int) -> list[Participant]:
 
 
 def replace_token(connection: Connection, participant_id: str, token: str) -> None:
-    """From now on only this token is the participant's: the device before is out."""
+    """Replace the participant's token: the previous device is signed out."""
     query = update(participants).where(participants.c.id == participant_id)
     connection.execute(query.values(token_hash=token_hash(token)))
 
@@ -210,7 +212,8 @@ def leave(connection: Connection, participant_id: str, status: str) -> bool:
 
 
 def release_with_code(connection: Connection, participant_id: str, code: str) -> bool:
-    """Somebody for whom there is nothing left to do goes, and is paid: the place is free, the code is theirs."""
+    """End the participation of somebody without a partner, with a completion code, so that they are paid; their place
+    is free."""
     query = update(participants).where(participants.c.id == participant_id, participants.c.status == "active")
     values = {"status": "returned", "last_seen_at": datetime.now(UTC), "completion_code": code}
     return connection.execute(query.values(values)).rowcount == 1

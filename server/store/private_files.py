@@ -1,4 +1,4 @@
-"""Files and folders with people's data: for the account that runs the server, and for nobody else on the machine."""
+"""Files and folders with people's data: readable only by the account that runs the server."""
 
 import os
 import stat
@@ -42,7 +42,7 @@ def make_database(database: Path, lock: Path) -> None:
 
 
 def tighten(path: Path) -> None:
-    """Take the rights of everybody on a file away, if it is ours. A group that may read it on purpose keeps its own."""
+    """Remove other users' rights on a file, if it is ours. Rights of a group are kept."""
     found = path.stat()
     if stat.S_IMODE(found.st_mode) & 0o007 and found.st_uid == os.geteuid():
         path.chmod(_FILE)

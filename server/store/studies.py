@@ -1,4 +1,4 @@
-"""Study files as they were when people took part: every version kept word for word."""
+"""Study files as they were when people took part: every version, unchanged."""
 
 import hashlib
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class StudyVersion:
 
 
 def register(connection: Connection, key: str, source: str) -> StudyVersion:
-    """The version with this text, made if there is none: a changed file is a new version, the same file never is."""
+    """Return the version with this text, creating it if there is none: only a changed file is a new version."""
     sha256 = hashlib.sha256(source.encode()).hexdigest()
     known = connection.execute(select(studies).where(studies.c.key == key, studies.c.sha256 == sha256)).first()
     if known is None:

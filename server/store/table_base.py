@@ -1,4 +1,4 @@
-"""What all tables share: the metadata, the words of their statuses, and types of keys."""
+"""The metadata, status values and key types that all tables share."""
 
 from sqlalchemy import MetaData, String
 

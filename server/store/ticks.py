@@ -1,4 +1,4 @@
-"""The hottest table: TickRecord to row and back, and one insert for the ticks of all games of a slot.
+"""The most used table: convert TickRecord to a row and back, and insert the ticks of all games of a slot at once.
 
 A tick may be stored twice (a commit may succeed although its answer got lost), but not another one in its place.
 """

@@ -1,7 +1,6 @@
-"""Tombstones: salted hashes of the ids of deleted participants, so that no older export brings a person back.
-
-A participant's id is random, 64 bits long and made by this platform. A hash tells nothing about the person; only who
-still has an older copy of the data, with the ids in it, can say whose hash it is.
+"""Tombstones: salted hashes of the ids of deleted participants, so that importing an older export does not restore a
+person. A participant's id is random, 64 bits long and made by this platform. A hash reveals nothing about the person,
+unless one has an older copy of the data with the ids.
 """
 
 import hashlib

@@ -1,4 +1,4 @@
-"""A participant withdraws: everything about the person is deleted, and that somebody withdrew is all that is kept."""
+"""Delete everything about a participant who withdraws, except the fact that somebody withdrew."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -37,8 +37,8 @@ class Deletion:
 
 
 def withdraw(connection: Connection, participant_id: str, deletion: Deletion | None = None) -> bool:
-    """Delete the participant from every table; False if there is none. What counts later: condition, step,
-    time, and whether it was a bot. A tombstone stays, so that an older export does not bring the person back.
+    """Delete the participant from every table; False if there is none. Kept for counts: condition, step, time, and
+    whether it was a bot. A tombstone stays, so that an older export does not bring the person back.
 
     Episodes go with their ticks, also those played with another participant. On SQLite the deleted content is
     overwritten in the file; on PostgreSQL it is gone from the files after the next VACUUM.

@@ -1,4 +1,4 @@
-"""Check submitted answers against the questions. Pure: the same check serves the page, the bots and the import."""
+"""Check submitted answers against the questions. Pure: the page, the bots and the import use the same check."""
 
 import re
 from collections.abc import Mapping
@@ -17,12 +17,12 @@ from server.study.questionnaire import (
 )
 
 Answers = dict[str, Value]
-CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # no keyboard writes them; PostgreSQL refuses some
+CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # they cannot be typed, and PostgreSQL refuses some
 
 
 @dataclass(frozen=True)
 class AnswerError:
-    """Why an answer is refused: a key of the locale's `faults`, with its numbers."""
+    """The reason why an answer is refused: a key of the locale's `faults`, with its numbers."""
 
     reason: str
     numbers: Mapping[str, int | float | str]
@@ -30,19 +30,19 @@ class AnswerError:
 
 @dataclass(frozen=True)
 class Checked:
-    """What a form's answers are worth. `answers` holds the good ones, `faults` the rest by question key."""
+    """The result of checking a form: `answers` has the valid ones, `faults` the others by question key."""
 
     answers: Answers
     faults: dict[str, AnswerError]
 
 
 def check_answers(questions: tuple[AnyQuestion, ...], form: Mapping[str, list[str]]) -> Checked:
-    """Answers of a submitted form (all values by field name) against the questions that were asked."""
+    """Check the answers of a submitted form (all values by field name) against its questions."""
     answers: Answers = {}
     faults: dict[str, AnswerError] = {}
     for question in questions:
         values = [value for value in form.get(question.key, []) if not _is_blank(value)]
-        if not isinstance(question, TextQuestion):  # the blanks around people's words are theirs
+        if not isinstance(question, TextQuestion):  # blanks around a text are part of the answer
             values = [value.strip(" \t\n") for value in values]
         result = _check_ranking(question, form) if isinstance(question, RankingQuestion) else _check(question, values)
         if isinstance(result, AnswerError):
@@ -53,7 +53,7 @@ def check_answers(questions: tuple[AnyQuestion, ...], form: Mapping[str, list[st
 
 
 def _is_blank(text: str) -> bool:
-    """Whether there is nothing but white space, as a browser counts it."""
+    """Return whether there is only white space, as a browser counts it."""
     return not text.replace("\ufeff", "").strip()
 
 
@@ -91,7 +91,7 @@ def _range(question: AnyQuestion) -> dict[str, int | float | str]:
 
 
 def _check_text(question: TextQuestion, text: str) -> str | AnswerError:
-    """Return people's words as they wrote them; control characters are refused, never removed."""
+    """Return the text as written; control characters are refused, not removed."""
     control = CONTROL.search(text)
     if control:
         return AnswerError("control", {"before": text[max(0, control.start() - 20) : control.start()]})

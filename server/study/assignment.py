@@ -1,4 +1,6 @@
-"""Which condition the next participant gets. Pure: counts come from the database, chance from the study's seed."""
+"""Choose the condition of the next participant. Pure: counts come from the database, random numbers from the study's
+seed.
+"""
 
 import random
 from collections.abc import Mapping
@@ -10,7 +12,8 @@ from server.study.order import derived_seed
 
 @dataclass(frozen=True)
 class Count:
-    """How many hold a place in a condition, without those who dropped out, withdrew, timed out or were screened out."""
+    """The number of participants with a place in a condition, without those who dropped out, withdrew, timed out or
+    were screened out."""
 
     completed: int = 0
     active: int = 0
@@ -25,7 +28,7 @@ class StudyFullError(Exception):
 
 
 def next_condition(study: Study, counts: Mapping[str, Count], number: int) -> str:
-    """The condition of the participant who is the `number`-th (from 0) to consent.
+    """Return the condition of the participant who is the `number`-th (from 0) to consent.
 
     Of the conditions below their quota, the one whose held places are fewest for its weight; equal ones are drawn by
     the study's seed and `number`. So places that dropouts leave are filled first. Raises StudyFullError.
@@ -33,7 +36,7 @@ def next_condition(study: Study, counts: Mapping[str, Count], number: int) -> st
     open_ones = [condition for condition in study.conditions if not _is_full(condition, counts)]
     if not open_ones:
         raise StudyFullError(study.name)
-    # What the share would be with one more: for weights 1 and 2 the places are taken 2, 1, 2, 2, 1, 2 ...
+    # The share with one more participant: for weights 1 and 2 the places are taken 2, 1, 2, 2, 1, 2 ...
     share = {
         condition.name: (counts.get(condition.name, Count()).held + 1) / condition.weight for condition in open_ones
     }
@@ -43,7 +46,7 @@ def next_condition(study: Study, counts: Mapping[str, Count], number: int) -> st
 
 
 def participant_seed(study: Study, number: int) -> int:
-    """The seed of the participant who is the `number`-th to consent: order and episodes follow from it."""
+    """Return the seed of the participant who is the `number`-th to consent, which determines order and episodes."""
     return derived_seed(study.seed, "participant", number)
 
 

@@ -1,4 +1,4 @@
-"""Whether the answers that pages and questions depend on can be given before them. Pure: yields problems."""
+"""Check that the answers on which pages and questions depend can be given before them. Pure: yields problems."""
 
 from collections.abc import Iterator
 
@@ -9,7 +9,7 @@ from server.study.questionnaire import AnyQuestion, ChoiceQuestion, MultipleQues
 
 
 def branch_problems(study: Study) -> Iterator[Problem]:
-    """Everything wrong with `when` in a study whose single values are right."""
+    """Yield everything wrong with `when` in a study whose single values are valid."""
     for path, when, before in _branches(study):
         yield from _problems(study, (*path, "when"), when, before)
     if study.quiz is not None and any(one is not None for one in (study.quiz.when, *_of_questions(study.quiz))):
@@ -25,7 +25,7 @@ def _of_questions(block: object) -> Iterator[When | None]:
 
 
 def _branches(study: Study) -> Iterator[tuple[Path, When, int]]:
-    """Each `when`: of which part of the file, and how many entries of the flow come before its page."""
+    """Yield each `when`: its place in the file, and how many entries of the flow come before its page."""
     for block in ("pages", "questionnaires"):
         for key, part in getattr(study, block).items():
             entry = "episodes" if key == study.after_episode else key
@@ -55,7 +55,7 @@ def _problems(study: Study, path: Path, when: When, place: int) -> Iterator[Prob
 
 
 def _not_before(study: Study, question: str, place: int) -> tuple[str, str]:
-    """Why the question is not asked before, and what to do."""
+    """Return why the question does not come before, and the remedy."""
     after = study.questionnaires.get(study.after_episode or "")
     if after is not None and any(one.key == question for one in after.asks):
         return f"{question!r} is asked after every round", "Name a question of a page that comes once, before this one."

@@ -21,7 +21,8 @@ class When(StrictModel):
     enough."""
 
     def holds(self, said: Said | None) -> bool:
-        """Whether one of the answers was given. None: nobody answers, as in a preview, and everything is shown."""
+        """Return whether one of the answers was given. None: there are no answers, as in a preview, and everything is
+        shown."""
         if said is None:
             return True
         given = next((page[self.question] for page in said.values() if self.question in page), None)

@@ -1,4 +1,4 @@
-"""What must fit together in a study file, beyond each value being right by itself. Pure: yields problems."""
+"""Check that the values of a study file fit together. Pure: yields problems."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -31,7 +31,7 @@ Path = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Problem:
-    """Something wrong at a place of the file. A warning does not keep the study from being served."""
+    """A problem at a place of the file. A warning does not prevent serving the study."""
 
     path: Path
     reason: str
@@ -40,7 +40,7 @@ class Problem:
 
 
 def problems(study: Study) -> Iterator[Problem]:
-    """Everything wrong with a study whose single values are right."""
+    """Yield everything wrong with a study whose single values are valid."""
     yield from _missing_translations(study, study.languages)
     yield from _names(study)
     yield from _flow(study)
@@ -60,11 +60,12 @@ def problems(study: Study) -> Iterator[Problem]:
 
 
 def balance(study: Study, participants: int = 60) -> dict[str, Counter[tuple[str, int]]]:
-    """How often each layout and agent stands at each place, over simulated participants, by (name, place from 0)."""
+    """Count how often each layout and agent is at each position, over simulated participants, by (name, position from
+    0)."""
     layouts: Counter[tuple[str, int]] = Counter()
     agents: Counter[tuple[str, int]] = Counter()
     for number in range(participants):
-        row = number // len(study.conditions)  # as participants count within their condition
+        row = number // len(study.conditions)  # the number within the condition
         for place, (layout, agent) in enumerate(episode_order(study, participant_seed(study, number), row)):
             layouts[layout, place] += 1
             agents[agent, place] += 1
@@ -78,7 +79,7 @@ def _missing_translations(part: Any, languages: tuple[str, ...], path: Path = ()
                 path, f"no words in {language!r}", f"Add `{language}: ...`, or take {language!r} out of `languages`."
             )
     elif isinstance(part, BaseModel):
-        for name in sorted(part.model_fields_set):  # what the file leaves to us is translated by the platform
+        for name in sorted(part.model_fields_set):  # defaults are translated by the platform
             yield from _missing_translations(getattr(part, name), languages, (*path, name))
     elif isinstance(part, dict):
         for key, value in part.items():
@@ -119,12 +120,12 @@ def _flow(study: Study) -> Iterator[Problem]:
             yield Problem(("flow", index), f"{entry!r} comes twice", "Each page comes once; copy it under another key.")
     if study.flow[-1] != "thanks":
         yield Problem(
-            ("flow",), "the way does not end with thanks", "Make `thanks` the last entry: it gives the completion code."
+            ("flow",), "`flow` does not end with thanks", "Make `thanks` the last entry: it gives the completion code."
         )
     if "quiz" in study.flow and study.quiz is None:
         yield Problem(("flow", study.flow.index("quiz")), "there is no quiz block", "Add `quiz:` with its questions.")
     if study.quiz is not None and "quiz" not in study.flow:
-        yield Problem(("quiz",), "nobody reaches the quiz", "Add `quiz` to `flow`, or remove the block.")
+        yield Problem(("quiz",), "the quiz is not in `flow`", "Add `quiz` to `flow`, or remove the block.")
     for block, keys in (("pages", study.pages), ("questionnaires", study.questionnaires)):
         for key in keys:
             if key not in study.flow and key != study.after_episode:
@@ -179,7 +180,7 @@ def _scale_languages(study: Study, entry: PublishedScale, path: Path) -> Iterato
 
 
 def _attention(study: Study) -> Iterator[Problem]:
-    """Screening out after more checks than anybody is asked would never happen."""
+    """Check that participants get at least as many attention checks as lead to screening out."""
     limit = study.attention.screen_out_after
     if limit is None:
         return
@@ -191,7 +192,7 @@ def _attention(study: Study) -> Iterator[Problem]:
 
 
 def _attention_checks(study: Study, condition: str) -> int:
-    """How many attention checks a participant in this condition meets."""
+    """Return how many attention checks a participant in this condition gets."""
     arm = study.condition(condition)
 
     def of(key: str, seen: Condition = arm) -> int:
@@ -242,7 +243,7 @@ def _two_people(study: Study) -> Iterator[Problem]:
             reason = "two people have to come to the same round at the same time"
             yield Problem(("order", "rule"), reason, "Use `rule: fixed` where an agent is `human: true`.")
         if agent.predictor is None and any(map(study.shows_predictions, study.conditions)):
-            reason = "there are marks to be shown, and nothing that predicts a person"
+            reason = "marks are to be shown, but there is no predictor for a person"
             remedy = "Add `predictor:`, e.g. that of an agent who plays much like people: `fcp_predictor_stream`."
             yield Problem(("agents", index), reason, remedy)
 
@@ -250,7 +251,7 @@ def _two_people(study: Study) -> Iterator[Problem]:
 def _recruitment(study: Study) -> Iterator[Problem]:
     recruitment = study.recruitment
     if recruitment.required and recruitment.person_parameter is None:
-        yield Problem(("recruitment", "required"), "no parameter names the person", "Set `person:` or a `source`.")
+        yield Problem(("recruitment", "required"), "no parameter has the person's id", "Set `person:` or a `source`.")
     known = {"code", "person", *recruitment.extra_parameters}
     for name in ("completed", "screened_out", "unpaired", "declined"):
         outcome = getattr(recruitment, name)

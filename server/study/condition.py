@@ -32,7 +32,7 @@ class PredictorSettings(StrictModel):
 
 
 class Misleading(StrictModel):
-    """In which rounds of a misleading condition the marks are wrong. In the others they are the predictor's."""
+    """The rounds of a misleading condition in which the marks are wrong. In the others they are the predictor's."""
 
     from_round: Annotated[int, Field(ge=1, le=100)] = 1
     """The first round whose marks may be wrong, counted from 1."""
@@ -41,7 +41,7 @@ class Misleading(StrictModel):
 
 
 class NamedPart(StrictModel):
-    """What has a name in the data."""
+    """A part of the study with a name in the data."""
 
     name: Key
     """The condition's name in the data. Participants never see it."""

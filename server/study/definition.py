@@ -1,4 +1,4 @@
-"""What a study file may say, as frozen models. Knows words and numbers only: no game, no database, no web."""
+"""The content of a study file, as frozen models."""
 
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -56,7 +56,7 @@ class KitchenChoice(StrictModel):
     @model_validator(mode="before")
     @classmethod
     def _bundled_name(cls, values: Any) -> Any:
-        """A layout that overcooked_ai calls otherwise (random0) has one name in the data."""
+        """Replace overcooked_ai's name of a layout (random0), so that it has one name in the data."""
         if isinstance(values, dict) and isinstance(values.get("name"), str) and values.get("grid") is None:
             return values | {"name": bundled_name(values["name"])}
         return values
@@ -246,7 +246,7 @@ class Study(StrictModel):
 
     @property
     def branches(self) -> bool:
-        """Whether anything depends on an answer."""
+        """Return whether anything depends on an answer."""
         found = [page.when for page in self.pages.values()]
         for block in self.questionnaires.values():
             found += [block.when, *(entry.when for entry in block.questions)]

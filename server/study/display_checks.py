@@ -1,4 +1,4 @@
-"""What must fit together in what the conditions of a study file draw. Pure: yields problems."""
+"""Check that the display settings of a study's conditions fit together. Pure: yields problems."""
 
 from collections.abc import Iterator
 
@@ -9,7 +9,7 @@ from server.study.steps import episodes_of
 
 
 def display_problems(study: Study) -> Iterator[Problem]:
-    """Everything wrong with the display of a study whose single values are right."""
+    """Yield everything wrong with the display of a study whose single values are valid."""
     for index, condition in enumerate(study.displays):
         yield from _without_effect(study, condition, ("conditions", index))
         if condition.predictor not in ("none", "tom") and not study.shows_predictions(condition):
@@ -19,7 +19,7 @@ def display_problems(study: Study) -> Iterator[Problem]:
 
 
 def _without_effect(study: Study, condition: Condition, place: Path) -> Iterator[Problem]:
-    """Settings of a condition's own that change nothing of what it draws."""
+    """Yield a condition's own settings that do not affect what it draws."""
     drawn = study.drawn(condition)
     unused: tuple[str, ...] = ("show", "steps_shown", "confidence_opacity") if drawn == "none" else ()
     if condition.predictor == "none":
@@ -36,8 +36,8 @@ def _without_effect(study: Study, condition: Condition, place: Path) -> Iterator
 
 
 def _remedy(study: Study, condition: Condition) -> tuple[str, bool]:
-    """What to do, and whether it is only a warning: a full factorial needs combinations without effect. Without them,
-    no interaction can be tested."""
+    """Return the remedy, and whether it is only a warning: a full factorial needs combinations without effect, because
+    no interaction can be tested without them."""
     if study.factors:
         return f"Keep it for a full factorial, or leave it out: `cells: {{without: [{condition.name}]}}`.", True
     if condition.predictor == "none":
@@ -46,7 +46,7 @@ def _remedy(study: Study, condition: Condition) -> tuple[str, bool]:
 
 
 def _debriefing(study: Study) -> Iterator[Problem]:
-    """People who were misled are told so, after the rounds."""
+    """Check that misled participants are told so after the rounds."""
     misleading = [index for index, condition in enumerate(study.displays) if condition.predictor == "misleading"]
     for index, condition in enumerate(study.displays):
         if index not in misleading and "misleading" in condition.model_fields_set:

@@ -1,4 +1,4 @@
-"""A study that is being written: its values for a form, what is wrong with it and where, and changes from a form."""
+"""A study that is being written: its values for a form, its problems with their places, and changes from a form."""
 
 import re
 import secrets
@@ -17,7 +17,7 @@ _HEAD: Final = re.compile(r"\A(#.*\n)+")
 
 @dataclass(frozen=True)
 class DraftView:
-    """What the editor shows of a text. `values` is None if the text is not YAML, `file` if it is not yet a study."""
+    """The editor's view of a text. `values` is None if the text is not YAML, `file` if it is not yet a study."""
 
     values: dict[str, Any] | None
     problems: tuple[PlacedProblem, ...]
@@ -25,7 +25,7 @@ class DraftView:
 
 
 def view(text: str, source: str = "the draft") -> DraftView:
-    """Look at a text as the loader does."""
+    """Parse and check a text as the loader does."""
     try:
         values = values_of(text)
     except StudyError as error:
@@ -51,7 +51,7 @@ def changed(text: str, operation: Any) -> str:
         what, path = operation["do"], _path(operation["path"])
         match what:
             case "put" if operation["value"] in (None, "") and not yaml_edit.has(text, path):
-                return text  # an empty field of what is not there
+                return text  # an empty field of a missing block
             case "put" if operation["value"] is None:
                 return yaml_edit.remove(text, path)
             case "put":
@@ -89,7 +89,7 @@ def from_template(text: str, name: str, title: str) -> str:
 
 
 def named(text: str) -> str:
-    """The study's name as it stands in the text; empty if there is none that can be used."""
+    """Return the study's name in the text; empty if there is no valid one."""
     try:
         name = values_of(text).get("name")
     except StudyError:

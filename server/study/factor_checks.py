@@ -1,4 +1,6 @@
-"""What must fit together in the factors of a study file, and where in the file its conditions come from. Pure."""
+"""Check that the factors of a study file fit together, and map problems of conditions to the levels that set them.
+Pure.
+"""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -9,7 +11,7 @@ from server.study.factors import crossed, set_by
 
 
 def factor_problems(study: Study) -> Iterator[Problem]:
-    """Everything wrong with the factors of a study whose single values are right."""
+    """Yield everything wrong with the factors of a study whose single values are valid."""
     if not study.factors:
         if "cells" in study.model_fields_set:
             yield Problem(("cells",), "`cells` has no effect without `factors`", "Add `factors`, or remove it.")
@@ -26,7 +28,7 @@ def factor_problems(study: Study) -> Iterator[Problem]:
 
 
 def _within(study: Study) -> Iterator[Problem]:
-    """Every participant meets all levels of these factors."""
+    """Check the factors of which every participant meets all levels."""
     for index, name in enumerate(study.cells.within):
         place: Path = ("cells", "within", index)
         if name not in study.factors:

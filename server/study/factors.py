@@ -33,11 +33,11 @@ class Cells(StrictModel):
 
 
 def _no_bare_list(levels: Any) -> Any:
-    """Levels that are only named must belong to a factor that is named like a setting."""
+    """Refuse levels without settings, unless the factor is named like a setting."""
     if isinstance(levels, list):
         known = ", ".join([*SETTING_OF, *sorted(set(ConditionSettings.model_fields) - {"misleading"})])
         raise ValueError(
-            f"nothing says what these levels change: {_words(levels)}. Write them as a block such as "
+            f"these levels change no setting: {_words(levels)}. Write them as a block such as "
             f"`LEVEL: {{show: on_key}}`, or name the factor like a setting: {known}"
         )
     return levels
@@ -152,7 +152,7 @@ def _fits(name: str) -> str:
 def _made(conditions: tuple[Condition, ...], info: ValidationInfo) -> tuple[Condition, ...]:
     """Return the conditions as written, or the combinations of the factors' levels."""
     if not {"factors", "cells"} <= info.data.keys():
-        return conditions  # what is wrong with these is told already
+        return conditions  # their problems are reported already
     if not info.data["factors"] and not conditions:
         raise PydanticKnownError("missing")
     if conditions and info.data["factors"]:

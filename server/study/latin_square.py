@@ -1,8 +1,8 @@
-"""Orders in which everything comes first, second and so on equally often. Pure."""
+"""Orders in which every item comes first, second and so on equally often. Pure."""
 
 
 def balanced_square(size: int) -> list[list[int]]:
-    """A Latin square in which everything follows everything else equally often (Williams 1949); odd sizes need the
+    """Return a Latin square in which every item follows every other equally often (Williams 1949); odd sizes need the
     mirrored rows too, so they have twice as many."""
     zigzag = [0]
     low, high = 1, size - 1

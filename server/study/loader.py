@@ -1,4 +1,4 @@
-"""From a study file to a Study. Everything wrong is said at once, each with file, line, reason and remedy."""
+"""Load a study file. All problems are reported at once, each with file, line, reason and remedy."""
 
 import hashlib
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ _NULLS = frozenset({"", "~", "null", "Null", "NULL"})
 
 @dataclass(frozen=True)
 class PlacedProblem:
-    """Something wrong (or, a warning, doubtful) in a text: where, and what to do. `path`: as far as the text has it."""
+    """A problem (or warning) in a text, with its place and remedy. `path`: as far as the text has it."""
 
     line: int
     path: Path
@@ -67,7 +67,7 @@ class StudyFile:
 
 
 class LineNumbers:
-    """Which line each value of a file stands on."""
+    """The line of each value in a file."""
 
     def __init__(self, source: str) -> None:
         self.source = source
@@ -83,7 +83,7 @@ class LineNumbers:
         return self._lines.get(path, 1)
 
     def nearest(self, path: Path) -> Path:
-        """The path as far as the file has it: a validator's own marks (the type of a question) are left out."""
+        """Return the path as far as the file has it, without pydantic's own entries (the type of a question)."""
         known: Path = ()
         for piece in path:
             if (*known, piece) in self._lines:
@@ -103,7 +103,7 @@ class LineNumbers:
         return PlacedProblem(self.line(path), path, self._sentence(problem), problem.warning)
 
     def error(self, found: Sequence[Problem]) -> StudyError:
-        """All of these as one error."""
+        """Return all problems as one error."""
         return StudyError([self.describe(one) for one in found], [self.placed(one) for one in found])
 
     @staticmethod
@@ -212,10 +212,9 @@ def _yaml_remedy(problem: str) -> str:
 
 
 class _Reader:
-    """Texts, lists and blocks from YAML nodes, remembering lines; no key twice, no bomb of aliases.
-
-    A value stays the text that stands in the file: `1:30`, `007`, `7.50` and `no` are shown as they were written, and a
-    field that wants a number or true/false parses the text itself.
+    """Texts, lists and blocks from YAML nodes, with their lines; duplicate keys and alias bombs are refused. A value
+    stays a text as in the file, so `1:30`, `007`, `7.50` and `no` are shown as written, and a field for a number or
+    true/false parses the text itself.
     """
 
     def __init__(self, places: LineNumbers) -> None:

@@ -1,5 +1,6 @@
-"""The platform's own words, one file a language in `locales/`. A third language is one more file, there or in the
-folder `locales` next to a study (see own_languages.py)."""
+"""The platform's texts, one file per language in `locales/`. Another language is one more file, there or in the folder
+`locales` next to a study (see own_languages.py).
+"""
 
 from dataclasses import dataclass, field
 from functools import cache
@@ -24,7 +25,7 @@ class Locale:
 
     @property
     def name(self) -> str:
-        """What the language calls itself."""
+        """The language's own name."""
         return self.words["name"]
 
     def __call__(self, key: str, /, **numbers: Any) -> str:
@@ -39,7 +40,7 @@ class Locale:
 
 @cache
 def locale(language: str) -> Locale:
-    """The words of a language; where a file lacks some, the English ones."""
+    """Return the words of a language; where a file lacks some, the English ones."""
     words = dict(_words(FALLBACK))
     words["name"] = words["name"] if language == FALLBACK else language
     words.update(_words(language) if language in languages() else {})
@@ -48,24 +49,24 @@ def locale(language: str) -> Locale:
 
 @cache
 def languages() -> tuple[str, ...]:
-    """The languages that the platform speaks."""
+    """Return the platform's languages."""
     return tuple(sorted({*(path.stem for path in LOCALES.glob("*.yaml")), *_ADDED}))
 
 
 def is_bundled(language: str) -> bool:
-    """Whether the platform itself has the words of a language: then no other file replaces them."""
+    """Return whether the platform itself has the words of a language: then no other file replaces them."""
     return (LOCALES / f"{language}.yaml").is_file()
 
 
 def add_language(language: str, path: Path) -> None:
-    """Use the words in a file, as they are now. An empty word is the English one."""
+    """Read the words from a file. An empty entry means the English text."""
     _ADDED[language] = path
     for function in (locale, languages, _words):
         function.cache_clear()
 
 
 def best_language(accepted: str, offered: tuple[str, ...]) -> str:
-    """Of the offered languages, the one that an Accept-Language header wants most; the first where none fits."""
+    """Return the offered language that an Accept-Language header prefers; the first one if none fits."""
     preferences: list[tuple[float, int, str]] = []
     for place, item in enumerate(accepted.split(",")[:20]):
         name, _, quality = item.strip().partition(";q=")

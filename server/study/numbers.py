@@ -1,4 +1,6 @@
-"""Read a number that somebody wrote. The page has the same rule (static/js/pages/read-number.js); a test compares."""
+"""Parse a number that a participant typed. The page has the same rule (static/js/pages/read-number.js); a test
+compares.
+"""
 
 import re
 from typing import Final
@@ -14,8 +16,9 @@ _GROUPED: Final = re.compile(rf"[+-]?\d+(({_SPACE}|[.,'’_])\d+)+", re.ASCII)
 
 
 def read_number(text: str) -> float | str:
-    """Return the number, or why it is none: `missing_number`, `grouped_number` (written with thousands separators) or
-    `ambiguous_number` (1,200 may be 1200 or 1.2). A comma or a point may stand before decimals; neither is guessed."""
+    """Return the number, or the reason why it is invalid: `missing_number`, `grouped_number` (written with thousands
+    separators) or `ambiguous_number` (1,200 may be 1200 or 1.2). A comma or a point may separate decimals; ambiguous
+    cases are refused, not guessed."""
     plain = _EDGES.sub("", text).translate(_WIDE)
     if len(plain) > _LONGEST:
         return "missing_number"

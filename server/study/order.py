@@ -1,4 +1,4 @@
-"""In which order one participant meets layouts and agents. Pure: the same seed and number give the same order."""
+"""The order of layouts and agents for one participant. Pure: the same seed and number give the same order."""
 
 import hashlib
 import random
@@ -11,14 +11,14 @@ Pair = tuple[str, str]  # layout, agent
 
 
 def derived_seed(*parts: str | int) -> int:
-    """63 bits that follow from the parts alone, on every machine."""
+    """Return 63 bits that are determined by the parts, on every machine."""
     text = "\x1f".join(str(part) for part in parts)
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") >> 1
 
 
 def episode_order(study: Study, seed: int, number: int) -> tuple[Pair, ...]:
-    """All episodes of a block (without blocks: of the study) of the participant with this seed, the `number`-th (from
-    0) of the study or condition."""
+    """Return all episodes of a block (without blocks: of the study) of the participant with this seed, the `number`-th
+    (from 0) of the study or condition."""
     layouts = [layout.name for layout in study.layouts]
     agents = [agent.name for agent in study.agents]
     rounds = [

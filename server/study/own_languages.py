@@ -1,4 +1,4 @@
-"""A language of one's own: the platform's words in the folder `locales` next to a study, `locales/de.yaml`."""
+"""Additional languages: the platform's words in the folder `locales` next to a study, such as `locales/de.yaml`."""
 
 import json
 import re
@@ -20,7 +20,7 @@ INDENT: Final = "  "
 
 
 class LanguageError(ValueError):
-    """A file of words that cannot be used. `lines` has one sentence a problem, each with its place and remedy."""
+    """A language file that cannot be used. `lines` has one sentence per problem, each with its place and remedy."""
 
     def __init__(self, lines: list[str]) -> None:
         self.lines = tuple(lines)
@@ -29,14 +29,15 @@ class LanguageError(ValueError):
 
 @dataclass(frozen=True)
 class Completeness:
-    """What a file of words lacks, and what it has that the platform does not use (any more). English words by key."""
+    """The texts that a language file lacks, and those that the platform does not use (any more). English words by
+    key."""
 
     missing: dict[str, str]
     obsolete: tuple[str, ...]
 
 
 def file_beside(folder: Path, language: str) -> Path:
-    """Return where a language's words are looked for, for studies in a folder."""
+    """Return the path of a language file, for studies in a folder."""
     return folder / FOLDER / f"{language}.yaml"
 
 
@@ -107,7 +108,7 @@ def read(path: Path) -> dict[str, str]:
 
 
 def _wrong_braces(path: Path, text: str, words: dict[str, str]) -> Iterator[str]:
-    """What is filled in must be the same as in English, or a page would fail."""
+    """Check that the placeholders are the same as in English, as a page would fail otherwise."""
     english = _english()
     for key, translated in words.items():
         wanted = _placeholders(english.get(key, ""))
@@ -118,7 +119,7 @@ def _wrong_braces(path: Path, text: str, words: dict[str, str]) -> Iterator[str]
 
 
 def _placeholders(words: str) -> set[str] | None:
-    """Return what is filled in; None where the braces cannot be read."""
+    """Return the placeholders; None if the braces cannot be parsed."""
     try:
         return {
             f"{name}{'!' * bool(how)}{form}"

@@ -1,4 +1,4 @@
-"""What must fit together in the planned analysis of a study file. Pure: yields problems."""
+"""Check that the planned analysis of a study file fits the study. Pure: yields problems."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -10,13 +10,14 @@ from server.study.questionnaire import ScaleQuestion, asked
 
 
 def plan_problems(study: Study) -> Iterator[Problem]:
-    """Everything wrong with the primary test and the smallest effects of a study whose single values are right."""
+    """Yield everything wrong with the primary test and the smallest effects of a study whose single values are
+    valid."""
     yield from _primary(study)
     yield from _smallest_effect(study)
 
 
 def _primary(study: Study) -> Iterator[Problem]:
-    """The primary test must be about what the study has, or nobody could compute it."""
+    """Check that the study has what the primary test is about."""
     primary = study.primary
     if primary is None:
         return
@@ -35,9 +36,13 @@ def _primary(study: Study) -> Iterator[Problem]:
 
 
 def _compared(study: Study, primary: PrimaryTest) -> Iterator[Problem]:
-    """Either two conditions or an effect of factors, with a test that is made for it."""
+    """Check that two conditions or an effect of factors are compared, with a suitable test."""
     if bool(primary.comparison) == bool(primary.effect):
-        reason = "it names both two conditions and an effect" if primary.effect else "nothing says what is tested"
+        reason = (
+            "it names both two conditions and an effect"
+            if primary.effect
+            else "it has neither `comparison` nor `effect`"
+        )
         remedy = "Write either `comparison: [A, B]` with two conditions, or `effect: [FACTOR]`."
         yield Problem(("primary",), reason, remedy)
     if primary.comparison and study.cells.within:
@@ -60,7 +65,7 @@ def _effect(study: Study, primary: PrimaryTest) -> Iterator[Problem]:
         if name in primary.effect[:index]:
             yield Problem(("primary", "effect", index), f"{name!r} is there twice", "Name each once.")
     if study.cells.without:
-        reason = f"effects cannot be told apart, as the study leaves out {', '.join(study.cells.without)}"
+        reason = f"effects cannot be separated, as the study leaves out {', '.join(study.cells.without)}"
         yield Problem(("primary", "effect"), reason, "Remove `cells.without`, or compare two conditions.")
     if primary.test != "anova":
         yield Problem(("primary", "test"), f"an effect of factors has no {primary.test}", "Remove `test`.")
@@ -95,7 +100,7 @@ def _smallest_effect(study: Study) -> Iterator[Problem]:
 
 
 def _measures(study: Study, seen: Condition) -> Iterator[str]:
-    """What can be compared between conditions: reward, and the scale questions that follow every episode."""
+    """Return what can be compared between conditions: reward, and the scale questions that follow every episode."""
     yield "reward"
     if study.after_episode in study.questionnaires:
         shows = study.shows_predictions(seen)

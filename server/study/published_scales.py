@@ -1,4 +1,4 @@
-"""Published scales that a study uses by name, from `scales/`. What they ask; `analysis.scales` says how they score."""
+"""The questions of published scales that a study uses by name, from `scales/`; `analysis.scales` has the scoring."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -14,7 +14,7 @@ SCALE_NAMES: tuple[ScaleName, ...] = get_args(ScaleName)
 
 @cache
 def published_scale(name: str) -> dict[str, Any]:
-    """Return what the file of a scale says. Raises FileNotFoundError for an unknown name."""
+    """Return the content of a scale's file. Raises FileNotFoundError for an unknown name."""
     said = yaml.safe_load((SCALES / f"{name}.yaml").read_text(encoding="utf-8"))
     assert isinstance(said, dict)  # noqa: S101 our own file
     return said

@@ -1,4 +1,4 @@
-"""The questions of a study file, and whether answers to them are right."""
+"""The questions of a study file, and which answers are correct."""
 
 from functools import cached_property
 from typing import Annotated, Literal
@@ -24,7 +24,7 @@ class Option(StrictModel):
 
 
 class SurveyQuestion(StrictModel):
-    """What all questions share."""
+    """The keys that all questions share."""
 
     key: Key
     """The name of the answer in the data."""

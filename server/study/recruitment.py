@@ -1,4 +1,4 @@
-"""Where participants come from and what they carry back, as a study file says it."""
+"""The recruitment settings of a study file: where participants come from, and what they take back."""
 
 import re
 from typing import Annotated, Literal
@@ -7,7 +7,7 @@ from pydantic import Field, field_validator
 
 from server.study.strict_model import StrictModel
 
-# What the recruiters' ids look like; MTurk's is from the reference of its API.
+# The format of the recruiters' ids; MTurk's is from the reference of its API.
 _PERSON_PATTERNS = {"prolific": "[0-9a-f]{24}", "mturk": "A[A-Z0-9]{1,63}", "sona": "[A-Za-z0-9_-]{1,64}"}
 
 

@@ -1,7 +1,7 @@
 """The JSON schema of a study file, for editors.
 
-The sentence below a key becomes its description here, when the schema is asked for. pydantic would read it from the
-sources whenever the module is imported, and games wait for a server that starts.
+The docstring below a key becomes its description here, when the schema is requested. pydantic would read it from the
+sources at every import, which would delay the start of the server.
 """
 
 import ast
@@ -17,7 +17,7 @@ from server.study.strict_model import StrictModel
 
 
 def study_schema() -> dict[str, Any]:
-    """What a study file may hold, each key with what it is for."""
+    """Return the schema of a study file, with a description of each key."""
     schema = Study.model_json_schema() | {"title": "A study of kitchenmind"}
     for part in _parts(StrictModel):
         block = schema if part is Study else schema["$defs"].get(part.__name__, {})

@@ -1,4 +1,4 @@
-"""The steps of one participant after consent: which page follows which. Pure functions of the study and a seed."""
+"""The sequence of steps of one participant after consent. Pure functions of the study and a seed."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -42,8 +42,8 @@ def step_address(study: str) -> str:
 
 
 def steps(study: Study, condition: str, seed: int, number: int = 0) -> tuple[StudyStep, ...]:
-    """The way of the participant with this seed, the `number`-th (from 0) in the condition. Raises KeyError for an
-    unknown condition. The condition never changes the order of the rounds: only what is drawn and asked."""
+    """Return the steps of the participant with this seed, the `number`-th (from 0) in the condition. Raises KeyError
+    for an unknown condition. The condition does not affect the order of the rounds, only what is drawn and asked."""
     study.condition(condition)
     way: list[StudyStep] = []
     for entry in study.flow:
@@ -57,17 +57,17 @@ def steps(study: Study, condition: str, seed: int, number: int = 0) -> tuple[Stu
 
 
 def episodes_of(study: Study) -> int:
-    """How many episodes everybody plays."""
+    """Return how many episodes each participant plays."""
     return study.blocks * episodes_of_a_block(study) if "episodes" in study.flow else 0
 
 
 def episodes_of_a_block(study: Study) -> int:
-    """How many episodes a block of rounds has; without blocks, all of them."""
+    """Return how many episodes a block of rounds has; without blocks, all of them."""
     return len(study.layouts) * len(study.agents) * study.order.repeat
 
 
 def position(way: tuple[StudyStep, ...], key: str) -> int:
-    """The index of a step. Raises KeyError for a key that this way does not have."""
+    """Return the index of a step. Raises KeyError for a key that is not among these steps."""
     for index, step in enumerate(way):
         if step.key == key:
             return index
@@ -94,7 +94,7 @@ def _episodes(study: Study, seed: int, number: int) -> list[StudyStep]:
 
 
 def block_of(study: Study, number: int) -> int:
-    """The block of rounds in which an episode lies, from 1; 0 in a study without blocks."""
+    """Return the block of rounds of an episode, from 1; 0 in a study without blocks."""
     return (number - 1) // episodes_of_a_block(study) + 1 if study.blocks > 1 else 0
 
 
@@ -106,7 +106,7 @@ def _page(study: Study, entry: str, phase: Phase) -> StudyStep:
 
 
 def _phase(study: Study, entry: str) -> Phase:
-    """Which part of the progress bar a page belongs to: by what comes before it."""
+    """Return the part of the progress bar for a page, from what comes before it."""
     before = study.flow[: study.flow.index(entry)]
     if entry == "thanks" or "episodes" in before:
         return "finish"

@@ -1,4 +1,4 @@
-"""The base of everything a study file is made of: frozen, and an unknown key is refused with the nearest known one."""
+"""The base class of all blocks of a study file: frozen; an unknown key is refused, with the most similar known key."""
 
 import difflib
 from collections.abc import Mapping

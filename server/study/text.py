@@ -1,4 +1,4 @@
-"""Words that exist once per language. Knows nothing of pages."""
+"""Texts in several languages."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -20,11 +20,11 @@ class Text(RootModel[dict[str, str]]):
         if isinstance(data, str | int | float) and not isinstance(data, bool):
             return {ANY_LANGUAGE: str(data)}
         if isinstance(data, Mapping) and not data:
-            raise ValueError("there are no words. Write {en: ...} with a text per language")
+            raise ValueError("there is no text. Write {en: ...} with a text per language")
         return data
 
     def of(self, language: str) -> str:
-        """The words in `language`; where they are missing, in the first language that has any."""
+        """Return the text in `language`; if it is missing, in the first language that has one."""
         words = self.root
         return words.get(language) or words.get(ANY_LANGUAGE) or next(iter(words.values()))
 

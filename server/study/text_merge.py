@@ -1,4 +1,4 @@
-"""Three-way merge of texts, line by line: what two people changed in one text since both had it."""
+"""Three-way merge of texts, line by line: combine two people's changes to a common base."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ _LONGEST_EXACT: Final = 500  # lines; beyond, lines that are everywhere say noth
 
 @dataclass(frozen=True)
 class TextConflict:
-    """A place that both changed, each in another way: whole lines of each text."""
+    """A place that both changed differently: whole lines of each text."""
 
     theirs: str
     mine: str
@@ -27,12 +27,12 @@ class _Edit:
 
     @property
     def is_in_place(self) -> bool:
-        """Whether lines only got other words; none was added or removed."""
+        """Return whether lines were only changed, none added or removed."""
         return len(self.lines) == self.end - self.start
 
     def meets(self, other: "_Edit") -> bool:
-        """Whether the edits overlap, or touch so that order or indentation could get another meaning. Two neighbouring
-        lines with other words each do not meet."""
+        """Return whether the edits overlap, or are adjacent so that order or indentation could change the meaning.
+        Changes of two neighbouring lines do not meet."""
         if self.is_in_place and other.is_in_place:
             return self.start < other.end and other.start < self.end
         return self.start <= other.end and other.start <= self.end

@@ -1,4 +1,4 @@
-"""What the validator found wrong with single values, in words for people: reason and remedy. Reads no file."""
+"""Turn pydantic's errors about single values into messages with reason and remedy."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from server.study.checks import Path, Problem
 
-# What pydantic calls a fault -> (reason, remedy); {} are the value and the fault's own numbers.
+# pydantic's type of an error -> (reason, remedy); {} are the value and the limits of the error's context.
 _WORDS = {
     "int_parsing": ("{input} is not a whole number", "Write a whole number."),
     "int_type": ("{input} is not a whole number", "Write a whole number."),
@@ -39,7 +39,7 @@ _LONGEST_INPUT = 40
 
 
 def mistakes(error: ValidationError, nearest: Callable[[Path], Path]) -> Iterator[Problem]:
-    """All that is wrong, each told once. `nearest` gives the part of a path that the file has."""
+    """Return all problems, each once. `nearest` gives the part of a path that the file has."""
     found = error.errors(include_url=False)
     for one in found:
         if not _follows_from_another(one, found):
@@ -47,7 +47,8 @@ def mistakes(error: ValidationError, nearest: Callable[[Path], Path]) -> Iterato
 
 
 def _follows_from_another(one: Any, found: list[Any]) -> bool:
-    """A list whose items are wrong is called too short as well."""
+    """Return whether the error only follows from another: pydantic also reports a list with invalid items as too
+    short."""
     path = one["loc"]
     return one["type"] == "too_short" and any(other["loc"][: len(path)] == path for other in found if other is not one)
 

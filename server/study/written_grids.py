@@ -1,4 +1,4 @@
-"""Writes the grids of kitchens that a study only names into the text of its file."""
+"""Write the grids of kitchens that a study only names into the text of its file."""
 
 import json
 from collections.abc import Iterator, Mapping

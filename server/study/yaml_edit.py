@@ -17,7 +17,7 @@ from server.study.yaml_words import block, inline, scalar
 
 
 class YamlEditError(ValueError):
-    """A change that cannot be made without touching something else. The text says what to do."""
+    """A change that cannot be made without changing something else. The message has the remedy."""
 
 
 class _Composer(StudyComposer):
@@ -131,7 +131,7 @@ def rename(text: str, path: Path, key: str) -> str:
     return _checked(root, made, lambda old: yaml_values.renamed(old, path, key))
 
 
-# The pieces
+# Helper functions
 
 
 def _compose(text: str) -> yaml.MappingNode:
@@ -251,11 +251,11 @@ def _put_items(text: str, path: Path, old: int, new: list[Any]) -> str:
 
 
 def _checked(root: yaml.Node, made: str, change: Change) -> str:
-    """Return the changed text if it says what the change asks for, and nothing else has changed."""
+    """Return the changed text if it has exactly the requested change."""
     expected = change(values_of(root))
     try:
         if values_of(made) == expected:
             return made
     except StudyError:
         pass
-    raise YamlEditError("this cannot be changed without touching something else. Change it in the YAML.")
+    raise YamlEditError("this cannot be changed without changing something else. Change it in the YAML.")

@@ -1,4 +1,4 @@
-"""What a change of a study's YAML means for the values in it, whatever they look like in the text."""
+"""Apply a change of a study's YAML to its parsed values, independent of their form in the text."""
 
 from collections.abc import Callable, Sequence
 from typing import Any

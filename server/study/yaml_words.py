@@ -1,4 +1,4 @@
-"""How values are written in YAML: on one line, or as a block of lines."""
+"""Write values as YAML: on one line, or as a block of lines."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Who is asking: the participant's cookie, signed forms, and requests that come from elsewhere."""
+"""Authentication of participants: the cookie, signed forms, and checks of a request's origin."""
 
 import hashlib
 import hmac
@@ -23,7 +23,7 @@ _LOCAL_HOSTS = frozenset({"127.0.0.1", "localhost", "[::1]"})
 
 @dataclass(frozen=True)
 class CsrfProtection:
-    """Signs forms and knows our own address. `public_url` empty: the address that the browser asked for counts."""
+    """Signs forms and checks origins. `public_url` empty: use the address that the browser requested."""
 
     secret: bytes
     public_url: str = ""
@@ -35,7 +35,7 @@ class CsrfProtection:
 
     @property
     def root(self) -> str:
-        """The path of the public address, which our pages lie behind: empty, or like `/kitchen`."""
+        """The path of the public address, below which our pages are: empty, or like `/kitchen`."""
         return urlsplit(self.public_url).path.rstrip("/")
 
     def form_token(self, session: str, now_s: float | None = None) -> str:
@@ -54,7 +54,7 @@ class CsrfProtection:
 
     def is_own_origin(self, connection: HTTPConnection) -> bool:
         """Whether a POST or a socket comes from our own pages. A client that is not a browser sends no Origin and may
-        pass: it carries nobody's cookie by accident."""
+        pass: it does not send somebody's cookie unintentionally."""
         origin = connection.headers.get("origin")
         if origin is None:
             return connection.headers.get("sec-fetch-site", "same-origin") in ("same-origin", "none")
@@ -66,7 +66,7 @@ class CsrfProtection:
             return (f"{url.scheme}://{url.netloc}".lower(),)
         host = connection.headers.get("host", "").lower()
         if host.rpartition(":")[0] not in _LOCAL_HOSTS and host not in _LOCAL_HOSTS:
-            return ()  # a name of somebody else's that was made to lead here (DNS rebinding)
+            return ()  # another host name that resolves to this server (DNS rebinding)
         return (f"http://{host}", f"https://{host}")
 
     def _form_signer(self, session: str, now_s: float | None) -> "_FormSigner":
@@ -86,7 +86,8 @@ class _FormSigner(TimestampSigner):
 
 
 def cookie_name(name: str, secure: bool) -> str:
-    """Over TLS with a prefix: browsers take such a cookie from nobody without TLS, so no neighbour sets it."""
+    """Return the cookie's name; over TLS with a prefix, so that browsers accept it only over TLS and no other subdomain
+    can set it."""
     return f"__Secure-{name}" if secure else name
 
 
@@ -98,7 +99,7 @@ def token_of(connection: HTTPConnection) -> str | None:
 
 
 def set_cookie(response: Response, study: str, token: str, *, secure: bool) -> None:
-    """The cookie is seen by this study's pages only, and by no script."""
+    """Set the cookie, for this study's pages only and invisible to scripts."""
     name, path = cookie_name(COOKIE, secure), f"/s/{study}"
     response.set_cookie(name, token, max_age=COOKIE_S, path=path, secure=secure, httponly=True, samesite="lax")
 
@@ -109,13 +110,13 @@ def forget_cookie(response: Response, study: str, *, secure: bool) -> None:
 
 
 def bot_mark(secret: bytes, visit: str) -> str:
-    """Return what a simulated participant sends at consent: only who knows the server's secret can make it, so nobody
-    else is counted as a bot."""
+    """Return what a simulated participant sends at consent: making it needs the server's secret, so that nobody else is
+    counted as a bot."""
     return _bot_signer(secret).get_signature(visit).decode()
 
 
 def is_bot_mark(secret: bytes, visit: str, mark: str) -> bool:
-    """Return whether somebody who knows the server's secret made the mark for this consent page."""
+    """Return whether the mark was made with the server's secret for this consent page."""
     return _bot_signer(secret).verify_signature(visit, mark)
 
 
@@ -124,10 +125,11 @@ def _bot_signer(secret: bytes) -> Signer:
 
 
 def session_of(request: Request) -> str:
-    """What a form is bound to: the participant's token, or nothing before consent."""
+    """Return what a form is bound to: the participant's token, or nothing before consent."""
     return token_of(request) or NOBODY
 
 
 def token_for(secret: bytes, study: str, visit: str) -> str:
-    """The participant's token. It follows from the consent page that was shown: sending it twice makes nobody twice."""
+    """Return the participant's token. It is derived from the consent page, so submitting the page twice does not create
+    two participants."""
     return hmac.new(secret, f"participant\n{study}\n{visit}".encode(), hashlib.sha256).hexdigest()

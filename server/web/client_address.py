@@ -1,11 +1,11 @@
-"""The address that a request comes from, as limits count it."""
+"""The client's address of a request, for rate limits."""
 
 import ipaddress
 from typing import Final
 
 from starlette.requests import HTTPConnection
 
-HERE: Final = frozenset({"127.0.0.1", "::1"})  # simulated participants and the tests come from there
+HERE: Final = frozenset({"127.0.0.1", "::1"})  # simulated participants and the tests connect from there
 _OF_ONE_SITE: Final = 64  # bits of an IPv6 address that a provider gives to one customer; the rest is theirs to change
 _OF_A_LARGE_SITE: Final = 48  # what a provider gives at most: 65,536 such networks for one customer
 

@@ -11,7 +11,7 @@ async def delete(
 ) -> bool:
     """End the participant's games, then delete everything about the person; False if there is no such participant.
 
-    A running game would go on writing.
+    A running game would continue to write.
     """
     played = await web.database.read(overview.played_by, participant_id)
     await control.broadcast(EndGames([one.id for one in played]))

@@ -1,4 +1,4 @@
-"""What every page needs: the parts that the server was wired with, the participant who asks, the words to answer in."""
+"""Dependencies of routes: the server's services, the requesting participant, templates and texts."""
 
 from dataclasses import dataclass, field
 from functools import cache
@@ -34,7 +34,7 @@ _markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
 
 @dataclass(frozen=True)
 class Web:
-    """What every page works with (`Services.web`)."""
+    """The services that every page uses (`Services.web`)."""
 
     database: Database
     studies: Studies
@@ -63,7 +63,7 @@ def templates(root: str = "") -> jinja2.Environment:
 
 
 def compile_templates(root: str) -> None:
-    """Compile every template: the first page of a kind takes some 50 ms otherwise, for which all games would wait."""
+    """Compile every template: the first page of a kind takes some 50 ms otherwise, and all games would wait."""
     environment = templates(root)
     for name in environment.list_templates():
         environment.get_template(name)
@@ -77,13 +77,14 @@ WebDep = Annotated[Web, Depends(web_of)]
 
 
 async def games_first(connection: HTTPConnection) -> None:
-    """Begin a request between two batches of timesteps: a page takes milliseconds, by which games would be late."""
+    """Begin a request between two batches of timesteps: rendering a page takes milliseconds, which would delay
+    games."""
     if connection.scope["type"] == "http":
         await services_of(connection).games.loop.between_batches()
 
 
 async def own_form(request: Request, web: WebDep) -> Form:
-    """The form that was sent, from our own page only."""
+    """Return the submitted form, from our own pages only."""
     return await read_form(request, web.csrf)
 
 
@@ -110,7 +111,7 @@ ConsentFormDep = Annotated[Form, Depends(consent_form)]
 
 
 async def participant_of(request: Request, name: str, web: WebDep) -> Participant | None:
-    """Who has the cookie of this study; None for everybody else."""
+    """Return the participant with this study's cookie; None if there is none."""
     token = token_of(request)
     found = await web.database.read(participants.by_token, token) if token else None
     if found is None:
@@ -134,7 +135,7 @@ class OpenStudy:
 
 
 def open_study(name: str, web: WebDep) -> OpenStudy:
-    """The study at this address. Answers 404 where there is none."""
+    """Return the study at this address. Answers 404 if there is none."""
     found = web.studies.open(name)
     if found is None:
         raise HTTPException(404, f"there is no study {name!r} here")
@@ -159,7 +160,7 @@ class PageResponse:
         return locale(self.language)
 
     def render(self, template: str, status: int = 200, **context: Any) -> Response:
-        """The page, for a program as JSON; never kept by a cache, as it shows where somebody is."""
+        """Render the page, as JSON for programs; it is never cached, as it depends on the participant's progress."""
         base: dict[str, Any] = {
             "t": self.words,
             "language": self.language,
@@ -193,13 +194,13 @@ class PageResponse:
         return self.web.csrf.form_token(session_of(self.request))
 
     def _query_with_language(self, language: str) -> str:
-        """The address's parameters with another language, so that a recruitment link stays whole."""
+        """Return the address's parameters with another language, so that a recruitment link stays complete."""
         kept = [(name, value) for name, value in self.request.query_params.multi_items() if name != "lang"]
         return urlencode([*kept, ("lang", language)])
 
     @property
     def languages(self) -> tuple[str, ...]:
-        """What the page can be read in: where there is a study, its languages."""
+        """Return the languages of the page: those of the study, if there is one."""
         return self.study.languages if self.study else languages()
 
 

@@ -1,4 +1,4 @@
-"""Pages for what went wrong, in the same look and the reader's language. They tell nothing about the inside."""
+"""Error pages, in the usual layout and the reader's language, without internal details."""
 
 import logging
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ def install_error_pages(app: FastAPI) -> None:
 
     @app.exception_handler(RequestValidationError)
     async def not_understood(request: Request, _error: RequestValidationError) -> Response:
-        return error_page(request, 400, "this request is not understood")
+        return error_page(request, 400, "invalid request")
 
     @app.exception_handler(DatabaseDown)
     async def no_database(request: Request, _error: DatabaseDown) -> Response:
@@ -34,15 +34,15 @@ def install_error_pages(app: FastAPI) -> None:
 
     @app.exception_handler(Exception)
     async def broken(request: Request, error: Exception) -> Response:
-        log.error("the page %s broke", request.url.path, exc_info=error)
+        log.error("the page %s failed", request.url.path, exc_info=error)
         # The framework makes this answer outside of all middleware.
         headers = security_headers(request.headers.get("host", ""), web_of(request).csrf.secure)
         return error_page(request, 500, "something went wrong on our side", headers)
 
 
 def error_page(request: Request, status: int, reason: str, headers: Mapping[str, str] | None = None) -> Response:
-    """The answer to a request that failed. `reason` is for programs and researchers; participants read the
-    page's own words."""
+    """Return the response to a failed request. `reason` is for programs and researchers; participants see the page's
+    own text."""
     if "text/html" not in request.headers.get("accept", ""):
         return JSONResponse({"detail": reason}, status, dict(headers or {}))
     if f"{request.url.path}/".startswith("/admin/"):

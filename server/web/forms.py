@@ -1,4 +1,4 @@
-"""What comes in with a form: read within limits, never trusted."""
+"""Read submitted forms within limits. Their content is not trusted."""
 
 import asyncio
 from collections.abc import Callable, Mapping

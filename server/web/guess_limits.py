@@ -1,4 +1,4 @@
-"""Checks of passwords and completion codes that hold against guessing.
+"""Check passwords and completion codes with protection against guessing.
 
 A try is reserved in the database before anything is awaited on its behalf, so parallel requests and several server
 processes share one limit, and it is given back if it was right. The limit is for one name from one origin. Nobody else
@@ -46,7 +46,7 @@ class Busy(Exception):
 
 @dataclass(frozen=True)
 class Origin:
-    """Who tries: `kind` of a try, and a keyed hash of the address or the known browser."""
+    """The origin of a try: its `kind`, and a keyed hash of the address or the known browser."""
 
     kind: str
     id: str
@@ -82,7 +82,7 @@ class Hashing:
 
 @dataclass(frozen=True)
 class GuessOutcome:
-    """What came of a try. `left`: tries that remain; None: it was not checked, as there was none left."""
+    """The result of a try. `left`: tries that remain; None: it was not checked, as there was none left."""
 
     right: bool
     left: int | None
@@ -109,12 +109,12 @@ async def _give_back(web: Web, reserved: Reserved) -> None:
 
 
 def stranger(web: Web, connection: HTTPConnection, kind: str) -> Origin:
-    """Return the origin of somebody who is known by their address only."""
+    """Return the origin of a client identified by its address only."""
     return Origin(kind, keyed(web, "address", address_of(connection)))
 
 
 def keyed(web: Web, *parts: str) -> str:
-    """Return a hash that nobody can make or look up without our secret."""
+    """Return a hash that cannot be computed without our secret."""
     return hmac.new(web.csrf.secret, "\n".join(parts).encode(), sha256).hexdigest()
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 router = APIRouter()
 READY_WITHIN_S: Final = 3.0  # less than the 4 s that the health check of docker-compose.yml waits
-_PROVED_FOR_S: Final = 1.0  # however often somebody asks, there is one test commit a second
+_PROVED_FOR_S: Final = 1.0  # at most one test commit a second, however many requests there are
 _MEMORY: Final = Path("/proc/self/statm")
 _FILES: Final = Path("/proc/self/fd")
 # Metric (without "kitchenmind_") -> its Prometheus type and its HELP text.
@@ -71,7 +71,7 @@ def metrics_of(live: LiveGames, model_server: "ModelServer") -> dict[str, float]
 
 
 def _memory_and_files() -> dict[str, float]:
-    """Nothing where the system does not tell."""
+    """Return the memory and open files of this process; empty where the system does not provide them."""
     if not (_MEMORY.exists() and _FILES.exists()):
         return {}
     pages = int(_MEMORY.read_text().split()[1])
@@ -111,13 +111,13 @@ class Commits:
 
 @router.get("/health/live")
 async def live() -> dict[str, str]:
-    """The process answers."""
+    """Return that the process answers."""
     return {"status": "alive"}
 
 
 @router.get("/health/ready")
 async def ready(services: ServicesDep) -> Response:
-    """Games can be played: the database commits and models are there. 503 with what is missing."""
+    """Return whether games can be played: the database commits and the models answer. 503 with what is missing."""
     missing = []
     if not services.models.ready:
         missing.append("models")
@@ -130,8 +130,8 @@ async def ready(services: ServicesDep) -> Response:
 
 @router.get("/metrics")
 async def metrics(request: Request, services: ServicesDep) -> Response:
-    """The figures of all server processes. Where KITCHENMIND_METRICS_TOKEN is set only for who has it; otherwise only
-    on one's own machine."""
+    """Return the metrics of all server processes: with KITCHENMIND_METRICS_TOKEN only for requests that have it,
+    otherwise only in local mode."""
     _let_in(request, services.settings)
     peers = services.live.peers
     own = metrics_of(services.live, services.models)
@@ -143,9 +143,11 @@ def _let_in(request: Request, settings: Settings) -> None:
     if settings.metrics_token is not None:
         given = request.headers.get("authorization", "").encode()
         if not hmac.compare_digest(given, b"Bearer " + settings.metrics_token.get_secret_value().encode()):
-            raise HTTPException(401, "the figures are for who has the token", {"WWW-Authenticate": "Bearer"})
+            raise HTTPException(
+                401, "the metrics need the token of KITCHENMIND_METRICS_TOKEN", {"WWW-Authenticate": "Bearer"}
+            )
     elif settings.mode == "production":
-        raise HTTPException(404, "there are no figures here: KITCHENMIND_METRICS_TOKEN is not set")
+        raise HTTPException(404, "metrics are off: KITCHENMIND_METRICS_TOKEN is not set")
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from argon2.exceptions import InvalidHashError, VerificationError
 
 SHORTEST, LONGEST = 10, 200
 _ROWS = ("01234567890123456789", "qwertyuiopasdfghjklzxcvbnm", "abcdefghijklmnopqrstuvwxyz", "1q2w3e4r5t6y7u8i9o0p")
-# What is left of lists of the most common passwords when the short ones are gone: words that people put digits behind.
+# The long words from lists of the most common passwords, to which people often append digits.
 _COMMON = frozenset(
     re.findall(
         r"\w+",
@@ -33,7 +33,7 @@ def hashed(password: str) -> str:
 
 
 def weakness(password: str, name: str) -> str | None:
-    """Why somebody would guess this password soon; None where nobody would."""
+    """Return why this password is easy to guess; None if it is not."""
     plain = re.sub(r"[^a-z0-9]", "", password.lower())
     letters = plain.rstrip("0123456789")
     if not SHORTEST <= len(password) <= LONGEST:
@@ -50,7 +50,7 @@ def weakness(password: str, name: str) -> str | None:
 
 
 def is_right(password: str, stored: str | None) -> bool:
-    """Whether it is the password; without an account it takes as long to say no."""
+    """Return whether the password is correct; without an account the check takes the same time."""
     try:
         return _hasher.verify(stored or _nobody(), password) and stored is not None
     except (VerificationError, InvalidHashError):

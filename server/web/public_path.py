@@ -1,5 +1,4 @@
-"""Serve behind a path of the public address, such as https://lab.example.org/kitchen: inside, nothing knows of it.
-
+"""Serve behind a path of the public address, such as https://lab.example.org/kitchen: the routes are independent of it.
 Pages take the path from `CsrfProtection.root`; this middleware takes it off requests, if the proxy has left it there,
 and puts it into redirects and cookies.
 """

@@ -1,7 +1,7 @@
-"""How many pages one participant, and one address, may ask for. Knows neither study nor database.
+"""Limits on the number of requests of one participant and of one address.
 
 Counted by participant first: a household, a laboratory or a university shares an address. Requests from this machine
-are not counted by address, as simulated participants and the tests come from there.
+are not counted by address, as simulated participants and the tests connect from there.
 
 Not the library `limits`: it counts in windows, without a token bucket that allows a burst and then a steady rate, which
 sockets use too; and it cannot count new participants in the transaction that enrols them.
@@ -31,13 +31,13 @@ _LARGE_SITE: Final = 4  # addresses' worth of new participants that a whole IPv6
 
 
 class Rates:
-    """The budgets of everybody who asked lately."""
+    """The token buckets of recent clients."""
 
     def __init__(self) -> None:
         self._buckets: OrderedDict[str, TokenBucket] = OrderedDict()
 
     def spend(self, key: str, per_s: float, burst: float) -> bool:
-        """Take one request's worth; False if there is none left."""
+        """Take one token; False if there is none left."""
         now = time.monotonic()
         bucket = self._buckets.setdefault(key, TokenBucket(now, 1.0, per_s, burst))
         self._buckets.move_to_end(key)
@@ -58,7 +58,7 @@ class NewPlaces:
         self._secret, self._counts_local = secret, counts_local
 
     def budgets_of(self, address: str) -> list[PlaceBudget]:
-        """What a new participant from this address counts against; nothing where there is no limit."""
+        """Return the budgets that a new participant from this address uses; empty if there is no limit."""
         if not self.an_hour or (address in HERE and not self._counts_local):
             return []
         budgets, site = [PlaceBudget(self._hashed(address), self.an_hour)], site_of(address)
@@ -81,4 +81,4 @@ async def rate_limit(connection: HTTPConnection) -> None:
         who = hashlib.sha256(token.encode()).hexdigest()
         allowed = rates.spend(who, PER_S, BURST) and allowed
     if not allowed:
-        raise HTTPException(429, "too many requests: wait a little", {"Retry-After": "5"})
+        raise HTTPException(429, "too many requests. Wait a little", {"Retry-After": "5"})

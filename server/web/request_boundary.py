@@ -1,4 +1,4 @@
-"""What every HTTP request passes first and every answer last: HEAD works wherever GET does, redirects stay here."""
+"""The outermost middleware for HTTP: HEAD works wherever GET does, and redirects stay on this server."""
 
 from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send

@@ -1,4 +1,4 @@
-"""Security headers on every answer: nothing from elsewhere, no code inside a page, no frame around it."""
+"""Security headers on every response: no external resources, no inline code, no embedding in frames."""
 
 import re
 from typing import Final
@@ -29,9 +29,8 @@ OURSELVES: Final = "'self'"
 
 
 class SecurityHeaders:
-    """Middleware. `secure`: the public address is https, so browsers shall never ask without TLS again.
-
-    No answer is kept by a cache, but files of ours that are the same for everybody.
+    """Middleware. `secure`: the public address is https, so browsers must not use it without TLS again. No response is
+    cached, except static files.
     """
 
     def __init__(self, app: ASGIApp, secure: bool = False) -> None:
@@ -58,7 +57,7 @@ class SecurityHeaders:
 
 
 def security_headers(host: str, secure: bool) -> dict[str, str]:
-    """The headers of an answer to a browser that asked for `host`."""
+    """Return the headers of a response to a request for `host`."""
     headers = _FIXED | policy(host, secure)
     return headers | ({"Strict-Transport-Security": f"max-age={_YEAR_S}"} if secure else {})
 

@@ -1,4 +1,4 @@
-"""The running parts of the server that routes work with. `server.main` makes them once, before the first request."""
+"""The services that routes use. `server.main` makes them once, before the first request."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated

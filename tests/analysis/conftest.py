@@ -14,7 +14,7 @@ PLANTED = Truth(participants=16, reward_effect={"tom": 22.0}, answer_effect={"to
 
 @pytest.fixture(scope="session")
 def planted_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An export in which ToM predictions help: 22 points and 1.2 points of the scale."""
+    """An export with a known effect of ToM predictions: 22 points and 1.2 points of the scale."""
     folder = tmp_path_factory.mktemp("planted")
     write_export(PLANTED, folder)
     return folder
@@ -33,5 +33,5 @@ def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def quick_command(no_pictures: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`kitchenmind report` draws less at random and renders nothing."""
+    """`kitchenmind report` with fewer random draws and without rendering figures."""
     monkeypatch.setattr(study, "Options", partial(study.Options, power_studies=20, draws=200))

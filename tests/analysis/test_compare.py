@@ -1,4 +1,6 @@
-"""The paper's tests on tables: against formulas by hand, against a planted effect, and against none."""
+"""The paper's tests on tables: compared with formulas computed by hand, with a simulated effect, and without an
+effect.
+"""
 
 import math
 from itertools import product

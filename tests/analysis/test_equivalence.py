@@ -1,4 +1,6 @@
-"""Equivalence within the smallest effect of interest: numbers against statsmodels, and words that claim no more."""
+"""Equivalence within the smallest effect of interest: numbers compared with statsmodels, and sentences that claim no
+more than shown.
+"""
 
 import math
 import re

@@ -216,7 +216,7 @@ def test_the_pattern_of_an_effect_has_it_and_nothing_else(levels: dict[str, int]
             assert np.abs(found).max() == pytest.approx(1 if other == term else 0)
 
 
-def test_the_power_command_speaks_about_the_factors_of_a_study(
+def test_the_power_command_covers_the_factors_of_a_study(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], no_pictures: None
 ) -> None:
     example = Path(__file__).parents[2] / "studies" / "examples" / "two_factors.yaml"

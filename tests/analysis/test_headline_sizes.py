@@ -1,4 +1,4 @@
-"""What the report says, held by simulation: false alarms as rare as alpha says, and never a false direction."""
+"""The report's claims in simulations: no more false alarms than alpha allows, and never a false direction."""
 
 import re
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ FEWEST = int(stats.binom.ppf(0.0005, STUDIES, 0.05))
 
 @pytest.fixture(scope="module")
 def null_studies() -> list[Said]:
-    """What is said of studies in which nothing differs, but people do."""
+    """The report's sentences about studies without effects, in which people differ."""
     return [said_about(NULL, seed) for seed in range(STUDIES)]
 
 
@@ -55,7 +55,7 @@ def test_nothing_is_claimed_more_often_than_alpha_where_nothing_differs(claim: s
 
 
 def test_the_published_tests_would_have_claimed_more_often(null_studies: list[Said]) -> None:
-    """So the simulated people are unlike enough for the tests over people to matter."""
+    """The simulated people differ enough for the tests over people to matter."""
     for section, test in (("reward", "kruskal_wallis"), ("questionnaire", "t_test")):
         alarms = sum(
             any(row.p < 0.05 for row in select(said.rows, section=section, test=test)) for said in null_studies
@@ -81,7 +81,7 @@ WORLDS = (
 
 
 def false_directions(said: Said, world: World) -> Iterator[str]:
-    """What is said of ToM against none that is the wrong way round."""
+    """Sentences about ToM against none with the wrong direction."""
     text = pairwise(said)
     up = re.search(r"raised the reward (.*?)(?: and lowered|, compared)", text)
     down = re.search(r"lowered (?:it|the reward) (.*?), compared", text)

@@ -169,7 +169,7 @@ def test_looks_at_undeclared_levels_would_not_hold_alpha() -> None:
     assert (np.min(p, axis=0) < 0.05).mean() > 0.09
 
 
-def test_the_power_command_knows_the_looks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_power_command_uses_the_declared_looks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "study.yaml"
     file.write_text("layouts: [a, b]\nagents: [c]\nprimary: {comparison: [tom, none], looks: [20, 40]}\n")
     words = ["power", str(file), "--effect", "12", "--studies", "200", "--person-sd", "8", "--residual-sd", "14"]

@@ -99,7 +99,7 @@ def test_hidden_time_is_a_share_of_the_time_that_the_episode_took(planted: Expor
 
 
 @pytest.mark.parametrize("kind", ["parquet", "csv"])
-def test_an_absence_during_which_the_server_failed_is_not_held_against_the_person(
+def test_an_absence_during_a_server_failure_does_not_count_as_the_persons(
     kind: str, planted: Export, planted_folder: Path, tmp_path: Path
 ) -> None:
     """A pause that was on at a crash ends exactly when the pause of the next server begins."""

@@ -1,4 +1,4 @@
-"""The mixed model against an exact fit by brute force, in the case in which a gradient method stops early."""
+"""The mixed model compared with an exact fit by brute force, in the case in which a gradient method stops too early."""
 
 import math
 from itertools import product

@@ -1,4 +1,4 @@
-"""The report: complete, alone in one file, and honest where data are missing."""
+"""The report: complete, self-contained in one file, and explicit about missing data."""
 
 import csv
 import math

@@ -1,4 +1,4 @@
-"""Reports on data that are odd: text that looks like numbers, rewards that do not vary, hostile names, two versions."""
+"""Reports on unusual data: text that looks like numbers, rewards that do not vary, hostile names, two versions."""
 
 import csv
 import re
@@ -25,7 +25,7 @@ SMALL = Truth(participants=4, layouts=("matrix", "double_rings"), timesteps=20, 
 
 @pytest.fixture(scope="module", autouse=True)
 def _coarse_pictures() -> Iterator[None]:
-    """Thirty reports are drawn here, and nobody looks at their pictures."""
+    """Draw coarse figures: thirty reports are made here, and their figures are not checked."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figure_style, "DPI", 20)
         yield
@@ -250,7 +250,7 @@ def test_two_versions_are_named_and_one_can_be_chosen(
 
 
 @pytest.mark.usefixtures("quick_command")
-def test_one_version_is_not_worth_a_word(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_single_version_is_not_mentioned(small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert kitchenmind.main(["report", str(small), "--out", str(tmp_path)]) == 0
     assert capsys.readouterr().err == ""
 

@@ -78,7 +78,7 @@ def test_shares_of_those_lost_add_up(with_losses: Export) -> None:
     }
 
 
-def test_people_who_still_take_part_are_no_attrition(with_losses: Export) -> None:
+def test_people_who_still_take_part_do_not_count_as_attrition(with_losses: Export) -> None:
     people = with_losses.participants.with_columns(status=pl.col("status").replace("timed_out", "active"))
     rows = attrition_rows(replace(with_losses, participants=people), with_losses.episodes, seed=1)
     assert [row.n for row in select(rows, test="left")] == [15, 16, 16]
@@ -147,8 +147,8 @@ def test_the_sentence_about_attrition_counts_people(with_losses: Export) -> None
     assert "did not differ significantly between the conditions (Fisher" in text
 
 
-def test_at_an_interim_look_all_populations_are_held_against_the_same_level(with_losses: Export) -> None:
-    """Fewer people after exclusions are no earlier look."""
+def test_at_an_interim_look_all_populations_are_tested_at_the_same_level(with_losses: Export) -> None:
+    """Fewer people after exclusions do not count as an earlier look."""
     every = measures.episode_measures(with_losses)
     analysed = measures.analysed(every, with_losses.participants)
     quality = data_quality.proposals(every, with_losses.answers)

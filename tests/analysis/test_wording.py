@@ -1,4 +1,4 @@
-"""Headlines and sentences: what they rest on, which way they point, and what they say where nothing was found."""
+"""Headlines and sentences: the tests they use, the direction they report, and their wording without findings."""
 
 import re
 from dataclasses import replace
@@ -59,7 +59,7 @@ def test_a_difference_that_may_be_chance_has_no_direction(nothing: Said) -> None
     assert nothing.findings[1].startswith("Reward does not differ significantly between")
 
 
-def test_headlines_rest_on_people_where_the_published_test_cries_wolf() -> None:
+def test_headlines_use_tests_over_people_also_where_the_published_test_has_a_false_alarm() -> None:
     """Of studies without any difference, one in which the published test finds one and the permutation does not."""
     for seed in range(100):
         said = said_about(World(person_sd=30.0), 500 + seed)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent.parent
-# What makes each short.
+# The arguments that make each short.
 QUICK = {
     "agent_modes": ["--quick"],
     "classic_kitchens": ["--quick"],
@@ -77,7 +77,7 @@ def row(number: int, passed: bool = True) -> "faults.FaultResult":
     return faults.FaultResult(number, "a fault", 1, passed, {"lost": 0})
 
 
-def test_a_row_that_breaks_is_a_row_that_failed_and_the_others_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_scenario_that_raises_counts_as_failed_and_the_others_continue(monkeypatch: pytest.MonkeyPatch) -> None:
     def breaks(folder: Path) -> "faults.FaultResult":
         raise ValueError("min() iterable argument is empty")
 

@@ -1,4 +1,4 @@
-"""The benchmark of foresight: what it calls true comes true, and the same chance makes the same episodes."""
+"""The benchmark of foresight: arrows called true come true, and the same random numbers give the same episodes."""
 
 import importlib.util
 import sys

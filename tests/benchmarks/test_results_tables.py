@@ -44,7 +44,7 @@ def test_every_predictor_was_made_for_the_agent_that_is_bundled(layout, agent):
 
 
 @pytest.mark.parametrize(("layout", "agent"), CELLS)
-def test_predictions_are_better_than_published_near_the_ceiling_and_honest(layout, agent):
+def test_predictions_are_better_than_published_near_the_ceiling_and_calibrated(layout, agent):
     entry = served(layout, agent)
     published = results.PUBLISHED[agent, "offline"][results.LAYOUTS.index(layout)]
     assert entry["accuracy"]["mean"] > published

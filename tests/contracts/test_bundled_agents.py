@@ -1,4 +1,4 @@
-"""Every bundled agent does what its card says, and what the study needs of it."""
+"""Every bundled agent performs as its card says, and as the study needs."""
 
 import pytest
 
@@ -54,7 +54,7 @@ def test_the_fcp_agent_scores_at_least_half_of_sp_with_itself(name: str) -> None
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_every_bundled_checkpoint_is_whole_and_belongs_to_its_kitchen(name: str) -> None:
+def test_every_bundled_checkpoint_is_undamaged_and_belongs_to_its_kitchen(name: str) -> None:
     folders = [config.parent for config in (WEIGHTS / name).rglob("config.json")]
     assert folders
     for folder in folders:

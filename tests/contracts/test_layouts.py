@@ -1,4 +1,4 @@
-"""What every bundled layout must give: a playable kitchen, whatever the chefs do."""
+"""Every bundled layout is a playable kitchen, whatever the chefs do."""
 
 import numpy as np
 import pytest

@@ -87,7 +87,7 @@ def test_published_study_is_as_published() -> None:
 
 
 def test_nobody_is_told_that_a_prediction_is_random(path: Path) -> None:
-    """Before the end: names of conditions stand in no text that a participant reads."""
+    """Before the end, no text for participants contains the name of a condition."""
     study = load_study(path).study
     texts = [
         study.consent,

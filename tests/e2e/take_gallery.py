@@ -45,7 +45,7 @@ evidence about people. The page shows what the tools produce, from the running d
 
 @dataclass
 class Made:
-    """What the pictures and the page are made from."""
+    """The data for the pictures and the page."""
 
     outcome: GroupOutcome
     minutes: float
@@ -75,7 +75,7 @@ def signed_in(chromium: Browser, server: OwnServer, study: str) -> Page:
 
 
 def walk(group: BotGroup, server: OwnServer, page: Page, out: Path) -> GroupOutcome:
-    """Everybody through the study, in a process of its own; a picture of the dashboard while they are at it."""
+    """Run the bots through the study in a separate process; take a picture of the dashboard meanwhile."""
     words = [
         sys.executable,
         __file__,
@@ -102,7 +102,7 @@ def walk_here(number: int, url: str, database: str, study_file: str) -> None:
 
 
 def take(page: Page, path: Path, full: bool = False) -> None:
-    """A picture as small as it may be."""
+    """Take a picture, compressed to the allowed size."""
     shot = path.with_suffix(".png")
     page.screenshot(path=shot, full_page=full)
     small(shot, path)
@@ -156,7 +156,7 @@ def make(number: int, study_file: Path, out: Path) -> None:
 
 
 def written(made: Made, study: str, out: Path) -> str:
-    """The page: what was simulated, the pictures, and what the report says."""
+    """Return the page: what was simulated, the pictures, and the report's sentences."""
     outcome, analysis = made.outcome, made.report.analysis
     arms = ", ".join(f"{count} in `{condition}`" for condition, count in outcome.by_condition.items())
     findings = "\n".join(f"- {finding}" for finding in apa_text.findings(analysis))

@@ -1,4 +1,4 @@
-"""A researcher in a real browser, on a real server: watches a bot play, steps in, looks at the game again."""
+"""A researcher in a real browser, on a real server: watches a bot play, intervenes, and replays the game."""
 
 import asyncio
 import base64
@@ -116,7 +116,7 @@ def played(page: Page, film: bytes) -> float:
     return float(length)
 
 
-def test_a_running_game_is_seen_paused_and_let_go_on(page: Page) -> None:
+def test_a_running_game_is_watched_paused_and_resumed(page: Page) -> None:
     card = page.locator(".mini").filter(has_text="E1")
     expect(card).to_have_count(1)
     expect(page.locator("#people tr")).to_have_count(1)
@@ -156,7 +156,7 @@ def with_marks(route: Route) -> None:
     route.fulfill(json=record)
 
 
-def test_a_game_is_looked_at_again_and_taken_along(page: Page, server: LiveServer) -> None:
+def test_a_game_is_replayed_and_exported_as_a_film(page: Page, server: LiveServer) -> None:
     page.route("**/record.json", with_marks)
     page.goto(f"{server.url}/admin/s/short/games")
     page.click("table a:has-text('Tutorial')")
@@ -192,7 +192,7 @@ def test_a_game_is_looked_at_again_and_taken_along(page: Page, server: LiveServe
     assert played(page, Path(video.value.path()).read_bytes()) == 3.0, "15 timesteps of 200 ms"
 
 
-def test_the_live_page_is_not_called_calm_while_an_alert_is_open(page: Page, server: LiveServer) -> None:
+def test_the_live_page_shows_no_all_clear_while_an_alert_is_open(page: Page, server: LiveServer) -> None:
     text = "Timesteps come late: 61 ms at the 99th percentile."
 
     def with_alert(socket: WebSocketRoute) -> None:

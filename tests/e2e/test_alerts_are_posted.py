@@ -1,4 +1,4 @@
-"""A participant disappears from a game, and the researcher hears of it in the chat."""
+"""A participant disappears from a game, and an alert is posted to the researcher's chat."""
 
 import asyncio
 import json

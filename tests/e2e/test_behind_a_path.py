@@ -1,4 +1,4 @@
-"""The whole product behind a path of a server that serves other things too: nothing is asked for outside of it."""
+"""The whole product behind a path of a server that serves other things too: no request goes outside of it."""
 
 from collections.abc import Iterator
 from urllib.parse import urlsplit
@@ -29,7 +29,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
 
 
 class Watched:
-    """A browser that notes what it asks for."""
+    """A browser that records its requests."""
 
     def __init__(self, chromium: Browser) -> None:
         self.context: BrowserContext = draw_less_often(
@@ -99,7 +99,7 @@ def test_researchers_stay_below_the_path(chromium: Browser, server: LiveServer) 
 
 
 @pytest.mark.slow
-def test_onlookers_stay_below_the_path(chromium: Browser, server: LiveServer) -> None:
+def test_viewers_stay_below_the_path(chromium: Browser, server: LiveServer) -> None:
     browser = Watched(chromium)
     page = browser.page()
     page.goto(f"{server.url}{ROOT}/watch")

@@ -1,4 +1,4 @@
-"""What is said during a game does not lie on what it is about: the researcher's messages and the tutorial's bubble."""
+"""Messages during a game do not cover what matters: the researcher's messages and the tutorial's bubble."""
 
 from typing import Any
 

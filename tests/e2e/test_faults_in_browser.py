@@ -1,4 +1,4 @@
-"""Faults as a participant in a real browser meets them: the page comes back by itself, foreign pages get nowhere."""
+"""Faults as seen by a participant in a real browser: the page recovers by itself, and foreign pages are refused."""
 
 import signal
 import time
@@ -66,7 +66,7 @@ def wait_until_past(page: Page, reached: int) -> None:
 
 
 @pytest.mark.slow
-def test_a_killed_server_is_noticed_and_the_page_goes_on_without_a_reload(
+def test_a_killed_server_is_noticed_and_the_page_continues_without_a_reload(
     visitor: BrowserContext, server: RealServer
 ) -> None:
     page = playing(visitor, server)
@@ -87,7 +87,7 @@ def test_a_killed_server_is_noticed_and_the_page_goes_on_without_a_reload(
 
 
 @pytest.mark.slow
-def test_the_way_back_and_a_page_that_slept_lead_to_the_same_timestep(
+def test_the_back_button_and_a_suspended_page_lead_to_the_same_timestep(
     visitor: BrowserContext, server: RealServer
 ) -> None:
     page = playing(visitor, server)

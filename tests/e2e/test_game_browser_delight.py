@@ -1,4 +1,4 @@
-"""What makes the game a pleasure: points that fly, the result with bowls and a curve, the marks in slow motion."""
+"""Rewarding details of the game: flying points, the result with bowls and a curve, the marks in slow motion."""
 
 import itertools
 from typing import Any

@@ -1,4 +1,4 @@
-"""Keyboards on the game's page: keys of one's own, other layouts, labels, and what cannot be used."""
+"""Keyboards on the game's page: custom keys, other layouts, labels, and unusable keys."""
 
 import pytest
 from playwright.sync_api import Browser, Page, expect

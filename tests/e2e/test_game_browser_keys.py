@@ -1,4 +1,4 @@
-"""Keys, fingers and absences on the game's page, against a server that writes down what it is sent."""
+"""Keys, fingers and absences on the game's page, with a server that records the messages."""
 
 import pytest
 from playwright.sync_api import Browser, Page
@@ -62,7 +62,7 @@ def test_a_release_that_waits_is_told_when_the_keys_go_elsewhere(page: Page, ser
     assert moves(server)[-1] == (None, None)
 
 
-def test_keys_that_wait_are_forgotten_when_the_game_stands_still(page: Page, server: FakeGameServer) -> None:
+def test_waiting_keys_are_forgotten_when_the_game_is_paused(page: Page, server: FakeGameServer) -> None:
     for _ in range(30):
         page.keyboard.press("ArrowUp")
     settled(page, server)
@@ -106,7 +106,7 @@ def test_leaving_the_window_lets_all_keys_go_and_pauses(page: Page, server: Fake
     page.keyboard.press("ArrowLeft")
     page.evaluate("window.dispatchEvent(new Event('focus'))")
     server.wait_for(lambda server: len(server.of(Ready)) == 2)
-    assert len(server.inputs()) == 2, "no key counts while the game stands still, none comes back afterwards"
+    assert len(server.inputs()) == 2, "no key counts while the game is paused, none acts afterwards"
 
 
 def test_a_hidden_page_says_so_and_comes_back_by_itself(page: Page, server: FakeGameServer) -> None:
@@ -219,7 +219,7 @@ def test_a_key_up_that_a_modifier_swallows_does_not_leave_the_chef_walking(
     were_sent(page, server, lambda server: moves(server)[3:], [(None, None)])
 
 
-def test_a_key_whose_repeats_stop_is_let_go(page: Page, server: FakeGameServer) -> None:
+def test_a_key_whose_repeats_stop_is_released(page: Page, server: FakeGameServer) -> None:
     page.keyboard.down("ArrowRight")
     for _ in range(4):
         page.keyboard.down("ArrowRight")

@@ -1,4 +1,4 @@
-"""The line between page and server: lost, closed, taken over, silent; and what the page tells the researcher."""
+"""The connection between page and server: lost, closed, taken over, silent; and errors reported to the researcher."""
 
 from typing import Any
 
@@ -34,7 +34,7 @@ def test_a_lost_line_comes_back_by_itself_at_the_same_timestep(
         expect(page.locator("[data-timestep='121'][data-view=none]")).to_be_visible()
 
 
-def test_a_line_that_was_cut_without_a_word_comes_back(chromium: Browser, server: FakeGameServer) -> None:
+def test_a_connection_that_was_cut_without_a_close_frame_is_reopened(chromium: Browser, server: FakeGameServer) -> None:
     with opened(chromium, server) as page:
         start(page, server)
         server.cut()
@@ -42,7 +42,7 @@ def test_a_line_that_was_cut_without_a_word_comes_back(chromium: Browser, server
         expect(page.locator(".game")).to_have_attribute("data-link", "open")
 
 
-def test_a_reloaded_page_waits_for_the_participant_to_go_on(chromium: Browser, server: FakeGameServer) -> None:
+def test_a_reloaded_page_waits_for_the_participant_to_continue(chromium: Browser, server: FakeGameServer) -> None:
     with opened(chromium, server) as page:
         start(page, server, kitchen(t=33))
         server.on_hello = lambda _: [welcome(state=kitchen(t=33), resumed=True), Paused("lost", 28.0)]
@@ -175,7 +175,7 @@ def test_errors_of_the_page_reach_the_server_once_each_and_a_few_at_most(
         assert all("oven" in error.text for error in server.of(ClientError))
 
 
-def test_a_frame_that_is_no_message_is_reported_and_the_game_goes_on(chromium: Browser, server: FakeGameServer) -> None:
+def test_an_invalid_frame_is_reported_and_the_game_continues(chromium: Browser, server: FakeGameServer) -> None:
     with opened(chromium, server) as page:
         start(page, server)
         server.send_raw('{"type":"dance"}')

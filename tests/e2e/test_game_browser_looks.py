@@ -1,4 +1,4 @@
-"""What the game's page says: score, tutorial, end, sound, languages, accessibility."""
+"""The game's page: score, tutorial, end, sound, languages, accessibility."""
 
 import re
 from typing import Any
@@ -43,7 +43,7 @@ def test_a_delivery_shows_its_points_and_is_announced(chromium: Browser, server:
         assert page.inner_text("#polite") == "Soup served. Score 60."
 
 
-def test_who_watches_two_agents_has_no_controls(chromium: Browser, server: FakeGameServer) -> None:
+def test_a_viewer_of_two_agents_has_no_controls(chromium: Browser, server: FakeGameServer) -> None:
     server.welcome = rings(kind="watch", seat=-1)
     with opened(chromium, server) as page:
         page.wait_for_selector("#start:visible")
@@ -58,7 +58,7 @@ def test_who_watches_two_agents_has_no_controls(chromium: Browser, server: FakeG
         assert server.inputs() == []
 
 
-def test_who_has_only_watched_is_not_told_of_a_saved_result(chromium: Browser, server: FakeGameServer) -> None:
+def test_a_viewer_is_not_told_that_a_result_was_saved(chromium: Browser, server: FakeGameServer) -> None:
     server.welcome = rings(kind="watch", seat=-1)
     with opened(chromium, server) as page:
         start(page, server, kitchen(t=399, **MOMENT))
@@ -129,7 +129,7 @@ def test_the_end_shows_the_result_and_leads_on(chromium: Browser, server: FakeGa
         assert server.hellos == 1
 
 
-def test_the_end_leads_nowhere_outside(chromium: Browser, server: FakeGameServer) -> None:
+def test_the_end_does_not_lead_to_other_sites(chromium: Browser, server: FakeGameServer) -> None:
     with opened(chromium, server) as page:
         start(page, server, kitchen(t=399, **MOMENT))
         server.send(Ended(0, 0, 0.0, False, "https://elsewhere.example/x", "horizon"))
@@ -174,7 +174,7 @@ def test_a_browser_that_cannot_make_sound_plays_on(chromium: Browser, server: Fa
         assert errors == []
 
 
-def test_the_page_speaks_chinese(chromium: Browser, server: FakeGameServer) -> None:
+def test_the_page_is_available_in_chinese(chromium: Browser, server: FakeGameServer) -> None:
     server.page["language"] = "zh"
     with opened(chromium, server) as page:
         start(page, server, kitchen(t=195, **MOMENT))

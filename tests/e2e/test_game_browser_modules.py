@@ -1,4 +1,4 @@
-"""The game's scripts that know no page: state, arrows, keys, messages. Run where they live, in a browser."""
+"""The game's scripts that are independent of the page: state, arrows, keys, messages. They run in a browser."""
 
 import itertools
 import json
@@ -126,7 +126,7 @@ def test_no_picture_of_sixty_a_second_moves_a_chef_by_more_than_a_third_of_a_cel
     assert max(later - earlier for earlier, later in itertools.pairwise(places)) <= 0.35
 
 
-def test_a_chef_goes_on_from_where_it_is_seen_when_a_tick_comes_early(blank: Page) -> None:
+def test_a_chef_continues_from_its_drawn_position_when_a_tick_arrives_early(blank: Page) -> None:
     one, two = (kitchen(t=t, players=((2 + t, 1, 2, 0), (1, 2, 0, 0))) for t in (1, 2))
     body = "return m.place(s, 0, 1090)[0]"
     seen = states(blank, [welcome(), tick(one), tick(two)], body, [0, 1000, 1090])

@@ -112,7 +112,7 @@ def test_a_person_learns_the_game_plays_a_round_and_gets_the_code(visitor: Brows
 
 
 @pytest.mark.slow
-def test_somebody_who_hammers_on_the_keys_is_taken_for_no_attacker(visitor: BrowserContext, server: RealServer) -> None:
+def test_rapid_key_presses_do_not_disconnect_a_participant(visitor: BrowserContext, server: RealServer) -> None:
     page = visitor.new_page()
     go_to_game(page, server)
     page.click("#start-button")
@@ -124,7 +124,7 @@ def test_somebody_who_hammers_on_the_keys_is_taken_for_no_attacker(visitor: Brow
     assert page.is_visible(".game"), "the game continues"
 
 
-def test_a_reload_and_a_second_tab_go_on_at_the_same_timestep(visitor: BrowserContext, server: RealServer) -> None:
+def test_a_reload_and_a_second_tab_continue_at_the_same_timestep(visitor: BrowserContext, server: RealServer) -> None:
     page = visitor.new_page()
     cook = BrowserCook(page)
     go_to_game(page, server)
@@ -153,7 +153,7 @@ def test_a_reload_and_a_second_tab_go_on_at_the_same_timestep(visitor: BrowserCo
     expect(page.locator(".game")).to_have_attribute("data-phase", "playing")
 
 
-def test_leaving_the_page_pauses_and_coming_back_goes_on(visitor: BrowserContext, server: RealServer) -> None:
+def test_leaving_the_page_pauses_and_returning_resumes(visitor: BrowserContext, server: RealServer) -> None:
     page = visitor.new_page()
     cook = BrowserCook(page)
     go_to_game(page, server)

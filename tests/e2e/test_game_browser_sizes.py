@@ -46,7 +46,7 @@ CLIPPED = "[...document.querySelectorAll('.side .panel')].filter(one => one.scro
 
 
 @pytest.mark.parametrize("display", ["actions", "both", "none"])
-def test_no_card_beside_the_kitchen_cuts_off_its_last_line(
+def test_no_panel_next_to_the_kitchen_cuts_off_its_last_line(
     chromium: Browser, server: FakeGameServer, display: str
 ) -> None:
     server.welcome = rings(shows_predictions=display != "none", display=display)

@@ -66,7 +66,7 @@ def test_the_icon_lies_on_the_edge_of_the_station_and_hides_nothing_in_it(blank:
         assert shown.at(*place) == without.at(*place)
 
 
-def test_the_way_is_dotted_over_floor_cells_from_the_chef_to_the_station(blank: Page) -> None:
+def test_the_path_is_dotted_over_floor_cells_from_the_chef_to_the_station(blank: Page) -> None:
     shown = drawn(blank, FILL_RIGHT_POT)
     assert [green(shown, x, 1.5, 0.6) > 0 for x in (2.5, 3.5)] == [True, True]
     assert [green(shown, x, 2.5, 0.6) for x in (2.5, 3.5)] == [0, 0]
@@ -122,7 +122,7 @@ def test_stations_that_words_name_by_a_number_bear_it_where_intentions_are_shown
     assert all(with_number > without + 60 for without, with_number in zip(*discs, strict=True)), discs
 
 
-def test_the_way_follows_the_drawn_steps_where_they_lead_to_the_station(blank: Page) -> None:
+def test_the_path_follows_the_drawn_steps_if_they_lead_to_the_station(blank: Page) -> None:
     grid = ["XXXXX", "X   P", "X   X", "XXXXX"]
     script = f"""async ([grid, ahead]) => {{ {MODULES}
       return m.intentionOf([4, 4, 1, 95], [1, 2, 0, 1], undefined, grid, ahead).way; }}"""

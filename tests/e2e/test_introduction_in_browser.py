@@ -6,7 +6,7 @@ from tests.support.browser.person import DESK, PHONE, Person, answer_everything,
 from tests.support.page_site import Site
 
 
-def test_introduction_comes_back_to_its_slide_and_goes_on_by_keyboard(person: Person) -> None:
+def test_introduction_returns_to_its_slide_and_continues_by_keyboard(person: Person) -> None:
     page = person.consent().jump("introduction").page
     page.locator("#next").focus()
     page.keyboard.press("Enter")

@@ -1,4 +1,4 @@
-"""A kitchen is drawn in a real browser, mended, saved, and a bot plays in it in a study that names it."""
+"""A kitchen is drawn in a real browser, corrected and saved, and a bot plays in it in a study that names it."""
 
 import asyncio
 import re

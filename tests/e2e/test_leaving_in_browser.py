@@ -1,4 +1,4 @@
-"""Leaving in the middle of a game: nothing is left of the person, and nothing is left running."""
+"""Leaving in the middle of a game: no data of the person remain, and nothing keeps running."""
 
 from collections.abc import Iterator
 
@@ -14,7 +14,7 @@ from tests.support.browser.game_page import DESKTOP, PHONE, draw_less_often, scr
 from tests.support.live_server import LiveServer
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(240)]
-# What says nothing about anybody: arrivals count opened links, a tombstone is the salted hash of a random id, the audit
+# Tables without personal data: arrivals count opened links, a tombstone is the salted hash of a random id, the audit
 # log and its head name researchers only.
 KEPT = {"studies", "withdrawals", "tombstones", "audit", "audit_head", "arrivals"}
 
@@ -35,7 +35,7 @@ def rows(server: LiveServer) -> dict[str, int]:
         return {name: number for name, number in database.read_now(count).items() if number and name not in KEPT}
 
 
-def test_who_leaves_in_the_middle_of_a_game_leaves_nothing_behind(
+def test_leaving_in_the_middle_of_a_game_leaves_no_data_behind(
     chromium: Browser, server: LiveServer, caplog: pytest.LogCaptureFixture
 ) -> None:
     context = chromium.new_context(viewport=PHONE, has_touch=True, reduced_motion="reduce")
@@ -59,7 +59,9 @@ def test_who_leaves_in_the_middle_of_a_game_leaves_nothing_behind(
     assert "could not be stored" not in caplog.text
 
 
-def test_the_way_out_is_on_the_game_s_page_and_asks_first(chromium: Browser, server: LiveServer) -> None:
+def test_leaving_the_study_is_possible_from_the_game_and_needs_confirmation(
+    chromium: Browser, server: LiveServer
+) -> None:
     page = draw_less_often(chromium.new_context(viewport=DESKTOP, reduced_motion="reduce")).new_page()
     cook = BrowserCook(page)
     go_to_game(page, server)

@@ -1,4 +1,4 @@
-"""Limited sight on the board: what is out of view is dark, what leaves the view is cut off, and nobody stands there."""
+"""Limited sight on the board: cells out of view are dark and show no chef, and marks end where they leave the view."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The key and the button that ask for the marks, in a real browser against a server that notes what it is sent."""
+"""The key and the button that ask for the marks, in a real browser with a server that records the messages."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ def asked(server: FakeGameServer) -> list[bool | None]:
     return [each.marks for each in server.inputs()]
 
 
-def test_the_key_is_told_while_it_is_down_and_walking_goes_on(chromium: Browser, server: FakeGameServer) -> None:
+def test_the_marks_key_is_sent_while_held_and_walking_continues(chromium: Browser, server: FakeGameServer) -> None:
     server.welcome = welcome(show="on_key")
     with opened(chromium, server) as page:
         start(page, server)

@@ -1,4 +1,4 @@
-"""A browser that cannot run the game is told so before consent; one that lacks only what is new plays."""
+"""A browser that cannot run the game shows this before consent; one that only lacks optional features plays."""
 
 import re
 from collections.abc import Iterator
@@ -17,12 +17,12 @@ from tests.support.page_site import SMALL_STUDY, Site
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(180)]
 STATIC = ROOT / "static" / "js"
 STUDY = SMALL_STUDY.replace("seed: 11\n", "seed: 11\nrecruitment: {screened_out: {code: KM-DEVICE}}\n")
-# What a study file leaves unchecked the game needs all the same.
+# The study file turns these checks off, but the game needs them anyway.
 UNCHECKED = STUDY.replace("name: small", "name: unchecked").replace(
     "seed: 11\n", "seed: 11\nentry: {websocket: false, latency_ms: }\n"
 )
 
-# What the game cannot do without.
+# Features that the game needs.
 NEEDED = (
     "window.ResizeObserver",
     "window.Path2D",
@@ -42,7 +42,7 @@ NEEDED = (
     "DOMTokenList.prototype.toggle",
     "Document.prototype.hasFocus",
 )
-# What browsers got after 2021.
+# Features of browsers after 2021.
 YOUNG = (
     *(f"Array.prototype.{name}" for name in ("findLast", "findLastIndex", "toSorted", "toReversed", "with", "at")),
     *("String.prototype.replaceAll", "String.prototype.at", "Object.hasOwn", "Object.groupBy", "Map.groupBy"),

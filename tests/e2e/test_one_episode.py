@@ -1,4 +1,4 @@
-"""The narrowest way through everything: consent to code over real HTTP and sockets, then export and verify."""
+"""The shortest complete run: consent to code over real HTTP and sockets, then export and verify."""
 
 import asyncio
 import csv
@@ -38,7 +38,7 @@ def stored_hashes(server: RealServer) -> dict[tuple[str, int], str]:
     return {(record.episode, record.timestep): record.state_hash for record in records}
 
 
-def test_participants_walk_the_whole_study_and_all_they_saw_is_stored(server: RealServer) -> None:
+def test_participants_complete_the_study_and_everything_they_saw_is_stored(server: RealServer) -> None:
     bots = [Bot(server.url, "short", seed) for seed in range(3)]
 
     async def walk() -> None:

@@ -67,7 +67,7 @@ def test_axe_finds_nothing_on_any_page(
 
 
 def test_axe_finds_nothing_where_the_way_ends_early(person: Person) -> None:
-    """Who only looks, comes twice, finds the study full, fails the quiz, was away too long, or guesses codes."""
+    """A preview, a repeated visit, a full study, a failed quiz, a too long absence, guessed codes."""
     page, site = person.page, person.site
     found: dict[str, list[Any]] = {}
 

@@ -106,7 +106,7 @@ def test_blocked_websocket_is_told_before_consent(site: Site, chromium: Browser)
     context.close()
 
 
-def test_digits_answer_the_scales_one_after_the_other_and_enter_goes_on(person: Person) -> None:
+def test_digits_answer_the_scales_in_order_and_enter_continues(person: Person) -> None:
     page = person.consent().jump("after-01").page
     scales = page.locator(".q").count()
     expect(page.locator(".scale input:checked")).to_have_count(0)
@@ -183,7 +183,7 @@ def test_without_scripts_the_page_says_what_is_needed(site: Site, chromium: Brow
 
 
 def test_person_who_left_something_wrong_finds_it_again(person: Person) -> None:
-    """What only the server can know comes back with the page: the quiz."""
+    """Faults that only the server can find are shown with the page: the quiz."""
     page = person.consent().jump("quiz").page
     page.check("[name=onions][value=two]")
     page.click("#go")

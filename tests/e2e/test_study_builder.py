@@ -128,7 +128,7 @@ def test_a_study_of_two_conditions_is_made_opened_and_taken_part_in_without_yaml
     expect(at(page, "conditions", 0).locator("summary").first).to_contain_text("with_marks")
     at(page, "title").locator("input").first.fill("Cooking: a pilot")
     expect(yaml_of(page)).to_have_value(re.compile("Cooking: a pilot"))
-    expect(page.locator("#problems")).to_contain_text("The study is sound")
+    expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened")
     expect(page.locator("#save-state")).to_have_text("Saved")
     is_accessible(page)
     study = parse_study(stored(server, draft)).study
@@ -161,7 +161,7 @@ def test_both_sides_follow_each_other_and_say_what_is_wrong_at_the_field_and_at_
     expect(page.locator("#gutter .bad")).to_have_text(str(line))
     expect(page.locator("#problems")).to_contain_text(f"Line {line}, duration_min")
     minutes.fill("24")
-    expect(page.locator("#problems")).to_contain_text("The study is sound")
+    expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened")
     yaml_of(page).fill("name: [")
     expect(page.locator("#problems")).to_contain_text("this is no YAML")
     expect(page.locator("#form")).to_have_attribute("inert", "")
@@ -289,7 +289,7 @@ def test_questions_are_put_in_order_by_keyboard_and_by_drag(new_page: NewPage) -
     keys = re.findall(r"- key: (\w+)", yaml_of(page).input_value())
     assert keys == [words.partition(",")[0] for words in (fourth, second, third, first)]
     page.get_by_label("Type of the new one").last.select_option("number")
-    expect(page.locator("#problems")).to_contain_text("The study is sound")
+    expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened")
 
 
 @pytest.mark.slow
@@ -305,7 +305,7 @@ def test_a_published_scale_is_added_from_the_list(new_page: NewPage) -> None:
     expect(scale.locator("option")).to_have_text(["nasa_tlx_raw", "trust_in_automation"])
     scale.select_option("trust_in_automation")
     expect(yaml_of(page)).to_have_value(re.compile("scale: trust_in_automation"))
-    expect(page.locator("#problems")).to_contain_text("The study is sound")
+    expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened")
     asked = parse_study(yaml_of(page).input_value()).study.questions("teamwork")
     assert [one.key for one in asked[-2:]] == ["tia_pro3", "tia_rc6"]
 
@@ -334,7 +334,7 @@ def test_levels_of_factors_are_changed_in_the_form_and_their_mistakes_shown_at_t
     begin(page, "crossed")
     text = (ROOT / "studies" / "examples" / "two_factors.yaml").read_text("utf-8")
     yaml_of(page).fill(text)
-    expect(page.locator("#problems")).to_contain_text("The study is sound")
+    expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened")
     expect(at(page, "factors", "opacity").locator("input[data-control]")).to_have_value("off, on")
     for part in (("factors",), ("factors", "steps"), ("factors", "steps", "one")):
         block = page.locator(f"details{place_of(*part)}, {place_of(*part)} > details").first
@@ -346,7 +346,7 @@ def test_levels_of_factors_are_changed_in_the_form_and_their_mistakes_shown_at_t
     yaml_of(page).fill(changed.replace("steps_shown: 2", "steps_shown: 9"))
     expect(at(page, "factors", "steps", "one", "steps_shown")).to_contain_text("9 is too large")
     yaml_of(page).fill(changed.replace('["off", "on"]', "{plain: {}, faded: {confidence_opacity: true}}"))
-    expect(page.locator("#problems")).to_contain_text("The study is sound")
+    expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened")
     expect(at(page, "factors", "opacity", "faded", "confidence_opacity")).to_be_attached()
 
 
@@ -453,7 +453,7 @@ def test_a_round_of_a_preview_is_played_and_nothing_of_it_is_stored(new_page: Ne
     before = rows(server, STORED, draft)
     text = stored(server, draft)
     yaml_of(page).fill(text.replace("- {name: sp}", "- {name: planner, predictor: random}") + "\ngame: {horizon: 15}\n")
-    expect(page.locator("#problems")).to_contain_text("The study is sound")
+    expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened")
     expect(page.locator("#save-state")).to_have_text("Saved")
     page.goto(f"{server.url}/admin/drafts/{draft}/preview")
     page.locator("li", has_text="episode: coordination_ring").first.get_by_role("link", name="en").click()
@@ -469,7 +469,7 @@ def test_a_round_of_a_preview_is_played_and_nothing_of_it_is_stored(new_page: Ne
     page.goto(f"{server.url}/admin/drafts/{draft}")
     text = yaml_of(page).input_value()
     yaml_of(page).fill(text.replace("{name: coordination_ring, ", f'{{name: coordination_ring, grid: "{grid}", '))
-    expect(page.locator("#problems")).to_contain_text("The study is sound")
+    expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened")
     expect(page.locator("#save-state")).to_have_text("Saved")
     page.goto(f"{server.url}/admin/drafts/{draft}/preview")
     page.locator("li", has_text="episode: coordination_ring").first.get_by_role("link", name="en").click()

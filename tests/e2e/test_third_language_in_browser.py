@@ -1,4 +1,4 @@
-"""A third language is one more file: here one that nobody else has, every text 40 % longer. Nothing is cut off."""
+"""A third language is one more file: here an invented one, in which every text is 40 % longer. Nothing is cut off."""
 
 import math
 import re

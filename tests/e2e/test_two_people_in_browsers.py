@@ -1,4 +1,4 @@
-"""Two people in two real browsers: the waiting room, the round together, and what becomes of who waits in vain."""
+"""Two people in two real browsers: the waiting room, the round together, and what happens if no partner arrives."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -83,7 +83,9 @@ def test_two_browsers_wait_meet_cook_and_each_sees_itself_in_blue(chromium: Brow
         assert cooks[0].episode == cooks[1].episode
 
 
-def test_who_waits_in_vain_is_told_that_an_agent_steps_in(chromium: Browser, impatient: LiveServer) -> None:
+def test_without_a_partner_a_participant_is_told_that_an_agent_steps_in(
+    chromium: Browser, impatient: LiveServer
+) -> None:
     with visitor(chromium, DESKTOP) as page:
         to_the_game(page, impatient)
         page.wait_for_selector("#pause:visible")

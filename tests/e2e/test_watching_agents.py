@@ -26,7 +26,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
 
 
 @pytest.mark.parametrize(("viewport", "marks"), [(DESKTOP, 1), (PHONE, 0)], ids=["desktop-green", "phone-blue"])
-def test_two_agents_cook_before_an_onlooker(
+def test_two_agents_cook_for_a_viewer(
     chromium: Browser, server: LiveServer, viewport: dict[str, int], marks: int
 ) -> None:
     context = chromium.new_context(viewport=viewport, reduced_motion="reduce")  # type: ignore[arg-type]

@@ -85,6 +85,6 @@ def test_the_whole_study_by_touch_alone_in_chinese(chromium: Browser, server: Re
     page.context.close()
 
 
-def test_everything_that_they_left_is_sound(server: RealServer) -> None:
+def test_everything_that_they_stored_is_valid(server: RealServer) -> None:
     verified = server.command("verify")
     assert verified.returncode == 0, verified.stdout + verified.stderr

@@ -19,7 +19,7 @@ async def test_garbage_on_a_socket_harms_nobody_else(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "words", [b"", b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow"], ids=["silent", "half a request"]
 )
-async def test_connections_that_say_nothing_whole_are_closed_and_games_are_safe(
+async def test_connections_without_a_complete_request_are_closed_and_games_are_safe(
     tmp_path: Path, words: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(uvicorn_protocols, "SAY_SOMETHING_WITHIN_S", 0.5)

@@ -1,4 +1,6 @@
-"""Rows 4 to 8 and 26 of docs/explanation/faults.md: the database is away, locked, full, unsynced, or used twice."""
+"""Rows 4 to 8 and 26 of docs/explanation/faults.md: the database is unavailable, locked, full, unsynced, or used
+twice.
+"""
 
 import shutil
 from pathlib import Path
@@ -10,7 +12,7 @@ from tests.support.faults import database_scenarios as database
 needs_mount = pytest.mark.skipif(not database.can_mount(), reason="only root may mount a small file system")
 
 
-async def test_games_wait_for_a_locked_database_and_go_on_by_themselves(tmp_path: Path) -> None:
+async def test_games_wait_for_a_locked_database_and_resume_by_themselves(tmp_path: Path) -> None:
     (await database.locked(tmp_path, seconds=2)).hold()
 
 
@@ -23,7 +25,7 @@ def test_a_second_server_waits_for_the_first_to_die(tmp_path: Path) -> None:
 
 
 @needs_mount
-async def test_games_wait_for_a_full_disk_and_go_on_once_there_is_space(tmp_path: Path) -> None:
+async def test_games_wait_for_a_full_disk_and_resume_once_there_is_space(tmp_path: Path) -> None:
     (await database.disk_full(tmp_path, seconds=2)).hold()
 
 
@@ -39,7 +41,7 @@ async def test_a_lock_of_ten_seconds_costs_time_and_nothing_else(tmp_path: Path)
 
 @pytest.mark.slow
 @pytest.mark.postgres
-async def test_postgresql_that_stands_still_for_half_a_minute_acknowledges_nothing(tmp_path: Path) -> None:
+async def test_postgresql_that_hangs_for_half_a_minute_acknowledges_nothing(tmp_path: Path) -> None:
     (await database.postgres_frozen(tmp_path, seconds=30)).hold()
 
 

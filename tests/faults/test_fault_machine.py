@@ -1,7 +1,7 @@
 """Faults in any order against the real application, its database and its sockets: hypothesis searches and shrinks.
 
-The models answer by rule and the server lives in this process, so that a sequence takes seconds. Whatever happened, in
-the end everything is healed, every game moves again, and the journals are held against the database.
+The models answer by rule and the server lives in this process, so that a sequence takes seconds. At the end of a
+sequence all faults are repaired, every game must continue, and the journals are compared with the database.
 """
 
 import asyncio
@@ -33,7 +33,7 @@ WEATHERS = (Weather(), Weather(latency_ms=30, jitter_ms=20), Weather(loss=0.05),
 
 
 class FaultMachine(RuleBasedStateMachine):
-    """Two people at their games; each rule does some harm, or lets some time pass."""
+    """Two people at their games; each rule causes a fault, or lets some time pass."""
 
     compared: ClassVar[list[int]] = []  # at the end of each sequence, how many states were looked up in the database
 
@@ -165,7 +165,7 @@ _QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "databas
 
 
 def search(machine: type[FaultMachine], sequences: int, steps: int, **how: Any) -> None:
-    """Try so many sequences of faults; all of them must have shown states that are then compared."""
+    """Try this many sequences of faults; each of them must have shown states to compare."""
     FaultMachine.compared.clear()
     tried = settings(max_examples=sequences, stateful_step_count=steps, **how, **_QUIET)
     run_state_machine_as_test(machine, settings=tried)

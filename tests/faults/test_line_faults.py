@@ -35,13 +35,13 @@ async def test_many_resets_lose_and_double_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-async def test_a_peer_that_vanished_without_a_word_is_noticed(tmp_path: Path) -> None:
+async def test_a_peer_that_vanished_without_closing_is_noticed(tmp_path: Path) -> None:
     (await line.half_open(tmp_path, tries=5)).hold()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("up", "down"), [(True, False), (False, True), (True, True)])
-async def test_a_line_that_stands_still_for_a_while_goes_on(tmp_path: Path, up: bool, down: bool) -> None:
+async def test_a_stalled_connection_continues_after_a_while(tmp_path: Path, up: bool, down: bool) -> None:
     (await line.frozen_ways(tmp_path, up, down, seconds=8)).hold()
 
 

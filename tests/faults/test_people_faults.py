@@ -12,7 +12,7 @@ async def test_a_killed_server_gives_no_code_without_all_answers(tmp_path: Path)
     (await people.last_page(tmp_path, tries=8, seed=30)).hold()
 
 
-async def test_of_somebody_who_leaves_in_a_game_no_file_keeps_anything(tmp_path: Path) -> None:
+async def test_no_file_keeps_data_of_a_participant_who_leaves_in_a_game(tmp_path: Path) -> None:
     (await people.withdrawal(tmp_path)).hold()
 
 

@@ -9,7 +9,7 @@ from tests.support.faults import process_scenarios as process
 from tests.support.real_server import RealServer
 
 
-async def test_a_killed_server_goes_on_where_everybody_was(tmp_path: Path) -> None:
+async def test_a_restarted_server_continues_every_game_where_it_was_killed(tmp_path: Path) -> None:
     (await process.kills(tmp_path, tries=1, games=4, seed=1)).hold()
 
 
@@ -20,7 +20,7 @@ async def test_many_kills_under_fifty_games_lose_and_double_nothing(tmp_path: Pa
 
 
 @pytest.mark.slow
-async def test_a_stopped_server_says_so_and_goes_on_after_it(tmp_path: Path) -> None:
+async def test_a_stopped_server_tells_participants_and_continues_after_the_restart(tmp_path: Path) -> None:
     (await process.stops(tmp_path, tries=3, games=10)).hold()
 
 

@@ -1,4 +1,4 @@
-"""The checker of the invariants finds what there is to find: a real game is played, its record then tampered with."""
+"""The checker of the invariants finds violations: a real game is played, then its record is tampered with."""
 
 import asyncio
 from collections.abc import Callable
@@ -38,7 +38,7 @@ def tampered(played: tuple[Path, list[RecordingClient]], tmp_path: Path, change:
     return held_against(f"sqlite:///{copy}", played[1])
 
 
-def test_an_honest_record_is_found_to_be_so(played: tuple[Path, list[RecordingClient]], tmp_path: Path) -> None:
+def test_an_unchanged_record_passes(played: tuple[Path, list[RecordingClient]], tmp_path: Path) -> None:
     found = tampered(played, tmp_path, lambda connection: connection.execute(text("SELECT 1")).scalar_one())
     assert found.ok
     assert found.compared > 5
@@ -80,19 +80,19 @@ def said(*told: tuple[float, str, object]) -> ClientLog:
     return ClientLog(entries=[LogEntry(at, kind, detail, 1) for at, kind, detail in told])
 
 
-def test_what_is_told_truly_is_no_fault() -> None:
+def test_correct_messages_are_not_reported() -> None:
     honest = said((0, "welcome", 0), (1, "countdown", None), (1, "tick", 0), (4, "tick", 1), (4.2, "tick", 2))
     paused = said((0, "welcome", 5), (0, "paused", "lost"), (9, "countdown", None), (9, "tick", 5), (12, "tick", 6))
     assert untrue(honest) == untrue(paused) == []
 
 
-def test_a_game_that_moves_while_it_is_said_to_stand_still_is_found() -> None:
+def test_a_game_that_moves_while_reported_as_paused_is_found() -> None:
     assert untrue(
         said((0, "welcome", 0), (1, "countdown", None), (4, "tick", 1), (5, "paused", "database"), (6, "tick", 2))
     )
 
 
-def test_a_game_that_stands_still_without_a_word_is_found() -> None:
+def test_a_game_that_stops_without_a_message_is_found() -> None:
     assert untrue(said((0, "welcome", 0), (1, "countdown", None), (4, "tick", 1), (9, "tick", 2)))
 
 

@@ -1,4 +1,4 @@
-"""`import kitchenmind` is quick, and says what it has."""
+"""`import kitchenmind` is quick, and an unknown name lists the known ones."""
 
 import subprocess
 import sys

@@ -148,7 +148,7 @@ def test_a_study_that_goes_away_leaves_no_traceback(northward: AgentServer, capf
     assert capfd.readouterr().err == ""
 
 
-def test_an_agent_that_fails_says_so_and_goes_on_serving(capfd: pytest.CaptureFixture[str]) -> None:
+def test_an_agent_that_fails_reports_it_and_continues_to_serve(capfd: pytest.CaptureFixture[str]) -> None:
     with kitchenmind.serve_agent(Failing, port=0) as serving:
         answer = httpx.post(serving.url, json=QUESTION)
         assert (answer.status_code, answer.json()) == (500, {"error": "the agent failed: out of ideas"})

@@ -1,4 +1,4 @@
-"""Questions that wait together: nothing is mixed up, nothing overtakes."""
+"""Batches of waiting questions: nothing is mixed up or reordered."""
 
 import numpy as np
 

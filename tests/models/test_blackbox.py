@@ -1,4 +1,4 @@
-"""Other people's agents and predictors: ONNX files, Python classes, addresses."""
+"""Agents and predictors from outside: ONNX files, Python classes, addresses."""
 
 import json
 import re
@@ -91,7 +91,7 @@ def test_a_predictor_cannot_be_an_address():
 
 @pytest.fixture
 def address():
-    """An HTTP agent that goes by what the path says."""
+    """An HTTP agent whose behaviour depends on the path."""
 
     class Agent(BaseHTTPRequestHandler):
         protocol_version = "HTTP/1.1"
@@ -341,7 +341,7 @@ def test_a_model_that_breaks_in_a_batch_says_so_in_plain_words(tmp_path):
         policy.probabilities(STATES)
 
 
-def test_weights_beside_an_onnx_model_are_part_of_its_hash(tmp_path):
+def test_weights_next_to_an_onnx_model_are_part_of_its_hash(tmp_path):
     onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26], weights_file="a.weights")
     assert external_files(tmp_path / "a.onnx") == ["a.weights"]
     load_foreign_agent(str(tmp_path / "a.onnx"), RING)

@@ -1,4 +1,4 @@
-"""The carrier of practice games: it keeps moving onions, and its predictor foresees all of it."""
+"""The carrier of practice games: it keeps moving onions, and its predictor is always right."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The entries of the encoding that can change: found by looking, equal ones kept once."""
+"""The entries of the encoding that can change: found by enumeration, equal ones kept once."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def test_what_random_games_change_is_among_the_columns_and_equal_columns_are_kep
     assert (np.diff(kept) > 0).all()
 
 
-def test_who_changes_the_answer_does_not_change_the_next_one():
+def test_changing_a_returned_record_does_not_affect_the_next_one():
     layout = load_layout("matrix")
     columns, largest = varying_columns(layout)
     columns[:], largest[:] = 0, 0

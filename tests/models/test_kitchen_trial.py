@@ -1,4 +1,4 @@
-"""What a trial of a kitchen says: points of two planners, and how often they block each other."""
+"""The result of a kitchen's trial: points of two planners, and how often they block each other."""
 
 from models.agents.kitchen_trial import try_kitchen
 from overcooked.layout import load_layout, parse_layout

@@ -1,4 +1,4 @@
-"""Models are found where their names say: folders, files and classes, from the folder that counts."""
+"""Models are found by their names: folders, files and classes, relative to the right folder."""
 
 import shutil
 from pathlib import Path
@@ -75,7 +75,7 @@ def test_a_class_in_the_current_folder_needs_no_path_and_an_agent_that_never_coo
     assert kitchenmind.main(words) == 0
     said = capsys.readouterr()
     assert "it can be used" in said.out
-    assert "warning: it delivers no soup with itself" in said.err
+    assert "warning: it delivers no soup in self-play" in said.err
 
 
 def test_a_class_is_named_in_the_data_by_its_source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

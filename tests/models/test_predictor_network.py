@@ -93,7 +93,7 @@ def test_memory_is_all_that_a_restart_needs(form):
 
 
 @pytest.mark.parametrize("form", ["stream", "window"])
-def test_a_game_does_not_depend_on_the_others_beside_it(form):
+def test_a_game_does_not_depend_on_the_other_games_of_its_batch(form):
     observations, actions = played(70, 6)
     predictor = at_work(network(form))
     together = step_by_step(predictor, observations, actions)
@@ -102,7 +102,7 @@ def test_a_game_does_not_depend_on_the_others_beside_it(form):
 
 
 @pytest.mark.parametrize("form", ["stream", "window"])
-def test_a_slot_that_begins_anew_knows_nothing_of_the_game_before(form):
+def test_a_restarted_slot_has_no_memory_of_the_previous_game(form):
     predictor = at_work(network(form))
     first, second = played(3, 20, seed=1), played(3, 20, seed=2)
     fresh = step_by_step(at_work(network(form)), *second)
@@ -120,7 +120,7 @@ def test_a_prediction_never_sees_the_action_about_to_be_taken():
     assert np.abs(before - after).max() < 1e-5
 
 
-def test_saved_predictor_answers_as_before_and_knows_its_accuracy(tmp_path):
+def test_saved_predictor_gives_the_same_predictions_and_its_accuracy(tmp_path):
     observations, actions = played(4, 15)
     made = network("stream")
     save_predictor(tmp_path / "p", made, RING, "sp", "A card.", accuracy={"mean": 0.81})

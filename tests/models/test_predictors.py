@@ -1,4 +1,4 @@
-"""Predictors that are no network: uniform, the guide's, and one made worse on purpose."""
+"""Predictors without a network: uniform, the guide's, and a degraded one."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ class Knowing:
 
 
 class Planning(Knowing):
-    """Also says what comes next: an onion, or else a dish."""
+    """Also predicts an intention: an onion, or otherwise a dish."""
 
     def intentions(self, slots, observations, last_actions):
         return np.tile(np.array([(1, 0, 2, 5, 0.7), (2, 3, 4, 9, 0.2)], INTENTION), (len(slots), 1))
@@ -68,12 +68,12 @@ def test_a_degraded_predictor_says_the_same_about_the_same_state():
     assert np.allclose(answers[0].sum(-1), 1)
 
 
-def test_more_than_a_predictor_knows_cannot_be_asked_of_it():
+def test_a_degraded_accuracy_above_the_predictors_own_is_refused():
     with pytest.raises(UnknownPredictor, match="reaches 70%; 90% cannot be had"):
         DegradedPredictor(Knowing(0.7), 0.7, 0.9)
 
 
-def test_uniform_predictor_knows_nothing():
+def test_uniform_predictor_gives_equal_probabilities():
     answer = UniformPredictor().predict(SLOTS, np.zeros((4, 5, 5, 26), np.int8), np.zeros((4, 2), np.int8))
     assert answer.shape == (4, 3, 6)
     assert np.allclose(answer, 1 / 6)

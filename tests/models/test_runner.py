@@ -247,7 +247,7 @@ async def test_a_model_that_does_not_fit_is_refused_before_anything_is_served(se
         await serving(["no_such_module:Agent"])
 
 
-async def test_models_that_are_added_answer_beside_those_that_were_there(serving):
+async def test_added_models_answer_together_with_the_earlier_ones(serving):
     server = await serving([NORTHWARD])
     with pytest.raises(ModelsDown, match="no_such_module:Agent is not there"):
         await server.add([(LAYOUT, "planner"), (LAYOUT, "no_such_module:Agent")], [], {}, ModelPaths())
@@ -280,7 +280,7 @@ async def test_an_unknown_model_is_not_answered(shared):
 
 
 @in_one_loop
-async def test_a_forgotten_game_begins_anew(shared):
+async def test_a_forgotten_game_starts_from_scratch(shared):
     game = Game("a", seed=1).play(5)
     before = await shared.ask([game.question(predictor=REMEMBERING)], PATIENT_MS)
     shared.forget(game.name)

@@ -1,4 +1,4 @@
-"""Agents without training: what they see, what they do, and that a guide can be predicted."""
+"""Agents without training: their observations and actions, and the predictability of the guide."""
 
 import numpy as np
 import pytest
@@ -76,7 +76,7 @@ def test_a_planner_leaves_things_for_somebody_who_never_takes_them_and_stops() -
         assert play(layout, seats, 2, seed=0).scores.max() == 0
 
 
-def test_a_planner_cooks_beside_somebody_who_only_waits() -> None:
+def test_a_planner_cooks_with_a_partner_who_only_waits() -> None:
     layout = load_layout("double_rings")
     planner, waiter = (EvaluatedAgent(*load_agent(name, layout)) for name in ("planner", "stay"))
     assert play(layout, (planner, waiter), 2, seed=0).scores.min() >= 40

@@ -1,4 +1,4 @@
-"""A model worker makes of a game's states what the game's own encoding makes of them."""
+"""A model worker encodes a game's states like the game itself."""
 
 import numpy as np
 

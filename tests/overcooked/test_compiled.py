@@ -1,4 +1,4 @@
-"""Compiled code never outlives the sources it came from, and loads no more of other packages than it uses."""
+"""Stale compiled code is deleted, and compiled code loads no unused packages."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Good grids are read in both notations; bad ones are refused with file, row, column and remedy."""
+"""Valid grids are read in both notations; invalid ones are refused with file, row, column and remedy."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The standard ParallelEnv face of the kitchen."""
+"""The kitchen's standard ParallelEnv interface."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What the chefs of a kitchen can get to, and everything that is wrong with a grid at once."""
+"""What the chefs of a kitchen can reach, and all problems of a grid at once."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Recorded games of people: read line by line, held against the rules, refused with the line and what to do."""
+"""Recorded games of people: read line by line, compared with the rules, refused with the line and the remedy."""
 
 import gzip
 import json

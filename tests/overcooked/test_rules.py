@@ -1,4 +1,4 @@
-"""The rules one by one, in the small cases where they are easily got wrong."""
+"""The rules one by one, in small cases that are easy to get wrong."""
 
 import numpy as np
 

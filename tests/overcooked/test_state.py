@@ -1,4 +1,4 @@
-"""The state as data and its hash, which names it in every stored episode."""
+"""The state as data and its hash, which identifies it in every stored episode."""
 
 import numpy as np
 import pytest

@@ -45,7 +45,7 @@ def test_games_are_those_of_the_rules() -> None:
     assert shaping > 0
 
 
-def test_finished_episode_begins_anew_at_once() -> None:
+def test_finished_episode_restarts_at_once() -> None:
     driven = ring()
     for timestep in range(1, HORIZON + 1):
         driven.step()
@@ -136,7 +136,7 @@ def test_same_seed_gives_the_same_games() -> None:
     assert (first != other).any()
 
 
-def test_stored_state_goes_on_as_if_nothing_had_happened() -> None:
+def test_restored_state_continues_identically() -> None:
     driven, resumed = ring(starts=Starts(True, 0.5)), ring(starts=Starts(True, 0.5), seed=99)
     for _ in range(7):
         driven.step()

@@ -1,5 +1,5 @@
 # ruff: noqa: E501 (a table reads best with one wrong variant a line)
-"""The recordings are sharp: each deliberately wrong variant of the rules is caught by them.
+"""Mutation tests of the recordings: they detect each deliberately wrong variant of the rules.
 
 A variant is the source text of `rules.py`, `score.py` or `observe.py` with one phrase changed, run without compilation.
 """

@@ -65,7 +65,8 @@ class PopulatedServer:
         return httpx.Client(base_url=self.live.url, headers=headers, follow_redirects=False, timeout=60)
 
     def form_token(self, role: str, admin: bool) -> str:
-        """One that our own page would have given to this role: what refuses is the role, never the form."""
+        """Return the token that our own page gives to this role, so that only the role can be the reason of a
+        refusal."""
         token = self.cookies[role].partition("=")[2]
         if not admin:
             return str(self.csrf.form_token(token if role in ("participant", "other") else "nobody"))

@@ -1,4 +1,4 @@
-"""Requests that nobody would send by hand, to every route, in three roles: an answer always, an error of ours never."""
+"""Random requests to every route, in three roles: there is always a response and never a server error."""
 
 import warnings
 from typing import Any

@@ -1,4 +1,4 @@
-"""The list of dependencies is true to what is installed, and every licence is one that a laboratory can live with."""
+"""The list of dependencies matches what is installed, and every licence permits use in a laboratory."""
 
 import ast
 import tomllib

@@ -19,7 +19,7 @@ from server.store.tables import participants
 ROLES = ("anonymous", "other", "participant", "watch", "act", "own")  # other: a participant of another study
 RESEARCHERS = ROLES[3:]  # each may what those before it may
 
-# Who gets in: "all", "participant" (of this study; all others are led to its consent page), or a researcher's role.
+# Who has access: "all", "participant" (of this study; all others are led to its consent page), or a researcher's role.
 ROUTES = {
     "GET /health/live": "all",
     "GET /health/ready": "all",

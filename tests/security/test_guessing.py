@@ -1,5 +1,6 @@
-"""Guessing passwords and codes: however many requests come at once, only so many are checked, and no stranger can keep
-the owner out. The whole application behind a proxy, as in production: who asks is what the proxy says."""
+"""Guessing passwords and codes: the limit holds for simultaneous requests, and no stranger can lock the owner out. The
+whole application behind a proxy, as in production: the proxy tells the client's address.
+"""
 
 import asyncio
 import re
@@ -34,7 +35,7 @@ def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
 
 @pytest.fixture
 def ada(live: LiveServer) -> str:
-    """An account that nobody has tried yet."""
+    """An account without any attempts."""
     database = live.app.state.services.web.database
     for name in ("ada", "mara"):
         database.write_now(admins.remove, name)
@@ -97,7 +98,7 @@ async def test_right_passwords_use_up_no_tries(live: LiveServer, ada: str) -> No
         assert await sign_in(owner, "mara", PASSWORD) == [303]
 
 
-async def test_a_stranger_keeps_nobody_out(live: LiveServer, ada: str) -> None:
+async def test_guesses_from_another_address_lock_nobody_out(live: LiveServer, ada: str) -> None:
     async with browser(live, STRANGER) as stranger, browser(live, OWNER) as owner, browser(live, STRANGER) as shared:
         await sign_in(stranger, ada, *wrong(29))
         assert await sign_in(stranger, ada, PASSWORD) == [429]
@@ -105,7 +106,7 @@ async def test_a_stranger_keeps_nobody_out(live: LiveServer, ada: str) -> None:
         assert await sign_in(shared, "mara", PASSWORD) == [303], "another account, from the stranger's address"
 
 
-async def test_a_browser_that_was_signed_in_before_gets_in_beside_a_stranger(live: LiveServer, ada: str) -> None:
+async def test_a_browser_that_was_signed_in_before_can_sign_in_while_others_guess(live: LiveServer, ada: str) -> None:
     async with browser(live, STRANGER) as known, browser(live, STRANGER) as stranger:
         assert await sign_in(known, ada, PASSWORD) == [303]
         await sign_in(stranger, ada, *wrong(10))
@@ -137,7 +138,7 @@ async def test_of_thirty_codes_at_once_five_are_looked_up(live: LiveServer) -> N
         assert Counter(answer.status_code for answer in answers) == {422: LIMIT, 429: 30 - LIMIT}
 
 
-def test_who_waits_for_a_password_check_is_bounded_and_known_browsers_have_places() -> None:
+def test_waiting_password_checks_are_bounded_and_known_browsers_have_places() -> None:
     hashing = Hashing()
     places = []
 

@@ -1,4 +1,4 @@
-"""Who asks too much, too long, too slowly or too often meets a limit of their own; everybody else continues."""
+"""A client that sends too much, too slowly or too often meets its own limit; all others continue."""
 
 import asyncio
 import socket
@@ -55,7 +55,7 @@ def test_an_address_has_a_budget_of_its_own() -> None:
     assert counted.spend("address 192.0.2.2", rate_limits.ADDRESS_PER_S, 50)
 
 
-def test_who_is_remembered_is_bounded() -> None:
+def test_the_number_of_remembered_participants_is_bounded() -> None:
     counted = rate_limits.Rates()
     for number in range(rate_limits._MOST_REMEMBERED + 100):
         counted.spend(str(number), 1, 1)

@@ -1,4 +1,4 @@
-"""docs/explanation/security.md is true: every test that it names exists, and no item is without one."""
+"""docs/explanation/security.md is consistent: every test that it names exists, and every item has one."""
 
 import re
 from pathlib import Path

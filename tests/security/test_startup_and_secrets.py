@@ -1,4 +1,6 @@
-"""What a server refuses to start with, what its tokens, cookies and passwords are made of, and what it never tells."""
+"""Settings with which a server refuses to start; its tokens, cookies and passwords; and secrets that it never
+reveals.
+"""
 
 import asyncio
 import hashlib

@@ -1,4 +1,4 @@
-"""`kitchenmind doctor`: every check says that all is well where it is, and what to do where it is not."""
+"""`kitchenmind doctor`: every check passes on a good machine, and names the remedy otherwise."""
 
 import shutil
 import socket

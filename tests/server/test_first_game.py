@@ -1,4 +1,4 @@
-"""Nothing is compiled once pages can be opened: the first game on a fresh machine would stand still for it."""
+"""Nothing is compiled once pages can be opened, as that would delay the first game on a fresh machine."""
 
 import sys
 from pathlib import Path

@@ -45,7 +45,7 @@ def test_an_audit_log_without_its_last_entry_is_told(filled: str, capsys: pytest
 
 
 def remove_last_entry(connection: Connection) -> None:
-    """As somebody who can write to the database and takes its protection off."""
+    """Remove the last entry like somebody who can write to the database and drops its triggers."""
     if connection.dialect.name == "sqlite":
         connection.exec_driver_sql("DROP TRIGGER audit_keeps_entries")
     else:

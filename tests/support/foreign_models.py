@@ -19,7 +19,7 @@ class Northward:
 
 
 class EvenHanded:
-    """Any action; the drawn number decides."""
+    """Any action; the random number decides."""
 
     def __init__(self, layout):
         self.layout = layout
@@ -94,7 +94,7 @@ class Remembering:
 
 
 class Planning(Remembering):
-    """Also says what comes next: nothing, or an onion taken from the cell whose x is the number of actions that it
+    """Also predicts an intention: none, or an onion from the cell whose x is the number of actions that it
     remembers."""
 
     def intentions(self, slots, observations, last_actions):

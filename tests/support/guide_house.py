@@ -1,4 +1,4 @@
-"""A copy of the house in which the guides' training commands run: what they publish is not left among the weights."""
+"""A copy of the project in which the guides' training commands run, so that they do not publish into our weights."""
 
 import os
 import shlex
@@ -24,7 +24,7 @@ PACKAGES = (
 
 
 def build(folder: Path, *kitchens: str) -> Path:
-    """The house in `folder`, with the weights of these kitchens alone."""
+    """Copy the project to `folder`, with the weights of these kitchens only."""
     leave_out = shutil.ignore_patterns("weights", "__pycache__")
     for name in PACKAGES:
         shutil.copytree(ROOT / name, folder / name, ignore=leave_out)
@@ -37,7 +37,7 @@ def build(folder: Path, *kitchens: str) -> Path:
 
 
 def started(line: str, house: Path, shorter: Mapping[str, str]) -> "subprocess.Popen[str]":
-    """A guide's command in the house; `shorter` has what is added to a command that begins so."""
+    """Run a guide's command in the copy; `shorter` has what is added to a command that begins so."""
     settings, words = {}, shlex.split(line)
     while "=" in words[0]:
         name, _, value = words.pop(0).partition("=")
@@ -57,7 +57,7 @@ def started(line: str, house: Path, shorter: Mapping[str, str]) -> "subprocess.P
 
 
 def done(line: str, house: Path, shorter: Mapping[str, str], within_s: float = 280) -> str:
-    """What a command that ends well says."""
+    """Return the output of a command that must succeed."""
     process = started(line, house, shorter)
     try:
         said, _ = process.communicate(timeout=within_s)

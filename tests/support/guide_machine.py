@@ -1,5 +1,6 @@
-"""The machine that the guide to a server of one's own speaks of: its commands run in a folder of ours, with our names
-for its addresses and paths; nginx or Caddy in front with a certificate of our own; somebody plays through them."""
+"""The machine of the guide to running a server: its commands run in a folder of ours, with our names for its addresses
+and paths; nginx or Caddy in front with a certificate of our own; somebody plays through them.
+"""
 
 import asyncio
 import contextlib

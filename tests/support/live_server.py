@@ -1,5 +1,6 @@
-"""The whole application in a thread of this process, with models that answer by rule: starts in a moment, and can be
-killed as `kill -9` would, with nothing said and nothing finished."""
+"""The whole application in a thread of this process, with models that answer by rule: it starts quickly, and can be
+killed like with `kill -9`, without any cleanup.
+"""
 
 import asyncio
 import logging
@@ -27,7 +28,7 @@ T = TypeVar("T")
 
 
 def _was_not_killed(record: logging.LogRecord) -> bool:
-    """A request that is cut off by `kill` is no error of the server: a process that is killed says nothing."""
+    """Ignore errors of requests that `kill` cuts off: a killed process would log nothing."""
     return not (record.exc_info and isinstance(record.exc_info[1], asyncio.CancelledError))
 
 
@@ -124,7 +125,7 @@ class LiveServer:
             asyncio.run(serve())
 
     async def _die(self, listening: socket.socket) -> None:
-        """No farewell and no last commit: sockets break, whatever waited is gone."""
+        """Stop without closing sockets or a last commit: whatever was waiting is lost."""
         database = self.app.state.services.web.database
 
         def refuse(*_: Any) -> Any:

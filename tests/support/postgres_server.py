@@ -73,7 +73,7 @@ class PostgresServer:
         self._process = None
 
     def freeze(self) -> None:
-        """Every process of the server stands still: it answers nobody, and nobody is told."""
+        """Suspend every process of the server: it does not answer, and connections stay open."""
         assert self._process is not None
         self._process.send_signal(signal.SIGSTOP)  # first: from here on its children stay the same
         self._signal_children(signal.SIGSTOP)

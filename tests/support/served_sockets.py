@@ -1,4 +1,4 @@
-"""A server of game sockets on a free port, and what a test says to it and hears from it."""
+"""A server of game sockets on a free port, with helpers to send and receive messages."""
 
 import asyncio
 import json

@@ -1,4 +1,4 @@
-"""Simulated studies without files, and what the report says of them: for many studies at a time."""
+"""Simulated studies without files, and the report's sentences about them: for many studies at a time."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -21,7 +21,8 @@ QUESTIONS = ("partner_satisfaction", "situational_awareness", "efficiency")
 
 @dataclass(frozen=True)
 class World:
-    """What is true. `effect`: points that ToM adds, for each layout; `answers`: points of the scale that it adds."""
+    """The true parameters. `effect`: points that ToM adds, for each layout; `answers`: points of the scale that it
+    adds."""
 
     arm: int = 29
     effect: tuple[float, ...] = (0.0,) * 5

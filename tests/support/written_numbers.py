@@ -1,4 +1,4 @@
-"""What people write where a number is asked for, and how it is read: by the server and by the page alike."""
+"""Numbers as people type them, and how server and page both parse them."""
 
 WRITTEN: dict[str, float | str] = {
     "25": 25.0,

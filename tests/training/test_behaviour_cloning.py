@@ -1,4 +1,4 @@
-"""The cloned human does what people did in the recordings."""
+"""The behaviour-cloned human imitates the people in the recordings."""
 
 import json
 from dataclasses import replace
@@ -38,7 +38,7 @@ def test_every_recorded_action_is_read_for_both_people(games):
     assert (games.actions[:4] == STAY).all()
 
 
-def test_a_clone_predicts_people_better_than_their_habits_alone(games, tmp_path):
+def test_a_behaviour_cloned_human_predicts_people_better_than_their_most_frequent_actions(games, tmp_path):
     torch.set_num_threads(1)
     config = CloningConfig(measured_games(8), epochs=15)
     network, figures = clone(games, RING, config)
@@ -65,7 +65,7 @@ def test_predictors_never_learn_with_the_people_they_are_measured_with(name):
 
 
 @pytest.mark.parametrize("name", RECORDED)
-def test_the_bundled_clone_imitates_none_of_the_games_that_predictors_learn_from(name):
+def test_the_bundled_behaviour_cloned_human_imitates_none_of_the_games_that_predictors_learn_from(name):
     config = json.loads((WEIGHTS / name / NAME / "config.json").read_text("utf-8"))
     card = (WEIGHTS / name / NAME / "card.md").read_text("utf-8")
     games = measured_games(RECORDED[name])
@@ -86,7 +86,7 @@ def test_companions_are_made_for_the_kitchen_that_is_asked_for(tmp_path, monkeyp
     assert all(given[2] is layout and set(given[3].games) == {0, 1, 2} for given in made.values())
 
 
-def test_a_clone_knows_only_the_games_it_is_given(games):
+def test_a_behaviour_cloned_human_learns_from_the_given_games_only(games):
     torch.set_num_threads(1)
     config = CloningConfig(measured_games(8), epochs=2)
     others = ~np.isin(games.game, config.games)

@@ -1,4 +1,4 @@
-"""Which FCP run people meet."""
+"""Choosing the FCP run for studies."""
 
 import pytest
 

@@ -56,7 +56,7 @@ def test_a_requested_precision_is_used(precision: str) -> None:
     assert (compute.device, compute.precision) == ("cpu", precision)
 
 
-def test_the_choice_is_recorded_beside_the_run_and_is_no_part_of_its_identity(tmp_path: Path) -> None:
+def test_the_choice_is_recorded_with_the_run_but_not_part_of_its_identity(tmp_path: Path) -> None:
     request("cpu", "float32")
     first = train_agent(SHORT, RING, 1, tmp_path / "run")
     line = json.loads((tmp_path / "run" / "compute.jsonl").read_text().splitlines()[0])
@@ -125,7 +125,9 @@ def test_ppo_learns_from_games_that_threads_step(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize(("before", "after"), [(3, 1), (1, 3), (3, 2)])
-def test_a_run_goes_on_with_another_number_of_threads(monkeypatch: pytest.MonkeyPatch, before: int, after: int) -> None:
+def test_a_run_continues_with_another_number_of_threads(
+    monkeypatch: pytest.MonkeyPatch, before: int, after: int
+) -> None:
     monkeypatch.setattr("training.ppo.threads_for", lambda device: before)
     trainer = PpoTrainer(SHORT, RING, 1, compute=Compute("cpu", "float32", "dense"))
     trainer.iteration()

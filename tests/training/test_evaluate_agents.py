@@ -13,7 +13,7 @@ RINGS = load_layout("double_rings")
 
 
 class Presser:
-    """Uses whatever it faces, for ever."""
+    """Always interacts."""
 
     def probabilities(self, observations: Observations) -> Probabilities:
         action_distribution = np.full((len(observations), 6), 0.02, np.float32)

@@ -1,4 +1,4 @@
-"""What `kitchenmind evaluate ... --json` prints is what scripts may rely on: these keys and no others, in percent."""
+"""The output of `kitchenmind evaluate ... --json`, on which scripts may rely: exactly these keys, in percent."""
 
 import json
 
@@ -83,7 +83,7 @@ BEFORE = {
 }  # fmt: skip
 
 
-def test_intentions_are_measured_beside_two_baselines(capsys):
+def test_intentions_are_compared_with_two_baselines(capsys):
     words = ["predictor", "--layout", LAYOUT, "--agent", "sp", "--trajectories", "1", "--timesteps", "100"]
     (entry,) = printed(capsys, *words, "--intentions")
     assert kinds({key: value for key, value in entry.items() if key != "intentions"}) == PREDICTOR
@@ -96,7 +96,7 @@ def test_intentions_are_measured_beside_two_baselines(capsys):
     assert "1 s before:" in capsys.readouterr().out
 
 
-def test_predictors_are_a_list_of_accuracies_beside_ceiling_and_baselines(capsys):
+def test_predictors_are_a_list_of_accuracies_with_ceiling_and_baselines(capsys):
     entries = printed(capsys, "predictor", "--layout", LAYOUT, "--trajectories", "1", "--timesteps", "40")
     assert [kinds(entry) for entry in entries] == [PREDICTOR] * len(entries)
     assert sorted((entry["layout"], entry["agent"]) for entry in entries if entry["form"] == "stream") == CELLS

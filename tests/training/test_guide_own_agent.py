@@ -1,4 +1,4 @@
-"""The guide for other people's agents is true: its commands, in its order, lead from an ONNX file to a study that runs.
+"""The guide for agents from outside works: its commands, in order, lead from an ONNX file to a running study.
 
 They run in a copy of the project, so that what they publish is not left among the weights; some with options that make
 them short.

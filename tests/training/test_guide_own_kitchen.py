@@ -1,5 +1,6 @@
-"""The guide for kitchens of one's own is true to its end: all agents of a new kitchen, trained by its command,
-serves a study. With a preset that makes everything small; the rest of the guide is run by `test_guides.py`."""
+"""The guide for own kitchens works to its end: all agents of a new kitchen, trained by its command, play in a study.
+With a preset that makes everything small; the rest of the guide is run by `test_guides.py`.
+"""
 
 import re
 from pathlib import Path
@@ -51,7 +52,7 @@ def study(text: str) -> str:
 
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
-def test_a_kitchen_of_ones_own_gets_its_cast_from_the_commands_of_the_guide(house: Path) -> None:
+def test_the_commands_of_the_guide_train_all_agents_of_an_own_kitchen(house: Path) -> None:
     block = re.search(r"^```\n(.*?)^```$", LAST, re.MULTILINE | re.DOTALL)
     assert block is not None
     plan, train = block[1].splitlines()

@@ -1,4 +1,4 @@
-"""The guide for predicting one's own agent is true: its commands, in their order, lead to a study with predictions."""
+"""The guide for predicting an own agent works: its commands, in order, lead to a study with predictions."""
 
 import json
 import re

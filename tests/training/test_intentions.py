@@ -1,4 +1,4 @@
-"""A predictor learns what its agent does next at a station: labels, baselines, the decoder, and the folder."""
+"""Training intentions: labels, baselines, the decoder, and the folder."""
 
 import json
 from dataclasses import replace
@@ -53,7 +53,7 @@ def games(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def without(tmp_path_factory):
-    """A predictor that learned nothing yet: its tokens still show the state."""
+    """An untrained predictor: its tokens still contain the state."""
     torch.manual_seed(0)
     folder = tmp_path_factory.mktemp("weights") / "planner_predictor_stream"
     save_predictor(folder, PredictorNetwork(RING, TINY), RING, "planner", "# A card.", agent_sha256="0" * 64)

@@ -1,4 +1,4 @@
-"""A predictor for one's own agent: any folder of agents, a small preset, something usable whenever training stops."""
+"""A predictor for an own agent: any folder of agents, a small preset, a usable result whenever training stops."""
 
 import json
 import shutil
@@ -67,7 +67,7 @@ def test_a_trained_folder_serves_and_is_evaluated(
     assert (entry["agent"], entry["form"]) == ("mine", "stream")
 
 
-def test_a_predictor_is_there_when_time_is_over_and_the_same_command_goes_on(
+def test_a_predictor_is_written_when_the_time_is_up_and_the_same_command_continues(
     lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(training, "LOOK_IS_NEAR_S", -1.0)  # a look is never near: it stops between two of them

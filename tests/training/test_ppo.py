@@ -27,7 +27,7 @@ SHORT = agent_config(None, ["total_timesteps=6400", "num_envs=8", "num_steps=100
 def _advantages_by_definition(
     rewards: NDArray[np.float32], values: NDArray[np.float32], dones: NDArray[np.bool_], discount: float, trace: float
 ) -> NDArray[np.float64]:
-    """The sum over all later surprises, each discounted, cut at the end of the episode."""
+    """The discounted sum over all later TD errors, cut at the end of the episode."""
     steps, rows = rewards.shape
     advantages = np.zeros((steps, rows))
     for row in range(rows):

@@ -1,4 +1,4 @@
-"""Collected games: who plays with whom, what is written down, and what a predictor is shown of it."""
+"""Collected games: the pairs of agents, the stored arrays, and the predictor's inputs from them."""
 
 import json
 
@@ -100,7 +100,7 @@ def test_two_partner_agents_cannot_be_split():
         split_by_agent([uniform("sp_1"), uniform("sp_2")])
 
 
-def test_an_interrupted_collection_goes_on_with_the_next_partner(tmp_path, monkeypatch):
+def test_an_interrupted_collection_continues_with_the_next_partner(tmp_path, monkeypatch):
     partners = [uniform(f"sp_{k}_100") for k in range(4)]
     reported = []
 
@@ -239,7 +239,7 @@ def test_more_agents_can_be_trained_on_and_are_never_tested_on(tmp_path):
         load_extras({"nobody": tmp_path / "nobody"}, RING)
 
 
-def test_who_samples_by_its_card_does_so_whenever_it_is_a_partner(tmp_path):
+def test_an_agent_whose_card_says_sampling_samples_as_a_partner(tmp_path):
     config = NetworkConfig(hidden=(16,))
     for name, mode in {"like_people": Mode(0.7, 3, 0.5), "decided": Mode(0.0, 8, 0.5)}.items():
         save_agent(tmp_path / name, build_network(config, RING), config, RING, mode, "A card.", agent=name)

@@ -1,4 +1,4 @@
-"""A predictor learns, is measured, continues where it stopped, and is written with its card."""
+"""Training a predictor: learning, measuring, resuming, and writing it with its card."""
 
 import json
 
@@ -76,7 +76,7 @@ def test_the_window_form_learns_to_predict_better_than_the_baselines(games, tmp_
     learned(*trained("window", games, tmp_path))
 
 
-def test_an_interrupted_run_goes_on_to_the_same_weights(stream, games, tmp_path):
+def test_an_interrupted_run_continues_to_the_same_weights(stream, games, tmp_path):
     whole = stream[0]
     with pytest.raises(TimeoutError, match="the same command continues"):
         trained("stream", games, tmp_path / "parts", QUICK.model_copy(update={"minutes": 0.0}))
@@ -97,7 +97,7 @@ def test_training_stops_when_validation_gets_no_better(games, tmp_path):
     assert trainer.update == 15
 
 
-def test_metrics_are_written_as_training_goes_on(stream):
+def test_metrics_are_written_during_training(stream):
     lines = [json.loads(line) for line in (stream[2] / "metrics.jsonl").read_text().splitlines()]
     assert [line["timesteps"] for line in lines] == [40, 80, 120]
     assert {"loss", "validation_loss", "accuracy", "step1", "step2", "step3"} <= set(lines[0])
@@ -135,7 +135,7 @@ def test_calibration_error_of_an_overconfident_predictor():
     assert calibration_error(np.full(1000, 0.6), right) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_temperature_makes_confidence_honest():
+def test_temperature_scaling_calibrates_confidence():
     draws = torch.Generator().manual_seed(0)
     honest = torch.randn(40, 50, 3, 6, generator=draws)
     labels = torch.distributions.Categorical(logits=honest).sample()
@@ -155,7 +155,7 @@ def test_a_bundled_predictor_says_on_its_card_what_it_does(stream, games, tmp_pa
     assert load_trained_predictor(tmp_path / "p", RING)[1] == round(result.accuracy.mean, 4)
 
 
-def test_a_card_says_with_whom_a_predictor_learned_and_who_was_kept_from_it(games, tmp_path):
+def test_a_card_lists_the_training_and_the_held_out_partners_of_a_predictor(games, tmp_path):
     manifest = read_manifest(games)
     extras = ("extra_human_00", "extra_human_01", "itself_noise_30")
     more = {name: {"kind": "extra", "split": "train"} for name in extras}

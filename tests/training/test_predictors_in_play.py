@@ -1,4 +1,4 @@
-"""Bundled predictors as they are served, timestep by timestep, against games with partners that they never met."""
+"""Bundled predictors as they are served, timestep by timestep, in games with unseen partners."""
 
 import json
 
@@ -28,7 +28,8 @@ def games():
 
 
 def asked(predictor, games):
-    """Ask as the live game does: the state, and the joint action that led to it. Yields timestep, arguments, answer."""
+    """Call the predictor like the live game: the state, and the joint action that led to it. Yields timestep,
+    arguments, prediction."""
     number = np.arange(len(games["seat"]))
     predictor.begin(number)
     for t in range(TIMESTEPS):
@@ -45,7 +46,7 @@ def share_of_right_steps(name, games):
     return float(np.mean(right))
 
 
-def test_what_a_shipped_predictor_says_comes_next_is_as_often_right_in_play_as_its_card_says(games):
+def test_intentions_of_a_bundled_predictor_are_as_accurate_in_play_as_its_card_says(games):
     predictor = load_predictor("sp_predictor_stream", RING)
     said = np.stack([predictor.intentions(*arguments)[:, 0] for _, arguments, _ in asked(predictor, games)], 1)
     labels = labels_of(games, RING)

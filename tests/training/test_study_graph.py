@@ -65,12 +65,12 @@ def test_a_task_that_failed_is_done_again_with_what_depends_on_it(tmp_path: Path
     assert not broken.ready("x/c")
 
 
-def test_only_asks_for_the_inputs_too(tmp_path: Path) -> None:
+def test_limiting_the_tasks_keeps_their_inputs(tmp_path: Path) -> None:
     assert list(_chain(tmp_path, []).limited(["b"]).tasks) == ["x/a", "x/b"]
 
 
 @pytest.mark.parametrize("name", ["cpu", "published"])
-def test_every_preset_makes_a_whole_cast_for_every_kitchen(name: str, tmp_path: Path) -> None:
+def test_every_preset_trains_all_agents_and_predictors_of_every_kitchen(name: str, tmp_path: Path) -> None:
     preset = load_preset(name)
     for layout in STUDY_LAYOUTS:
         graph = Graph(study_tasks(layout, preset), tmp_path)

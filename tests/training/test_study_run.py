@@ -45,7 +45,7 @@ def _agents(tmp_path: Path) -> list[str]:
 
 
 @pytest.mark.slow
-def test_the_study_command_trains_what_is_asked_for_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
+def test_the_study_command_trains_the_requested_tasks_and_resumes_where_it_stopped(tmp_path: Path) -> None:
     for _ in range(2):  # the second time finds everything done
         finished = run(*_words(tmp_path, 6400))
         assert finished.returncode == 0, finished.stdout + finished.stderr

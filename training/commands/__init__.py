@@ -1,1 +1,1 @@
-"""The command line's verbs that make models: thin calls into training."""
+"""Commands that train and measure models; thin wrappers around `training`."""

@@ -8,13 +8,15 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Which agent, with whom, how much."""
+    """Add the options of the command."""
     parser.add_argument("--layout", required=True, help="a bundled layout or a .layout file")
     parser.add_argument(
         "--agent", required=True, help="bundled agent, checkpoint folder, ONNX file, module:Class or URL"
     )
     parser.add_argument("--population", type=Path, help="folder of partner agents (default: the bundled ones)")
-    parser.add_argument("--partners", type=Path, metavar="DIR", help="instead: any folder with at least three agents")
+    parser.add_argument(
+        "--partners", type=Path, metavar="DIR", help="use the agents of this folder instead; at least three"
+    )
     parser.add_argument("--out", type=Path, help="folder for the games (default: runs/games/LAYOUT_AGENT)")
     parser.add_argument("--runs", type=Path, default=Path("runs"), help=argparse.SUPPRESS)
     parser.add_argument(
@@ -37,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0 done, 2 wrong input (said on standard error)."""
+    """Return 0 if done, 2 for wrong input (reported on standard error)."""
     try:
         return _collect(arguments)
     except (ValueError, OSError) as error:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What is measured."""
+    """Add the options of the command."""
     kinds = parser.add_subparsers(dest="what", metavar="agents|predictor", required=True)
     agents = kinds.add_parser("agents", help="measure points with itself and with unseen partners")
     agents.add_argument("--layouts", nargs="*", metavar="LAYOUT", help="only these layouts")
@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     agents.add_argument(
         "--partner",
         metavar="AGENT",
-        help="this partner instead of the unseen ones, in both seats, such as human_bc",
+        help="use this partner instead of the unseen ones, in both seats, such as human_bc",
     )
     predictor = kinds.add_parser(
         "predictor", help="measure accuracy with unseen partners, next to ceiling and baselines"
@@ -42,25 +42,23 @@ def _add_predictor_arguments(predictor: argparse.ArgumentParser) -> None:
     predictor.add_argument("--form", choices=("stream", "window"), help="only this form (default: both)")
     predictor.add_argument("--population", type=Path, help="folder of partner agents (default: the bundled ones)")
     predictor.add_argument(
-        "--partners", type=Path, metavar="DIR", help="instead: any folder with at least three agents"
+        "--partners", type=Path, metavar="DIR", help="use the agents of this folder instead; at least three"
     )
     predictor.add_argument(
         "--predictor", type=Path, metavar="FOLDER", help="a predictor that `kitchenmind train predictor` wrote"
     )
     predictor.add_argument(
-        "--partner", metavar="AGENT", help="this partner instead of the test partners, such as human_bc"
+        "--partner", metavar="AGENT", help="use this partner instead of the test partners, such as human_bc"
     )
     predictor.add_argument(
         "--trajectories", type=int, default=5, help="number of trajectories for each partner and setting (default: 5)"
     )
     predictor.add_argument("--timesteps", type=int, default=800, help="length of a trajectory (default: 800)")
-    predictor.add_argument(
-        "--intentions", action="store_true", help="also measure what it says the agent does next at a station"
-    )
+    predictor.add_argument("--intentions", action="store_true", help="also measure the predicted next interactions")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0 done, 1 nothing bundled, 2 wrong input (said on standard error)."""
+    """Return 0 if done, 1 if nothing is bundled, 2 for wrong input (reported on standard error)."""
     try:
         entries = _agents(arguments) if arguments.what == "agents" else _predictors(arguments)
     except (ValueError, OSError) as error:
@@ -89,7 +87,8 @@ def _agents(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _with_partner(layouts: list["Layout"], partner: str) -> list["Layout"]:
-    """The layouts that a bundled partner can play on. Raises ValueError where there are none or it is not bundled."""
+    """Return the layouts that a bundled partner can play on. Raises ValueError if there are none or it is not
+    bundled."""
     from models.agents.blackbox import is_foreign
     from models.agents.catalogue import agent_names
 
@@ -116,7 +115,7 @@ def _predictors(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _of_layout(layout: "Layout", arguments: argparse.Namespace) -> list[dict[str, Any]]:
-    """What the predictors of one kitchen do."""
+    """Measure the predictors of one kitchen."""
     from models.agents.catalogue import agent_names
     from models.networks.checkpoint import load_checkpoint
     from models.networks.predictor import predictor_network
@@ -152,7 +151,7 @@ def _of_layout(layout: "Layout", arguments: argparse.Namespace) -> list[dict[str
 
 
 def _predictor_folders(layout: "Layout", chosen: Path | None) -> list[tuple[Path, str, str]]:
-    """Folder, agent and form of one predictor, or of all that are bundled for a kitchen."""
+    """Yield folder, agent and form of one predictor, or of all that are bundled for a kitchen."""
     from models.agents.catalogue import WEIGHTS
 
     if chosen is None:

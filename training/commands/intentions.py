@@ -1,4 +1,4 @@
-"""`kitchenmind train intentions`: adds a decoder of intentions to a trained predictor."""
+"""`kitchenmind train intentions`: add a decoder of intentions to a trained predictor."""
 
 import argparse
 from pathlib import Path
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Which predictor, from which games."""
+    """Add the options of the command."""
     parser.add_argument("--layout", required=True, help="a bundled layout or a .layout file")
     parser.add_argument("--agent", required=True, help="the predicted agent, as it was given to `kitchenmind collect`")
     parser.add_argument(
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0 done. Raises ValueError or OSError for wrong input."""
+    """Return 0. Raises ValueError or OSError for wrong input."""
     import torch
 
     from overcooked.layout import load_layout

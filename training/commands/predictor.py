@@ -1,5 +1,6 @@
-"""`kitchenmind train predictor`: parses, shows progress, writes the checkpoint. The loop is in
-training.train_predictor."""
+"""`kitchenmind train predictor`: parse options, show progress, write the checkpoint. The training loop is in
+training.train_predictor.
+"""
 
 import argparse
 import signal
@@ -17,11 +18,11 @@ if TYPE_CHECKING:
     from training.runlog import RunFolder
     from training.train_predictor import PredictorTrainer
 
-OUT_OF_TIME, INTERRUPTED = "stopped as its time was over", "interrupted"
+OUT_OF_TIME, INTERRUPTED = "stopped because its time was up", "interrupted"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Which agent, from which games, in which form."""
+    """Add the options of the command."""
     parser.add_argument("--layout", required=True, help="a bundled layout or a .layout file")
     parser.add_argument("--agent", required=True, help="the agent to predict, as it was given to `kitchenmind collect`")
     parser.add_argument(
@@ -50,9 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--set", action="extend", nargs="+", default=[], metavar="KEY=VALUE", help="change one or more settings"
     )
-    parser.add_argument(
-        "--no-intentions", action="store_true", help="do not also learn what the agent does next at a station"
-    )
+    parser.add_argument("--no-intentions", action="store_true", help="do not train a decoder of intentions")
     parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder for runs (default: runs)")
     parser.add_argument("--out", type=Path, help="write the predictor here (default: in the run's folder)")
     parser.add_argument(
@@ -65,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0 a predictor was written (also where time is over before it is finished: the same command continues), 1 it was
+    """Return 0 if a predictor was written (also if its time was up first: the same command continues), 1 if it was
     interrupted. Raises ValueError or OSError for wrong input."""
     from models.networks.checkpoint import load_checkpoint
     from models.networks.config import PredictorConfig
@@ -93,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     for name, value in settings.items():
         print(f"{name} = {value}")
     name = f"{target.name}_predictor_{arguments.form}"
-    # How long one call may take changes nothing about the run.
+    # The time limit of a call is not part of the run's settings.
     begun = "" if arguments.begin_with is None else load_checkpoint(arguments.begin_with).sha256
     known = {
         "begun with": begun,
@@ -118,7 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _how(trainer: "PredictorTrainer", stopped: str) -> dict[str, Any]:
-    """Return what the card says of the training itself."""
+    """Return the card's text about the training."""
     return {
         "updates": f"{trainer.update} of {trainer.config.updates}, {stopped}" if stopped else trainer.update,
         "training games": len(trainer.train),
@@ -127,16 +126,16 @@ def _how(trainer: "PredictorTrainer", stopped: str) -> dict[str, Any]:
 
 
 def _say_what_to_do(arguments: argparse.Namespace, out: Path, stopped: str, done: str) -> None:
-    """Tell how a study names the predictor, and how to continue where training was stopped."""
+    """Print how a study names the predictor, and how to continue if training was stopped."""
     print(f"Use it in a study: `predictor: {out if arguments.publish is False else out.name}`.")
     if stopped:
         print(f"Training was {stopped} after {done}; the same command continues.")
         if not arguments.no_intentions:
-            print("The predictor says no intentions until training is finished.")
+            print("The predictor gives no intentions until training is finished.")
 
 
 def _trained(name: str, trainer: "PredictorTrainer", folder: "RunFolder") -> "tuple[PredictorNetwork, str]":
-    """The network, and what stopped its training before it was finished ("": nothing)."""
+    """Train the network; return it, and what stopped the training early ("": nothing)."""
     from training.train_predictor import train_predictor, usable
 
     columns = (TextColumn(name), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[accuracy]:.1%}"))
@@ -157,14 +156,14 @@ def _trained(name: str, trainer: "PredictorTrainer", folder: "RunFolder") -> "tu
         except KeyboardInterrupt:
             if not trainer.update:
                 raise
-            bar.console.print("Interrupted. What was learned so far is measured and written; Ctrl+C again to leave it.")
+            bar.console.print("Interrupted. Measuring and writing the predictor so far (Ctrl+C again to skip).")
             return usable(trainer), INTERRUPTED
 
 
 @contextmanager
 def _terminated_like_ctrl_c() -> Iterator[None]:
-    """Inside, `kill`, a time limit of a cluster or `docker stop` does what Ctrl+C does."""
-    if threading.current_thread() is not threading.main_thread():  # only there may handlers be set
+    """Treat SIGTERM (`kill`, a cluster's time limit, `docker stop`) like Ctrl+C inside the block."""
+    if threading.current_thread() is not threading.main_thread():  # signal handlers can only be set in the main thread
         yield
         return
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)

@@ -1,5 +1,6 @@
-"""`kitchenmind train agent | predictor | intentions | study`: parses, shows progress, reports. It must not train
-anything itself."""
+"""`kitchenmind train agent | predictor | intentions | study`: parse options, show progress, report. The training itself
+is elsewhere.
+"""
 
 import argparse
 import importlib
@@ -18,7 +19,7 @@ _INTENTIONS = "training.commands.intentions"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The things that can be trained."""
+    """Add a subcommand for each kind of training."""
     kinds = parser.add_subparsers(dest="what", metavar="agent|predictor|intentions|study", required=True)
     agent = kinds.add_parser("agent", help="train one agent by self-play or with partners (FCP)")
     agent.add_argument("--layout", required=True, help="a bundled layout or a .layout file")
@@ -54,13 +55,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_compute(predictor)
     if importlib.util.find_spec(_PREDICTOR):
         importlib.import_module(_PREDICTOR).add_arguments(predictor)
-    intentions = kinds.add_parser("intentions", help="teach a trained predictor to say what the agent does next")
-    intentions.set_defaults(device="cpu", precision="float32")  # too small for anything else to be quicker
+    intentions = kinds.add_parser("intentions", help="add a decoder of intentions to a trained predictor")
+    intentions.set_defaults(device="cpu", precision="float32")  # so small that the CPU in float32 is the fastest
     importlib.import_module(_INTENTIONS).add_arguments(intentions)
 
 
 def add_compute(parser: argparse.ArgumentParser) -> None:
-    """Where and how to compute; both are measured unless they are given."""
+    """Add the options for device and precision; the fastest are measured if they are not given."""
     # Not `choices`: torch, which knows the devices, is only imported when the command runs.
     parser.add_argument("--device", default="auto", help="auto (default), cpu, cuda or mps")
     parser.add_argument(
@@ -69,7 +70,7 @@ def add_compute(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0 done, 1 failed, 2 wrong input (said on standard error)."""
+    """Return 0 if done, 1 if it failed, 2 for wrong input (reported on standard error)."""
     from training.compute import request
 
     verbs: dict[str, Callable[[argparse.Namespace], int]] = {
@@ -81,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         request(arguments.device, arguments.precision)
         return verbs[arguments.what](arguments)
-    except (ValueError, FileNotFoundError) as error:  # every refusal of ours is one, with place and remedy
+    except (ValueError, FileNotFoundError) as error:  # all our errors are ValueErrors with place and remedy
         print(f"kitchenmind train {arguments.what}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
@@ -140,7 +141,7 @@ def _train_study(arguments: argparse.Namespace) -> int:
     layouts = [bundled_name(name) for name in arguments.layouts or STUDY_LAYOUTS]
     for layout in layouts:
         load_layout(layout)
-    # All agents first: they can be played with while the predictors learn.
+    # All agents first: studies can use them while the predictors train.
     tasks = [task for made in (study_tasks, prediction_tasks) for layout in layouts for task in made(layout, preset)]
     graph = Graph(tasks, arguments.runs / "study")
     if arguments.only:

@@ -20,7 +20,7 @@ _CIRCLE = 5  # SP agents among the auxiliary partners that one of the FCP agents
 
 
 def agent_tasks(layout: str, preset: Preset) -> list[Task]:
-    """Everything that trains an agent for `layout`: names are ROLE_SEED."""
+    """Return the tasks that train an agent for `layout`; their names are ROLE_SEED."""
     population = seeds("population_sp", preset)
     return [
         _agent_task(layout, preset, role, name, _partners(role, population))
@@ -55,7 +55,7 @@ def _agent_task(layout: str, preset: Preset, role: str, name: str, partners: tup
 
 
 def _partners(role: str, population: Sequence[str]) -> tuple[str, ...]:
-    """Whom a role learns to cook with. The last SP agent is kept from the target: it will be measured with it."""
+    """Return the partners of a role. The target does not train with the last SP agent, which is kept to measure it."""
     if role == "target_fcp":
         return tuple(population[:-1])
     return tuple(population) if role in ("population_fcp", "features") else ()
@@ -98,7 +98,7 @@ def prediction_tasks(layout: str, preset: Preset) -> list[Task]:
 
 
 def _train(work: Work, least_reward: float = 0.0) -> None:
-    """Train one agent and leave its skill levels as checkpoints in <folder>/35, 70 and 100."""
+    """Train one agent and write its skill levels as checkpoints to <folder>/35, 70 and 100."""
     layout = load_layout(work.task.layout)
     config = AgentConfig().changed(work.task.settings["config"], work.task.label)
     partners = [folder / str(skill) for folder in work.inputs.values() for skill in SKILLS]

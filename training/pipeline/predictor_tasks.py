@@ -1,6 +1,6 @@
 """The tasks that make a kitchen's predictors: games of each target, a predictor in each form, the published folders.
 
-In the kitchens of which people's games are recorded, predictors also train with behaviour-cloned (BC) humans.
+In kitchens with recorded human games, predictors also train with behaviour-cloned (BC) humans.
 """
 
 import shutil
@@ -94,7 +94,7 @@ def _inputs(work: Work, prefix: str) -> list[tuple[str, Path]]:
 
 
 def _train(layout: Layout, agent: str, configs: Configs, publish: bool, work: Work) -> None:
-    """Train a predictor and leave it in <folder>/predictor and, if wanted, among the bundled weights."""
+    """Train a predictor and write it to <folder>/predictor and, if wanted, among the bundled weights."""
     games = work.inputs[f"games_{agent}"] / "games"
     encoder: Path | None = next((folder / "100" for _, folder in _inputs(work, ENCODER)), None)
     network, training = configs
@@ -110,7 +110,7 @@ def _train(layout: Layout, agent: str, configs: Configs, publish: bool, work: Wo
 
 
 def _add_intentions(layout: Layout, agent: str, form: str, publish: bool, work: Work) -> None:
-    """Leave the predictor with a decoder of intentions in <folder>/predictor and, if wanted, among the bundled
+    """Add a decoder of intentions and write the predictor to <folder>/predictor and, if wanted, among the bundled
     weights."""
     trained = work.inputs[f"predictor_{agent}_{form}"] / "predictor"
     settings = IntentionSettings.checked(work.task.settings, work.task.label)

@@ -3,7 +3,7 @@
 A preset is a TOML file (`training/configs/study_*.toml`). Its tables name roles: `[population_sp]` changes the settings
 of a role in every kitchen, `[layout.NAME.ROLE]` in one kitchen, and a table named after one run (`population_sp_1`)
 changes that run alone. `[predictor]` changes the predictors' settings. `like = "NAME"` in `[layout.OTHER]` gives a
-kitchen the tables of kitchen NAME; its own come on top.
+kitchen the tables of kitchen NAME; its own take precedence.
 """
 
 import difflib
@@ -73,8 +73,8 @@ class Preset(StudyScale):
         return settings
 
     def _tables_of(self, layout: str) -> list[tuple[str, Mapping[str, Any]]]:
-        """Return the tables of a kitchen, each after its prefix: first those of the kitchen that it is like, then its
-        own, which come on top."""
+        """Return the tables of a kitchen, each with its prefix: first those of the kitchen named by `like`, then its
+        own, which take precedence."""
         layouts: Mapping[str, Mapping[str, Any]] = self.tables.get("layout", {})
         own = layouts.get(layout, {})
         names = (own[_LIKE], layout) if _LIKE in own else (layout,)

@@ -1,4 +1,5 @@
-"""Runs a graph of tasks: a few processes at a time here, or workers of a Ray cluster; a table shows how far it is.
+"""Run a graph of tasks, in a few processes at a time on this machine or on a Ray cluster, and show a table of the
+progress.
 
 A task always runs in a process of its own, from the same command line, so a task that was killed can be started again.
 """
@@ -25,8 +26,8 @@ _TRIES = 3  # of a task whose process died
 
 
 def run_task(graph: Graph, label: str, kept: Path | None = None) -> int:
-    """Do one task in this process, which ends with the one that started it: two must never do the same task.
-    What it leaves is also copied to `kept`."""
+    """Run one task in this process, which ends when its parent ends: two processes must never run the same task. Its
+    results are also copied to `kept`."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
     graph.run(label)
@@ -97,7 +98,7 @@ def _succeeded(ray: object, reference: object) -> bool:
 
 
 def _more(graph: Graph, running: object, failures: Counter[str]) -> bool:
-    """Whether anything runs or could be started."""
+    """Return whether anything runs or could be started."""
     startable = any(failures[label] < _TRIES and graph.ready(label) for label in graph.tasks)
     return bool(running) or startable
 
@@ -122,7 +123,7 @@ def _start(graph: Graph, label: str, command: Sequence[str]) -> subprocess.Popen
 
 
 def _in_a_process(command: list[str], log: str) -> int:
-    """What a Ray worker does: the task's own process, so that nothing of it outlives a kill."""
+    """Run the task of a Ray worker in its own process, so that nothing survives a kill."""
     with Path(log).open("ab") as file:
         return subprocess.run(  # noqa: S603 - our own command
             command, stdout=file, stderr=subprocess.STDOUT, check=False, env={**os.environ, "OMP_NUM_THREADS": "1"}
@@ -130,7 +131,7 @@ def _in_a_process(command: list[str], log: str) -> int:
 
 
 def _table(graph: Graph, running: set[str], failures: Counter[str]) -> Table:
-    """Tasks by state: those that run or failed in full, the others counted."""
+    """Draw tasks by state: those that run or failed are listed, the others counted."""
     shares = {label: graph.share(label) for label in graph.tasks}
     left = sum(task.cost * (1 - shares[label]) for label, task in graph.tasks.items())
     done = sum(share == 1 for share in shares.values())

@@ -1,7 +1,7 @@
-"""Everything a study needs as a graph of tasks: each known by its settings and its inputs, done once, resumable.
+"""Everything a study needs as a graph of tasks: each identified by its settings and inputs, run once, resumable.
 
-A task works in a folder named by its key, the hash of its settings and of its inputs' keys: change a setting, and only
-what depends on it is done again.
+A task works in a folder named by its key, the hash of its settings and of its inputs' keys: after a change of a
+setting, only the tasks that depend on it run again.
 """
 
 import hashlib
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-_ONLY_HERE = ("run", "run_*", "games", "log.txt", "progress", "task_done")  # what a finished task needs no more
+_ONLY_HERE = ("run", "run_*", "games", "log.txt", "progress", "task_done")  # files that a finished task no longer needs
 Settings = Mapping[str, Any]
 Report = Callable[[float], None]  # the share of the task that is done
 Action = Callable[["Work"], None]
@@ -36,7 +36,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Work:
-    """What a task's action is given."""
+    """The argument of a task's action."""
 
     task: Task
     folder: Path
@@ -58,7 +58,7 @@ class Graph:
             self.keys[task.label] = hashlib.sha256(text.encode()).hexdigest()
 
     def folder(self, label: str) -> Path:
-        """Where a task works and leaves what it made."""
+        """Return the folder in which a task works and leaves its results."""
         task = self.tasks[label]
         return self.runs / task.layout / f"{task.name}-{self.keys[label][:8]}"
 
@@ -66,12 +66,12 @@ class Graph:
         return (self.folder(label) / "task_done").is_file()
 
     def ready(self, label: str) -> bool:
-        """Not done, and all inputs are."""
+        """Return whether a task is not done yet but all its inputs are."""
         task = self.tasks[label]
         return not self.done(label) and all(self.done(f"{task.layout}/{name}") for name in task.inputs)
 
     def share(self, label: str) -> float:
-        """How much of a task is done, 0 to 1."""
+        """Return the share of a task that is done, 0 to 1."""
         if self.done(label):
             return 1.0
         try:
@@ -80,13 +80,13 @@ class Graph:
             return 0.0
 
     def log(self, label: str) -> Path:
-        """Where a task's process writes what it has to say."""
+        """Return the file for the output of a task's process."""
         folder = self.folder(label)
         folder.mkdir(parents=True, exist_ok=True)
         return folder / "log.txt"
 
     def limited(self, prefixes: Iterable[str]) -> "Graph":
-        """Only the tasks whose names (or layout/names) begin with one of `prefixes`, and what they need."""
+        """Return only the tasks whose names (or layout/names) begin with one of `prefixes`, and their inputs."""
         wanted: set[str] = set()
         for label, task in reversed(self.tasks.items()):
             chosen = any(task.name.startswith(prefix) or label.startswith(prefix) for prefix in prefixes)
@@ -95,7 +95,8 @@ class Graph:
         return Graph([task for label, task in self.tasks.items() if label in wanted], self.runs)
 
     def keep(self, label: str, kept: Path) -> None:
-        """Copy what a finished task left (not its run) to `kept`, a folder that can travel to another machine."""
+        """Copy the results of a finished task (not its run) to `kept`, a folder that can be copied to another
+        machine."""
         task, target = self.tasks[label], kept / label
         new = target.with_name(f"{task.name}.new")
         shutil.rmtree(new, ignore_errors=True)
@@ -105,7 +106,7 @@ class Graph:
         new.replace(target)
 
     def take_over(self, kept: Path) -> list[str]:
-        """Take as done what is kept in `kept` with the same settings and inputs; return the labels."""
+        """Mark tasks as done whose results are in `kept` with the same settings and inputs; return their labels."""
         taken = []
         for label in self.tasks:
             source = kept / label
@@ -118,7 +119,7 @@ class Graph:
         return taken
 
     def run(self, label: str) -> None:
-        """Do one task (or the rest of it); its inputs must be done."""
+        """Run one task (or the rest of it); its inputs must be done."""
         task, folder = self.tasks[label], self.folder(label)
         folder.mkdir(parents=True, exist_ok=True)
 

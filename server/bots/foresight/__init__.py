@@ -1,8 +1,7 @@
-"""Simulated participants for whom foresight can help. Nothing about people follows from them.
-
-One participant is the same in every condition; only the evidence about the partner differs. `people` has what a
-participant is like, `kitchen_map` the distances of a layout, `beliefs` what it takes the partner to do, `tasks` what it
-wants, `route` how it gets there, `mind` puts them together for one timestep, and `cook` plays a game with it.
+"""Simulated participants for whom foresight can help. They are not evidence about people. A participant is the same in
+every condition; only the evidence about the partner differs. `people` has the traits, `kitchen_map` the distances of a
+layout, `beliefs` the estimate of the partner's actions, `tasks` the choice of a station, `route` the path to it; `mind`
+combines them for one timestep, and `cook` plays a game.
 """
 
 from contextlib import suppress
@@ -16,6 +15,6 @@ _KERNEL_SOURCES = (
     *(_RULES / f"{name}.py" for name in ("compiled", "constants", "rules")),
 )
 
-# The kernels call each other and the rules, and numba looks only at the file that a function is in.
+# The kernels call each other and the rules, but numba checks only the file that defines a function.
 with suppress(OSError):
     compiled.forget_code_older_than(_KERNEL_SOURCES, _HERE)

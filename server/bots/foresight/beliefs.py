@@ -1,6 +1,5 @@
-"""What a simulated participant believes about its partner: seen late, guessed or read off the arrows, trusted or not.
-
-Compiled. A `Memory` is a ring of the last frames as the page received them, by timestep.
+"""A simulated participant's beliefs about its partner: from delayed observation, its own guess or the arrows, weighted
+by trust. Compiled. A `Memory` is a ring of the last frames as the page received them, by timestep.
 """
 
 from typing import Final, NamedTuple
@@ -31,7 +30,7 @@ from overcooked.constants import (
 from overcooked.rules import step_game
 from server.bots.foresight.kitchen_map import FAR
 
-FRAMES: Final = 16  # as many as the slowest participant looks back, and some
+FRAMES: Final = 16  # a little more than the delay of the slowest participant
 AHEAD: Final = 3  # timesteps that a way is planned around the partner
 ARROWS_BELIEVED: Final = (3.0, 1.0)  # hits and misses of arrows, as if seen before the game
 GUESS_BELIEVED: Final = (1.0, 1.0)  # the same for the own guess
@@ -51,7 +50,7 @@ class Memory(NamedTuple):
 
 @kernel
 def _copy(source, into):
-    """Copy a table. Loops compile in a tenth of the time that an assignment of arrays takes."""
+    """Copy a table. A loop compiles ten times faster than an assignment of arrays."""
     for k in range(source.shape[0]):
         for j in range(source.shape[1]):
             into[k, j] = source[k, j]
@@ -59,7 +58,7 @@ def _copy(source, into):
 
 @kernel
 def remember(mind, memory, players, contents, now, actions, arrows):
-    """Take a frame in. After a gap, or at the start, the past is as the present."""
+    """Store a frame. After a gap, or at the start, it also fills the past."""
     fresh = now != mind.now + 1 or mind.now < 0
     for k in range(FRAMES):
         if fresh or k == now % FRAMES:
@@ -80,7 +79,7 @@ def remember(mind, memory, players, contents, now, actions, arrows):
 
 @kernel
 def notice(kitchen, mind, memory):
-    """Look at the frame that reaches the participant now: judge arrows and guess by it, and guess again."""
+    """Process the frame that the participant notices now: judge earlier arrows and guesses by it, and guess again."""
     other = 1 - mind.seat
     seen = max(mind.began, mind.now - mind.delay)
     if seen > mind.seen:
@@ -117,7 +116,7 @@ def pot_needs(pots, contents):
 
 @kernel
 def _wanted_by(held, kind, inside, missing, full):
-    """Return how much somebody with this in the hand may want a station, 0 to 1; below 0: not at all."""
+    """Return how likely a chef with this item wants a station, 0 to 1; below 0: not at all."""
     if held == NOTHING:
         if kind == ONION_DISPENSER:
             return 1.0 if missing > 0 else 0.0
@@ -135,7 +134,7 @@ def _wanted_by(held, kind, inside, missing, full):
 
 @kernel
 def _station_of_partner(kitchen, mind, memory):
-    """Return the station to which the partner seems to be on its way; -1: none."""
+    """Return the station that the partner seems to go to; -1: none."""
     now, other = mind.seen, 1 - mind.seat
     before = max(mind.partner_hand_since, now - _EVIDENCE, mind.began)
     here, there = memory.players[now % FRAMES, other], memory.players[before % FRAMES, other]
@@ -168,22 +167,21 @@ def _guessed(first, mind, actions, cell, facing, step):
 
 @kernel
 def arrow_trust(mind):
-    """Return how often arrows are right, as the participant sees it."""
+    """Return the participant's estimate of how often arrows are right."""
     return (mind.arrow_hits + ARROWS_BELIEVED[0]) / (mind.arrow_count + ARROWS_BELIEVED[0] + ARROWS_BELIEVED[1])
 
 
 @kernel
 def guess_trust(mind):
-    """Return how often its own guess is right, as the participant sees it."""
+    """Return the participant's estimate of how often its own guess is right."""
     return (mind.guess_hits + GUESS_BELIEVED[0]) / (mind.guess_count + GUESS_BELIEVED[0] + GUESS_BELIEVED[1])
 
 
 @kernel
 def believed_action(first, mind, memory, cell, facing, step):
-    """Return (the partner's believed action, how sure that is) so many steps after the seen frame.
-
-    An arrow, if one was shown with that frame and arrows are believed; else the own guess. `cell`, `facing`: where the
-    partner is by then.
+    """Return (the partner's believed action, its probability) so many steps after the seen frame: the arrow, if one was
+    shown with that frame and arrows are trusted; otherwise the own guess. `cell`, `facing`: where the partner is by
+    then.
     """
     if step < memory.arrows.shape[1]:
         arrow = memory.arrows[mind.seen % FRAMES, step]
@@ -194,9 +192,8 @@ def believed_action(first, mind, memory, cell, facing, step):
 
 @kernel
 def imagine_present(kitchen, mind, memory, players, contents):
-    """Fill `players` and `contents` with the present as believed: the seen frame, played on with the real rules.
-
-    Returns how sure the partner's place is.
+    """Fill `players` and `contents` with the believed present: the seen frame, continued with the real rules. Returns
+    the probability of the partner's position.
     """
     me, other, height = mind.seat, 1 - mind.seat, kitchen.tiles.shape[1]
     _copy(memory.players[mind.seen % FRAMES], players)
@@ -220,9 +217,8 @@ def imagine_present(kitchen, mind, memory, players, contents):
 
 @kernel
 def imagine_ahead(kitchen, mind, memory, partner, sure, cells, sures):
-    """Fill `cells` (AHEAD + 1,) with where the partner wants to be, and `sures` (AHEAD,) with how sure that is.
-
-    The own body does not stop it here: an arrow into the participant's cell means that the partner wants it.
+    """Fill `cells` (AHEAD + 1,) with where the partner wants to be, and `sures` (AHEAD,) with the probabilities. The
+    own chef does not block it here: an arrow into the participant's cell means that the partner wants that cell.
     """
     cell, facing = partner[X] * kitchen.tiles.shape[1] + partner[Y], np.int64(partner[FACING])
     cells[0] = cell

@@ -1,4 +1,4 @@
-"""One simulated participant of `server.bots.foresight` in one game, as the bots' browser asks for its keys."""
+"""One simulated participant of `server.bots.foresight` in one game, called by the bots' game client."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ from server.bots.foresight.people import ARROWS, Variant, person
 
 
 class ForesightCook(Cook):
-    """Act as the person of the traits' seed would. A state that is shown again gets the same action again."""
+    """Act as the person drawn from the traits' seed. A state that is shown again gets the same action again."""
 
     def __init__(self, layout: Layout, seat: int, traits: Traits, episode_seed: int) -> None:
         super().__init__(layout, seat, traits, episode_seed)
@@ -33,12 +33,12 @@ class ForesightCook(Cook):
 
 
 def cook(layout: Layout, seat: int, traits: Traits, episode_seed: int) -> Cook:
-    """Return the cook that the traits name."""
+    """Return the cook named by the traits."""
     kind = ForesightCook if traits.cook in ("foresight", "credulous") else Cook
     return kind(layout, seat, traits, episode_seed)
 
 
 def prepare() -> None:
-    """Compile what cooks need, which takes some seconds once on a machine; no game has to wait for it then."""
+    """Compile the cooks' kernels, which takes some seconds once per machine, so that no game has to wait for it."""
     layout = load_layout("practice")
     ForesightCook(layout, 0, Traits.drawn(0), 0).act(Kitchens.start(layout), 0, (STAY, STAY), (), 1)

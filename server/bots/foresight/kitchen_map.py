@@ -1,7 +1,4 @@
-"""A layout as a cook knows it by heart: stations and the ways to them.
-
-A cell is one number here: x * height + y.
-"""
+"""A layout's stations and the precomputed paths to them. A cell is one number here: x * height + y."""
 
 from typing import Final, NamedTuple
 
@@ -12,7 +9,7 @@ from overcooked.constants import COUNTER, FLOOR, INTERACT, STEP_X, STEP_Y, TILE_
 from overcooked.layout import Layout
 
 FAR: Final = 9999  # ticks to a station that cannot be reached
-_LARGEST_WITH_DETOURS: Final = 150  # cells of a kitchen in which ways around a partner are known by heart
+_LARGEST_WITH_DETOURS: Final = 150  # cells of a kitchen for which paths around a partner are precomputed
 
 
 class KitchenMap(NamedTuple):

@@ -1,6 +1,5 @@
-"""One timestep of a simulated participant: from what its page received to the probabilities of its next key. Compiled.
-
-All chance comes from the person's seed and the timestep, so a repeat with the same frames acts alike.
+"""One timestep of a simulated participant: from the frames received to the probabilities of its next key. Compiled. All
+randomness comes from the person's seed and the timestep: the same frames lead to the same actions.
 """
 
 from typing import Final
@@ -47,7 +46,7 @@ def chance(seed, timestep, purpose):
 
 @kernel
 def _feel(ahead, mind, memory, height):
-    """Take in what the own chef shows at once: whether the last key had an effect, and who was in the way."""
+    """Update the mind from the own chef: whether the last key had an effect, and which chef was in the way."""
     now, me = mind.now, mind.seat
     own, before = memory.players[now % FRAMES, me], memory.players[(now - 1) % FRAMES, me]
     action = memory.actions[now % FRAMES, me]
@@ -84,7 +83,7 @@ def _wander_to(kitchen, mind, cell, facing, held, inside):
 
 @kernel
 def _target_now(kitchen, mind, players, contents, inside, cell):
-    """Return what the participant heads for: where boredom leads it, or its task."""
+    """Return the current target: a random place if bored, otherwise the task's station."""
     facing, held = players[mind.seat, FACING], players[mind.seat, HELD]
     if mind.wander >= 0:
         arrived = kitchen.reach[mind.wander, cell, facing] == 0 and held == NOTHING
@@ -102,7 +101,7 @@ def _target_now(kitchen, mind, players, contents, inside, cell):
 
 @kernel
 def _ticks_until_turn(kitchen, mind, inside, target, me, partner, held):
-    """Return the ticks until the partner has used the target and left, 0 if nobody has to wait for that.
+    """Return the ticks until the partner has used the target and left, 0 if there is no need to wait.
 
     If the partner seems to be on its way to the same station and can use it at once, and only one cell is next to that,
     a participant who is not nearer waits. `me`, `partner`: (cell, facing); `held`: by the partner.
@@ -116,7 +115,7 @@ def _ticks_until_turn(kitchen, mind, inside, target, me, partner, held):
 
 @kernel
 def _limits(mind, waits, wanted_by_partner, chosen, out):
-    """Fill `out` with what comes of the chosen action's probabilities: rests, slips, and tries while blocked.
+    """Fill `out` with the chosen action's probabilities after rests, slips, and random moves while blocked.
 
     `waits`: nothing useful can be done yet. `wanted_by_partner` (0-1): how sure the partner wants the own cell next;
     then one does not rest there as often.
@@ -166,7 +165,7 @@ def think(kitchen, mind, memory, players, contents, now, actions, arrows, out):
 
 @kernel
 def drawn(mind, probabilities):
-    """Return the action that the person's chance picks."""
+    """Draw the action with the person's random numbers."""
     threshold = chance(mind.seed, mind.now, DRAW)
     reached = 0.0
     for action in range(ACTIONS):

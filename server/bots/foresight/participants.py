@@ -1,4 +1,4 @@
-"""Many simulated participants of one layout at once, each in a game of its own: the minds and what they remember."""
+"""Many simulated participants of one layout at once, each in its own game: their minds and memories."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -18,7 +18,7 @@ NO_ARROW: Final = -1
 
 
 class SimulatedParticipants:
-    """One participant a game. What they do is a pure function of the frames they are given and of their seeds."""
+    """One participant per game. Their actions are a pure function of the frames and of their seeds."""
 
     def __init__(self, layout: Layout, people: Sequence[NDArray[np.void]]) -> None:
         """`people`: as `person` draws them, one a game."""
@@ -40,7 +40,7 @@ class SimulatedParticipants:
         shown with them, `NO_ARROW` for none.
         """
         out = np.empty(len(self.minds), np.int64)
-        # One kind of array only: numba compiles everything again for each order in memory.
+        # Always the same memory order: numba compiles everything again for another one.
         players, contents = np.ascontiguousarray(now.players), np.ascontiguousarray(now.contents)
         did, shown = np.ascontiguousarray(actions, np.int64), np.ascontiguousarray(arrows, np.int64)
         think_all(
@@ -50,11 +50,11 @@ class SimulatedParticipants:
         return out
 
     def show(self, timestep: int, arrows: NDArray[np.int64]) -> None:
-        """Replace the arrows that were shown at a timestep (nobody sees them before the next one)."""
+        """Replace the arrows that were shown at a timestep (no participant notices them before the next one)."""
         self._memory.arrows[:, timestep % FRAMES] = arrows
 
     def copy(self) -> "SimulatedParticipants":
-        """Return the same people with the same memories, to ask what they would do."""
+        """Return a copy with the same memories, to try out actions."""
         other = SimulatedParticipants(self._layout, [self.minds.copy()])
         kept = self._memory
         other._memory = Memory(kept.players.copy(), kept.contents.copy(), kept.actions.copy(), kept.arrows.copy())

@@ -1,4 +1,4 @@
-"""What a simulated participant is like: the fitted parameters of all, and one person drawn from them.
+"""Traits of simulated participants: the fitted parameters of all, and one person drawn from them.
 
 All times are in milliseconds or per second, so that the same person plays at any length of a timestep.
 """
@@ -18,7 +18,7 @@ ARROWS: Final = 3  # how many predicted actions a page shows
 
 @dataclass(frozen=True)
 class Parameters:
-    """Describe everybody. Chosen without a look at any difference between conditions (decision 22)."""
+    """Parameters of all participants, chosen without looking at any difference between conditions (decision 22)."""
 
     # Searched by benchmarks/fit_simulated_participants.py on recorded games of people, who had no arrows (Carroll et
     # al. 2019; five kitchens, every second game).
@@ -56,7 +56,7 @@ FITTED: Final = Parameters()
 
 @dataclass(frozen=True)
 class Variant:
-    """Change people on purpose: for sensitivity checks and for `--cook credulous`."""
+    """Modified participants, for sensitivity checks and for `--cook credulous`."""
 
     credulous: bool = False  # arrows are always believed
     delay: int | None = None  # timesteps, for everybody

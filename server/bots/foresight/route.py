@@ -1,5 +1,4 @@
-"""How a simulated participant gets to its target: all ways of three timesteps around the partner, then as if alone.
-
+"""Path of a simulated participant to its target: all paths of three timesteps around the partner, then as if alone.
 Compiled. Costs are in timesteps.
 """
 
@@ -20,8 +19,8 @@ _WAYS: Final = _OPTIONS**AHEAD
 
 @kernel
 def chance_of_meeting(ahead, mind, cell, step, seen_cell, cells, sures):
-    """Return how likely the partner is in that cell after that step: where it is believed to be, or else somewhere
-    about where it was seen."""
+    """Return the probability that the partner is in that cell after that step: the believed cell, or a cell near where
+    it was seen."""
     sure = sures[step]
     likely = sure if cell == cells[step + 1] else 0.0
     elsewhere = mind.doubt * (1.0 - sure)
@@ -35,7 +34,7 @@ def chance_of_meeting(ahead, mind, cell, step, seen_cell, cells, sures):
 
 @kernel
 def _step(ahead, mind, cell, action, step, seen_cell, cells, sures):
-    """Return (the cell after one action, what that costs). `seen_cell`, `cells`, `sures`: the partner's way."""
+    """Return (the cell after one action, its cost). `seen_cell`, `cells`, `sures`: the partner's way."""
     to = ahead[cell, action] if action < STAY else cell
     cost = 1.0 + (mind.effort if action < STAY else 0.0)
     if to != cell:
@@ -53,7 +52,7 @@ def _step(ahead, mind, cell, action, step, seen_cell, cells, sures):
 
 @kernel
 def ticks_past(kitchen, mind, station, cell, facing, partner):
-    """Return the ticks until the station is faced, in part as if nobody could pass the partner's cell."""
+    """Return the ticks until the station is faced, partly as if the partner's cell were blocked."""
     alone = kitchen.reach[station, cell, facing]
     if kitchen.around.shape[0] == 0 or alone >= FAR:
         return float(alone)
@@ -95,7 +94,7 @@ def action_costs(kitchen, mind, me, target, wait, seen_cell, cells, sures, costs
 
 @kernel
 def soft_choice(costs, temperature, probabilities):
-    """Fill `probabilities` (6,): the cheaper, the likelier."""
+    """Fill `probabilities` (6,) with a softmax of the negative costs."""
     least, total = NEVER, 0.0
     for action in range(ACTIONS):
         least = min(least, costs[action])

@@ -1,4 +1,4 @@
-"""What a simulated participant wants next: the station with the most value for its time. Compiled."""
+"""Choose a simulated participant's next station: the one with the highest value per time. Compiled."""
 
 from typing import Final
 
@@ -28,15 +28,15 @@ from server.bots.foresight.beliefs import pot_needs
 from server.bots.foresight.kitchen_map import FAR
 from server.bots.foresight.route import ticks_past
 
-_ONION_TRIP: Final = 8  # ticks that an onion takes to come, where a pot is not full yet
+_ONION_TRIP: Final = 8  # ticks until the next onion arrives, if a pot is not full yet
 _LOOSE_SOUP: Final = 4.0  # value of a soup that lies on a counter or is in the hand
 _DROP_FIRST: Final = 25  # ticks that a change of plan costs
-_WAIT_BLIND: Final = 5  # ticks after which one looks again whether a full pot was emptied
+_WAIT_BLIND: Final = 5  # ticks after which to check again whether a full pot was emptied
 
 
 @kernel
 def ticks_until_ready(inside):
-    """Return the ticks until the soup of a pot can be lifted, a guess where onions are missing."""
+    """Return the ticks until the soup of a pot can be lifted; an estimate if onions are missing."""
     if inside >= COOKING:
         return READY - inside
     return COOK_TIME + _ONION_TRIP * (ONIONS_PER_SOUP - inside)
@@ -44,7 +44,7 @@ def ticks_until_ready(inside):
 
 @kernel
 def what_is_inside(kitchen, contents, inside):
-    """Fill `inside` (s,) with what each station holds."""
+    """Fill `inside` (s,) with the contents of each station."""
     height = contents.shape[1]
     for station in range(inside.shape[0]):
         inside[station] = contents[kitchen.cell[station] // height, kitchen.cell[station] % height]
@@ -152,7 +152,7 @@ def choose_target(kitchen, mind, players, contents, inside):
     all_missing, full = pot_needs(kitchen.pots, contents)
     missing = all_missing - _partner_brings(mind, kind, inside, theirs[HELD], ONION)
     dishes = full - _partner_brings(mind, kind, inside, theirs[HELD], DISH)
-    if kitchen.usable[me[0], POT] == 0:  # what was handed over is on its way
+    if kitchen.usable[me[0], POT] == 0:  # an item that was handed over is being used
         for station in range(kind.shape[0]):
             missing -= kind[station] == COUNTER and inside[station] == ONION
             dishes -= kind[station] == COUNTER and inside[station] == DISH

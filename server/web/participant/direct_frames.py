@@ -1,4 +1,4 @@
-"""Text frames that pass between a websocket's protocol and the game at once, without a task that has to wake up.
+"""Pass text frames between a websocket's protocol and the game directly, without waking a task.
 
 A timestep is one small frame to each browser, and a key is one small frame from it: through ASGI, waking the tasks
 costs several times as much as the frames. The protocol puts a `DirectFrames` into the scope; whatever cannot be done
@@ -16,7 +16,7 @@ def _never(_: object) -> bool:
 
 
 class DirectFrames:
-    """The two directions of one websocket; each call returns whether the frame is done with."""
+    """The two directions of one websocket; each call returns whether the frame was handled."""
 
     def __init__(self, write: Callable[[bytes], bool] = _never) -> None:
         """`write`: send a text frame unless the socket is closing or its buffer is full."""

@@ -1,4 +1,4 @@
-"""The routes of those who leave: declined, turned away by the entry checks, withdrawn. Thin, as study_pages.py is."""
+"""Routes for participants who leave: declined, failed the entry checks, withdrawn."""
 
 from typing import Any
 
@@ -20,13 +20,13 @@ router = APIRouter(prefix="/s/{name}")
 
 @router.get("/declined")
 async def declined(request: Request, opened: OpenStudyDep, web: WebDep) -> Response:
-    """Somebody decided not to take part."""
+    """Show the page for somebody who declined."""
     return _turned_away(page(request, web, opened.study), opened, opened.study.recruitment.declined, "declined")
 
 
 @router.get("/unsuitable")
 async def unsuitable(request: Request, opened: OpenStudyDep, web: WebDep) -> Response:
-    """The device did not pass the entry checks: the screened-out code, before anything was stored."""
+    """Show the screened-out code to somebody whose device failed the entry checks; nothing was stored yet."""
     outcome = opened.study.recruitment.screened_out
     return _turned_away(page(request, web, opened.study), opened, outcome, "unsuitable")
 
@@ -40,7 +40,7 @@ def _turned_away(made: PageResponse, opened: OpenStudy, outcome: Exit, template:
 
 
 def _codes_of_all(opened: OpenStudy) -> set[str]:
-    """The study's fixed codes, which everybody gets: they tell nobody apart."""
+    """Return the study's fixed codes, which do not identify a participant."""
     recruitment = opened.study.recruitment
     outcomes = (recruitment.completed, recruitment.screened_out, recruitment.unpaired, recruitment.declined)
     return {outcome.code.upper() for outcome in outcomes if outcome.code}
@@ -80,7 +80,8 @@ async def withdraw(
 async def _by_code(
     request: Request, opened: OpenStudy, web: Web, code: str
 ) -> tuple[guess_limits.GuessOutcome, Participant | None]:
-    """Whose completion code it is. A code has no name, so wrong ones are counted by address alone."""
+    """Return the participant with this completion code. A code has no account name, so wrong ones are counted by
+    address alone."""
     found: Participant | None = None
 
     async def look() -> bool:

@@ -1,4 +1,4 @@
-"""The websocket of a game: who may open it, what comes in and goes out, and when it is closed. Plays nothing itself."""
+"""The websocket of a game: access, incoming and outgoing messages, and closing."""
 
 import asyncio
 import itertools
@@ -129,7 +129,8 @@ class Sockets:
             await ended(writer, reader)
 
     def _bound(self, participant: str) -> None:
-        """A page has one socket, and a lost one lingers for seconds; of somebody who has many, the oldest closes."""
+        """Limit a participant's sockets: a page has one, but a lost one stays open for seconds. The oldest of too many
+        closes."""
         own = [one for one in self._open if one.player.participant == participant]
         for one in own[:-MOST_OF_ONE]:
             one.close(CloseCode.REFUSED, "too many connections")
@@ -141,7 +142,7 @@ class Sockets:
 
     @staticmethod
     async def _settle(writer: asyncio.Task[None], reader: asyncio.Task[None], mine: PlayerSocket) -> None:
-        """The last words may still go out, but nobody waits long for a dead peer."""
+        """Let the last messages go out, but do not wait long for a dead peer."""
         if not reader.cancelled() and (error := reader.exception()) is not None:
             log.error("a game socket failed", exc_info=error)
             mine.close(CloseCode.FAILED, "the server failed")
@@ -190,7 +191,7 @@ class Sockets:
             case messages.ClientError():
                 await self._client_error(mine.player.participant, message.text)
             case messages.Pong():
-                pass  # late, or an answer to nothing: of no use, of no harm
+                pass  # late, or not an answer to a Ping: ignore it
             case _ if game is None:
                 mine.send(messages.Refused("hello_first", "the first message is hello"))
             case _:
@@ -198,7 +199,7 @@ class Sockets:
         return game
 
     async def _client_error(self, participant: str, text: str) -> None:
-        """Pass on a problem in a browser. A page that breaks on every frame says it over and over: a few are enough."""
+        """Store an error of a browser. A page that fails on every frame repeats it: a few are enough."""
         now = time.monotonic()
         bucket = self._client_errors.setdefault(
             participant, TokenBucket(now, 1.0, CLIENT_ERRORS_PER_S, CLIENT_ERRORS_BURST)

@@ -1,4 +1,4 @@
-"""What comes in through one game socket: let in or refused, and handled at once where nothing has to be waited for."""
+"""Input of one game socket: check frames, and handle at once those that need no waiting."""
 
 import logging
 import time
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 MOST_REFUSED: Final = 20  # bad messages on one socket
 UNBOUNDED_PER_S: Final = 1e9
-_DIRECT: Final = ('{"type":"input"', '{"type":"pong"')  # as browsers write them; others take the longer way
+_DIRECT: Final = ('{"type":"input"', '{"type":"pong"')  # as browsers write them; others are decoded by the slower path
 
 
 class Gate:
-    """What of one socket's frames comes in: text, small, well formed, not too many."""
+    """Checks one socket's frames: text, small, well formed, not too many."""
 
     def __init__(self, bucket: TokenBucket) -> None:
         self._bucket = bucket
@@ -57,12 +57,12 @@ class Gate:
 
 
 class DirectInput:
-    """Keys and life signs of one page, handled in the moment in which they arrive: nothing of them has to wait."""
+    """Handles a page's keys and Pongs at the moment when they arrive."""
 
     def __init__(self, gate: Gate, mine: "PlayerSocket", clock: Clock) -> None:
         self.game: Game | None = None  # the game that the socket is in
         self._gate, self._mine, self._clock = gate, mine, clock
-        self._reader_waits = False  # nothing that came before is being handled
+        self._reader_waits = False  # no earlier message is being handled
 
     async def receive(self, socket: WebSocket) -> Any:
         """Return the next event that `take` has left."""
@@ -88,6 +88,6 @@ class DirectInput:
 
 
 def bucket_of(clock: Clock) -> TokenBucket:
-    """What one participant may send. Where games wait for simulated participants, these are as quick as the machine,
-    and no flood: how quick that is, nobody can say beforehand."""
+    """Return the rate limit of one participant. If games wait for simulated participants, there is none: these are as
+    fast as the machine."""
     return TokenBucket(clock.now(), clock.speed, per_s=UNBOUNDED_PER_S if clock.patience_s else PER_S)

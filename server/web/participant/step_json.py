@@ -32,7 +32,7 @@ _NAMES = frozenset(get_args(StepName))
 
 
 def wants_json(request: Request) -> bool:
-    """Whether a program asks: its `Accept` names JSON, and no HTML."""
+    """Return whether a program makes the request: its `Accept` has JSON and no HTML."""
     accepted = request.headers.get("accept", "")
     return "application/json" in accepted and "text/html" not in accepted
 

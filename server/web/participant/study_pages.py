@@ -70,7 +70,8 @@ def _kitchens(study: Study) -> list[tuple[Text, list[str]]]:
 
 @router.get("/s/{name}")
 async def consent_page(request: Request, opened: OpenStudyDep, web: WebDep, participant: ParticipantDep) -> Response:
-    """Show the consent page; a participant of the study continues instead. Stores nothing: link previews are safe."""
+    """Show the consent page; a participant of the study continues instead. Nothing is stored, so link previews are
+    safe."""
     study, made = opened.study, page(request, web, opened.study)
     person, extra = recruitment_of(study.recruitment, dict(request.query_params))
     before = await web.database.read(progress.known, web.studies, study.name, person) if person else None
@@ -142,14 +143,14 @@ async def consent(
 
 
 def _is_simulated(web: Web, form: Form) -> bool:
-    """Whether a bot consents. On a public server it proves that with the server's secret: no person is made a bot."""
+    """Return whether a bot consents. On a public server it must prove that with the server's secret."""
     if first(form, "simulated") != "yes":
         return False
     return not web.production or is_bot_mark(web.csrf.secret, first(form, "visit"), first(form, BOT_MARK))
 
 
 async def _enrol(made: PageResponse, arrival: progress.ConsentArrival) -> Response | None:
-    """Enrol who arrives; return the page that says why not."""
+    """Enrol the participant, or return the page with the reason why not."""
     web = made.web
     budgets = [] if arrival.simulated else web.places.budgets_of(address_of(made.request))
     try:
@@ -183,7 +184,7 @@ async def new_page(request: Request, opened: OpenStudyDep, web: WebDep, particip
 
 @router.post("/s/{name}/new")
 async def start_new(opened: OpenStudyDep, web: WebDep, form: FormDep) -> Response:  # noqa: ARG001 - checks the form
-    """Forget who took part in this browser, and what its pages kept, so that the next person can begin."""
+    """Delete the cookie and the pages' stored data in this browser, so that the next person can begin."""
     response = _to(f"/s/{opened.study.name}")
     if may_start_new(opened.study):
         forget_cookie(response, opened.study.name, secure=web.csrf.secure)
@@ -193,7 +194,7 @@ async def start_new(opened: OpenStudyDep, web: WebDep, form: FormDep) -> Respons
 
 @router.websocket("/s/{name}/check")
 async def check_connection(socket: WebSocket, name: str, web: WebDep) -> None:
-    """Send back what comes, a few times: the entry check measures the connection with it."""
+    """Echo a few messages, with which the entry check measures the connection."""
     if web.studies.open(name) is None or not web.csrf.is_own_origin(socket):
         await socket.close(CloseCode.REFUSED)
         return
@@ -214,7 +215,7 @@ async def check_connection(socket: WebSocket, name: str, web: WebDep) -> None:
 
 @router.get("/s/{name}/now")
 async def now(request: Request, name: str, web: WebDep, participant: ParticipantDep) -> Response:
-    """The current step, whatever page was open before."""
+    """Show the current step, whatever page was open before."""
     if participant is None:
         return _to(f"/s/{name}")
     here = await web.database.write(progress.arrive, web.studies, participant.id)
@@ -227,7 +228,8 @@ async def now(request: Request, name: str, web: WebDep, participant: Participant
 async def submit(
     request: Request, name: str, web: WebDep, participant: ParticipantDep, form: AnswersFormDep
 ) -> Response:
-    """Take the current step's page. One that is not current changes nothing and leads to the one that is."""
+    """Handle the submission of the current step's page. That of any other step changes nothing and leads to the current
+    one."""
     if participant is None:
         return _to(f"/s/{name}")
     back = _to(step_address(name))
@@ -263,7 +265,7 @@ async def _show(
 
 @router.post("/s/{name}/language")
 async def language(name: str, web: WebDep, participant: ParticipantDep, form: FormDep) -> Response:
-    """The language of the pages from now on."""
+    """Set the language of the pages."""
     choice = first(form, "language")
     if participant is not None and choice in web.studies.of(participant).languages:
         await web.database.write(participants.set_language, participant.id, choice)

@@ -1,4 +1,4 @@
-"""What the template of each step needs. Reads; never writes, never decides where somebody goes."""
+"""The data for the template of each step. Read-only; the progress of participants is decided elsewhere."""
 
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
@@ -25,14 +25,14 @@ INTRODUCTION = ("team", "fetch", "fill", "wait", "deliver", "marks")
 
 @dataclass(frozen=True)
 class Filled:
-    """A form that came back with faults: what was in it stays in it."""
+    """A form with invalid answers: its values are kept."""
 
     form: Mapping[str, list[str]] = field(default_factory=dict)
     faults: Mapping[str, AnswerError] = field(default_factory=dict)
 
 
 async def render_step(page: PageResponse, participant: Participant, filled: Filled | None, status: int) -> Response:
-    """The page on which the participant is."""
+    """Render the participant's current page."""
     if participant.status not in ("active", "completed"):
         kind, outcome = await _ended(page, participant)
         words: dict[str, Any] = {"kind": kind, "outcome": outcome, "debriefing": debriefing_of(page, participant)}
@@ -58,7 +58,8 @@ async def render_step(page: PageResponse, participant: Participant, filled: Fill
 def consent_context(
     study: Study, language: str, person: str | None, extra: Mapping[str, str], visit: str
 ) -> dict[str, Any]:
-    """The consent page, and what its form carries: the link's parameters go on in it, out of the address."""
+    """Return the data of the consent page. Its form carries the link's parameters, which are not in the address of
+    later pages."""
     kept = dict(extra)
     if person is not None and study.recruitment.person_parameter:
         kept[study.recruitment.person_parameter] = person
@@ -79,7 +80,7 @@ def consent_context(
 
 
 async def _ended(page: PageResponse, participant: Participant) -> tuple[str, Exit]:
-    """How the participation ended before its end, and what the person gets for it."""
+    """Return how the participation ended early, and the code that the person gets."""
     study = page.web.studies.of(participant)
     if participant.status == "returned" and participant.completion_code:
         unpaired = study.recruitment.unpaired
@@ -92,7 +93,7 @@ async def _ended(page: PageResponse, participant: Participant) -> tuple[str, Exi
 
 
 def debriefing_of(page: PageResponse, participant: Participant) -> Section | None:
-    """The debriefing of somebody who leaves early and whose condition may have misled them."""
+    """Return the debriefing of somebody who leaves early and whose condition may have misled them."""
     study = page.web.studies.of(participant)
     misled = study.condition(participant.condition).misleads
     return study.pages[study.debriefing] if misled and study.debriefing else None
@@ -140,7 +141,7 @@ def _message(page: PageResponse, study: Study, name: str, fault: AnswerError) ->
 async def _introduction(
     page: PageResponse, participant: Participant, _step: StudyStep, _filled: Filled
 ) -> dict[str, Any]:
-    """The slides; predictions are only explained in conditions that show them."""
+    """Return the slides; predictions are only explained in conditions that show them."""
     study = page.web.studies.of(participant)
     condition = study.condition(participant.condition)
     slides = [key for key in INTRODUCTION if key != "marks" or study.shows_predictions(condition)]
@@ -181,7 +182,7 @@ def _title(study: Study, episode: "episodes.StoredEpisode | None", language: str
 
 
 async def _thanks(page: PageResponse, participant: Participant, _step: StudyStep, _filled: Filled) -> dict[str, Any]:
-    """The code is shown once it is in the database, and only then."""
+    """Return the last page. The code is shown only after it is stored."""
     study = page.web.studies.of(participant)
     completed = study.recruitment.completed
     own = participant.completion_code or ""
@@ -216,7 +217,7 @@ async def _earlier_rounds(page: PageResponse, participant: Participant) -> list[
 
 
 async def _text(_page: PageResponse, _participant: Participant, _step: StudyStep, _filled: Filled) -> dict[str, Any]:
-    """A page that shows only what is in the study file."""
+    """Return a page whose texts are all in the study file."""
     return {}
 
 

@@ -1,4 +1,4 @@
-"""The route by which a consent page adds to the counts of those who came: nothing about who they are."""
+"""The route by which a consent page increments visit counts, without data about persons."""
 
 from fastapi import APIRouter, HTTPException, Response
 
@@ -11,7 +11,7 @@ router = APIRouter()
 
 @router.post("/s/{name}/arrivals")
 async def count(opened: OpenStudyDep, web: WebDep, form: FormDep) -> Response:
-    """One more browser that opened the link, was turned away by the entry checks, or whose person declined."""
+    """Count a browser that opened the link, failed the entry checks, or whose user declined."""
     kind, reason = first(form, "kind"), first(form, "reason")
     if kind not in arrivals.KINDS or reason not in arrivals.REASONS:
         raise HTTPException(400, "there is no such count")

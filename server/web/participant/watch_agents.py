@@ -1,4 +1,4 @@
-"""Two agents cook, anybody may watch: a demonstration. Its games live in memory only; nothing of them is stored."""
+"""Public demonstrations in which two agents cook. The games are in memory only; nothing is stored."""
 
 import secrets
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ from server.web.dependencies import WebDep, page
 from server.web.participant.game_socket import IsOurs, Sockets
 from server.web.services import ServicesDep
 
-MOST_GAMES: Final = 12  # so that onlookers never take the time of participants
+MOST_GAMES: Final = 12  # so that viewers never slow down participants' games
 MOST_OF_ONE_ADDRESS: Final = 4  # not counted on this machine
 HORIZON: Final = 400
 _EPISODE: Final = "kitchenmind.watched"  # in the scope of a socket: the game that was made for it
@@ -50,7 +50,7 @@ class Offer:
 
 @dataclass(frozen=True)
 class WatchRequest:
-    """What somebody wants to watch: the query of the page and of its socket."""
+    """The chosen demonstration: the query of the page and of its socket."""
 
     kitchen: str = ""
     first: str = ""
@@ -61,7 +61,7 @@ class WatchRequest:
 def choice_of(
     kitchen: str = "", first: str = "", second: str = "", marks: Annotated[int, Query(ge=0, le=1)] = 1
 ) -> WatchRequest:
-    """From the address; whatever is missing or unknown becomes the first that there is."""
+    """Read the choice from the address; missing or unknown values become the first option."""
     return WatchRequest(kitchen[:100], first[:100], second[:100], marks)
 
 
@@ -82,14 +82,14 @@ class Unstored:
 
 @dataclass
 class Onlooker:
-    """Somebody who has a socket open. `spec`: the game that was chosen, until it is opened."""
+    """A viewer with an open socket. `spec`: the chosen game, until it is opened."""
 
     address: str
     spec: EpisodeSpec | None
 
 
 class Demonstrations:
-    """The games that are only watched. Each has one onlooker, and ends when that socket closes."""
+    """The demonstration games. Each has one viewer, and ends when that socket closes."""
 
     def __init__(self, make: Callable[[Recorder, Load], Games], studies: Studies, is_ours: IsOurs) -> None:
         """`make`: games with the server's clock and models, and a recorder and a reader of their own."""
@@ -110,7 +110,7 @@ class Demonstrations:
         return [offer for (kitchen, names), offer in offers.items() if len(names) == most[kitchen]]
 
     def spec(self, choice: WatchRequest, language: str) -> EpisodeSpec | None:
-        """The game that was asked for; None where nothing can be watched."""
+        """Return the requested game; None if there is nothing to watch."""
         offers = self.offers()
         if not offers:
             return None
@@ -151,14 +151,15 @@ class Demonstrations:
         return ConnectedPlayer(episode, episode, VIEWER, "/watch")
 
     async def serve(self, socket: WebSocket, language: str) -> None:
-        """Show one game from handshake to close; nothing of it is left afterwards, whatever the socket did."""
+        """Show one game from handshake to close, and clean up in any case."""
         try:
             await self.sockets.serve(socket, language)
         finally:
             self._end(socket.scope.get(_EPISODE, ""))
 
     def _make_room(self, address: str) -> bool:
-        """Whether there is a place. If all are taken, the onlooker who has watched no running game longest leaves."""
+        """Return whether there is a place. If all are taken, the viewer who has been without a running game for longest
+        is disconnected."""
         own = [episode for episode, one in self._onlookers.items() if one.address == address]
         if address not in HERE and len(own) >= MOST_OF_ONE_ADDRESS:
             candidates = own
@@ -195,14 +196,14 @@ router = APIRouter()
 
 @router.get("/watch")
 async def choose(request: Request, services: ServicesDep) -> Response:
-    """What there is to watch."""
+    """Show the available demonstrations."""
     offers = services.demonstrations.offers()
     return page(request, services.web).render("participant/watch.html", offers=offers)
 
 
 @router.get("/watch/game")
 async def game(request: Request, web: WebDep, choice: ChoiceDep) -> Response:
-    """The game that was chosen; what was chosen stands in the address."""
+    """Show the chosen game; the choice is in the address."""
     made = page(request, web)
     socket = "/watch/socket?" + urlencode(asdict(choice) | {"lang": made.language})
     leave = {"leave": "/watch", "leave_word": made.words("watch.others")}

@@ -1,4 +1,4 @@
-// A small kitchen in a card, drawn by the game's renderer from what the server sent.
+// A small kitchen in a card, drawn by the game's renderer from the server's messages.
 
 /** @import { Sprites } from '../board/sprites.js' */
 /** @import { State } from '../board/state.js' */

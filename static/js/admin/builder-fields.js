@@ -1,4 +1,4 @@
-// One field of the study builder: a label, an input, what it is for, and what is wrong with it.
+// One field of the study builder: a label, an input, its description, and its problems.
 
 import { make } from './elements.js';
 
@@ -49,7 +49,7 @@ function framed(node, parts, controls) {
 }
 
 /**
- * What a key is for; `words` in backquotes are names.
+ * Return a key's description; `words` in backquotes are names.
  * @param {string} help
  */
 export function helpOf(help) {
@@ -94,7 +94,7 @@ function controlOf(node, context) {
 }
 
 /**
- * What the words in a field mean: an empty field that may be empty removes the key.
+ * Return the change for a field's text: an empty optional field removes the key.
  * @param {PlanNode} node
  * @param {string} words
  * @returns {Operation}
@@ -130,7 +130,7 @@ function choiceOf(node, context, id) {
 
 /** @param {PlanNode} node */
 function unknownOf(node) {
-  const words = 'The form cannot show what stands here. Edit it in the YAML.';
+  const words = 'The form cannot show this value. Edit it in the YAML.';
   return framed(node, [make('span', { className: 'label', text: node.label }), make('p', { text: words })], []);
 }
 

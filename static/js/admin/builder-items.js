@@ -194,7 +194,7 @@ export function mapOf(node, context) {
 function renamer(child, context) {
   const input = make('input', { type: 'text', autocomplete: 'off', spellcheck: 'false' });
   input.value = String(child.path.at(-1));
-  const label = make('label', { text: 'Key, as the steps and the data name it' }, input);
+  const label = make('label', { text: 'Key, as used in the steps and the data' }, input);
   input.addEventListener('change', () => {
     const key = input.value.trim();
     if (KEY.test(key) && key !== child.path.at(-1)) context.act({ do: 'rename', path: child.path, key });

@@ -1,4 +1,4 @@
-// What the form shows of a study: the JSON Schema of study files laid over the values that stand in the text.
+// The structure of the study form: the JSON Schema of study files combined with the values in the text.
 // New keys of the schema appear by themselves. Keys that the schema does not have stay in the YAML.
 
 /** @typedef {(string | number)[]} Path */
@@ -194,7 +194,7 @@ function labelOf(path) {
 }
 
 /**
- * What a new item or block begins with: everything that it must have.
+ * Return the initial value of a new item or block: its required keys.
  * @param {Schema} root
  * @param {Schema} given
  * @param {string[]} languages
@@ -240,7 +240,7 @@ function ofEach(root, properties, languages) {
 }
 
 /**
- * What of a plan decides which elements there are: the form is built again if it changes.
+ * Return the part of a plan that determines the form's elements: the form is rebuilt if it changes.
  * @param {PlanNode} node
  * @returns {any}
  */

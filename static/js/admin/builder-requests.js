@@ -61,7 +61,7 @@ export class DraftRequests {
     }
   }
 
-  /** Take the token of a page of the session that there is now; return whether there is one. */
+  /** Get a new token from a page of the current session; return whether there is one. */
   async renewToken() {
     try {
       const response = await fetch(this.base, { headers: { Accept: 'text/html' } });

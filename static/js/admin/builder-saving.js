@@ -38,7 +38,7 @@ export class DraftSaving {
   }
 
   /**
-   * What this browser kept of an earlier visit and could not save; null if there is nothing.
+   * Return the unsaved text of an earlier visit from this browser's storage; null if there is none.
    * @returns {Kept | null}
    */
   kept() {
@@ -50,7 +50,7 @@ export class DraftSaving {
   }
 
   /**
-   * Continue with what this browser kept, which is based on an earlier text than the server's.
+   * Continue with the text from this browser's storage, which is based on an earlier text than the server's.
    * @param {Kept} kept with its base
    */
   goOnFrom(kept) {
@@ -128,7 +128,7 @@ export class DraftSaving {
   }
 
   /**
-   * The server has put what was sent together with what others have saved.
+   * Handle the answer that the server has merged the sent text with changes of others.
    * @param {string} sent
    * @param {{ revision: number, text: string }} theirs
    */

@@ -23,7 +23,7 @@ const saving = new DraftSaving(requests, about, {
   state(words, isGood) {
     if (state.textContent !== words) state.textContent = words;
     state.className = isGood ? '' : 'warn';
-    find('#open', HTMLButtonElement).disabled = !words.startsWith('Saved'); // what is opened is what is saved
+    find('#open', HTMLButtonElement).disabled = !words.startsWith('Saved'); // only the saved text can be opened
   },
   saved(revision) {
     find('#open-revision', HTMLInputElement).value = String(revision);
@@ -135,7 +135,7 @@ function list(problems) {
     });
     return make('li', { className: one.warning ? 'warn' : 'bad' }, make('div', {}, button));
   });
-  const none = make('li', { className: 'none', text: 'The study is sound: it can be opened.' });
+  const none = make('li', { className: 'none', text: 'No problems: the study can be opened.' });
   find('#problems', HTMLElement).replaceChildren(...(items.length ? items : [none]));
 }
 

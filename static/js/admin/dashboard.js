@@ -11,7 +11,7 @@ import { showTables } from './dashboard-tables.js';
 import { clock, make } from './elements.js';
 import { listen } from './live-socket.js';
 
-const SORT_EVERY_MS = 5000; // calm cards must not jump, and none under the pointer
+const SORT_EVERY_MS = 5000; // cards must not jump around, especially under the pointer
 const SPEAK_EVERY_MS = 5000;
 const MAX_BOARDS = 40;
 const MAX_ALERTS = 12;

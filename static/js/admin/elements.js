@@ -4,7 +4,7 @@
 /** @typedef {{ text?: Value, className?: string, [attribute: string]: Value | undefined }} Parts */
 
 /**
- * Return an element with text, a class, attributes and children. What comes from participants only ever becomes text.
+ * Return an element with text, a class, attributes and children. Data from participants are only inserted as text.
  * @template {keyof HTMLElementTagNameMap} K
  * @param {K} tag
  * @param {Parts} parts

@@ -107,7 +107,7 @@ function moveTo([x, y]) {
   mark();
 }
 
-/** The grid is another one: draw it, keep it in this browser, and ask the server about it. */
+/** The grid has changed: draw it, store it in this browser, and let the server check it. */
 function changed() {
   found = null;
   redraw();
@@ -268,7 +268,7 @@ async function save() {
       version = data.newest;
       save();
     });
-    note(`${reasonOf(status, data)} Nothing of yours is lost. `, true, other, replace);
+    note(`${reasonOf(status, data)} Your drawing is kept. `, true, other, replace);
   } else {
     note(reasonOf(status, data), true);
     if (status === 400) nameField.focus();
@@ -353,7 +353,7 @@ function listen() {
   }).observe(find('#board', HTMLElement));
 }
 
-/** What was drawn here and never saved comes back after the browser was closed. */
+/** Restore an unsaved drawing after the browser was closed. */
 function restore() {
   const draft = readJson(local, draftKey, null);
   const isGrid =

@@ -1,4 +1,4 @@
-// What the server found out about a kitchen, as text next to the grid.
+// The server's findings about a kitchen, as text next to the grid.
 
 /** @import { Cell, Grid } from '../board/kitchen.js' */
 
@@ -69,7 +69,7 @@ export function showReach(reach, grid) {
 /** @param {Reach} reach */
 function together({ alone, together, shared }) {
   const counters = `${shared.length} counter${shared.length === 1 ? '' : 's'}`;
-  if (!together) return 'No soup can be served: the two chefs cannot pass things on as it would need.';
+  if (!together) return 'No soup can be served: the two chefs cannot hand over what is needed.';
   if (alone[0] && alone[1]) return 'Each chef can serve soups alone.';
   if (alone[0] || alone[1]) return `Only the ${alone[0] ? 'blue' : 'green'} chef can serve soups alone.`;
   return `The chefs need each other: together they can serve soups. They share ${counters}.`;
@@ -77,7 +77,7 @@ function together({ alone, together, shared }) {
 
 /**
  * @param {Trial | null} trial
- * @param {string} otherwise what is said if there is no trial
+ * @param {string} otherwise the text if there is no trial
  */
 export function showTrial(trial, otherwise) {
   const place = find('#trial', HTMLElement);

@@ -1,4 +1,4 @@
-// The grid of a kitchen as plain data: drawing in it, its size, and what was drawn before. The rules are on the server.
+// The grid of a kitchen as plain data: drawing in it, its size, and its undo history. The rules are on the server.
 
 /** @import { Cell, Grid } from '../board/kitchen.js' */
 
@@ -34,7 +34,7 @@ export function drawn(grid, cells, tile) {
 }
 
 /**
- * Return the grid with another size: columns and rows come and go before the right and the lower border.
+ * Return the grid with another size: columns and rows are added or removed next to the right and the lower border.
  * @param {Grid} grid
  * @param {number} columns
  * @param {number} rows

@@ -29,7 +29,7 @@ export function listen(path, on, attempt = 0) {
   socket.addEventListener('open', () => on.open?.(send));
   socket.addEventListener('message', ({ data }) => {
     heardMs = performance.now();
-    if (heardMs - openedMs > MAX_RETRY_MS) tries = 0; // a server that fails after the first news is not asked at once
+    if (heardMs - openedMs > MAX_RETRY_MS) tries = 0; // else it may fail again: wait longer
     on.message(JSON.parse(data));
   });
   socket.addEventListener('close', ({ code }) => {

@@ -1,4 +1,4 @@
-// Paints what never moves in a kitchen: floor, counters with their fronts, stations. Units: 1/64 cell.
+// Paints the static parts of a kitchen: floor, counters with their fronts, stations. Units: 1/64 cell.
 
 /** @import { Grid } from './kitchen.js' */
 /** @import { Sprites } from './sprites.js' */

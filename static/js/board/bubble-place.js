@@ -1,4 +1,4 @@
-// Finds where a bubble next to a chef hides least of the kitchen. All in 1/64 cell.
+// Finds the place for a bubble next to a chef where it hides the least. Units: 1/64 cell.
 
 /** @import { Cell } from './kitchen.js' */
 /** @import { StartedState } from './state.js' */
@@ -17,7 +17,10 @@ const STEP = 8; // between the places that are tried
 const FAR = 100; // how far from the chef's middle a bubble's edge may be
 const EDGE = 4; // between bubble and board's edge
 const DISTANCE = 0.02;
-/** A bubble moves only for a place that is better by this. It is left out where even the best costs more than LIMIT. */
+/**
+ * A bubble moves only to a place that is better by this much. It is left out if even the best place costs more than
+ * LIMIT.
+ */
 const MOVES_FOR = 2;
 const LIMIT = 16;
 

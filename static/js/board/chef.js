@@ -1,4 +1,4 @@
-// Draws one chef with what it carries and its small movements, and the tag over the own one. Units: 1/64 cell.
+// Draws one chef with its item and small movements, and the tag over the participant's own chef. Units: 1/64 cell.
 
 /** @import { Sprites } from './sprites.js' */
 

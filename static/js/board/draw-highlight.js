@@ -6,7 +6,7 @@ import { CELL } from './background.js';
 import { colour } from './sprites.js';
 
 /**
- * Draw a frame that beats slowly around a cell; it stands still with reduced motion.
+ * Draw a slowly pulsing frame around a cell; it does not move with reduced motion.
  * @type {(context: CanvasRenderingContext2D, cell: Cell, now: number, reduced: boolean) => void}
  */
 export function drawHighlight(context, [x, y], now, reduced) {

@@ -1,5 +1,5 @@
 // Draws a predicted intention: a dotted line on the floor, an icon on the edge of the station, and a bubble next to the
-// chef. The icon lies between station and floor: it has to leave a pot's lamp and what is on a counter in sight.
+// chef. The icon lies between station and floor: it must not cover a pot's lamp or an item on a counter.
 
 /** @import { Context, Who } from './draw-marks.js' */
 /** @import { Intention } from './intention.js' */
@@ -24,7 +24,7 @@ const BACKING = 0.92;
  *   of the icon, 1 or more on small boards */
 
 /**
- * Draw the way to the station. The dots are counted from the station: they stand still while the chef walks.
+ * Draw the way to the station. The dots are placed from the station, so that they stay in place while the chef walks.
  * @param {Context} context
  * @param {Intention} intention
  * @param {IntentionStyle} style
@@ -52,7 +52,7 @@ export function drawWay(context, intention, { chef, who, shown }) {
 }
 
 /**
- * Draw the icon: what is taken or given, and an arrow out of the station or into it.
+ * Draw the icon: the item, and an arrow out of the station or into it.
  * @param {Context} context
  * @param {Intention} intention
  * @param {IntentionStyle} style

@@ -1,7 +1,7 @@
 // Draws the marks that are not moves (draw-arrows.js draws those): small icons inside the cell where the chef will be,
 // so that no mark hides a station.
-// Each shape has a white backing, nearly solid, and a coloured layer that carries the step's opacity: a far step grows
-// paler, but what lies below never shows through. Legends use the same shapes.
+// Each shape has a white backing, nearly solid, and a coloured layer that carries the step's opacity: a later step is
+// paler, but the background does not show through. Legends use the same shapes.
 
 /** @import { Cell } from './kitchen.js' */
 /** @import { Mark } from './marks.js' */

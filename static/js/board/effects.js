@@ -1,4 +1,5 @@
-// Effects: steam, bubbles, sparks, the +20. Each is a function of what and when; reduced motion turns movement off.
+// Effects: steam, bubbles, sparks, the +20. Each is a function of the event and the time; reduced motion turns movement
+// off.
 
 /** @import { BoardEvent } from './events.js' */
 /** @import { Pot } from './kitchen.js' */

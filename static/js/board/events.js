@@ -29,7 +29,8 @@ export function events(before, after, actions, grid) {
 }
 
 /**
- * Return the events that a participant with limited sight has seen happen: what comes into view had happened before.
+ * Return the events that a participant with limited sight has seen: a change that only comes into view happened
+ * earlier.
  * @param {BoardEvent[]} list
  * @param {StartedState} state
  */

@@ -1,4 +1,4 @@
-// Turns a predicted intention into what is drawn of it, as plain data: the way to the station, from which side it is
+// Turns a predicted intention into the data to draw: the way to the station, from which side it is
 // used, and the words for it.
 
 /** @import { Catalogue } from '../browser/texts.js' */
@@ -7,7 +7,7 @@
 
 import { ITEMS, STEP, cellsOf, isFloor } from './kitchen.js';
 
-/** In the place of a kind: nothing is drawn. */
+/** The kind that means that nothing is drawn. */
 export const NO_INTENTION = 8;
 /** The kinds of interaction by their number; the last one is drawn by nothing. */
 const KINDS = ['none', 'take_onion', 'take_dish', 'take_soup', 'fill', 'plate', 'serve', 'put_down', 'none'];
@@ -43,7 +43,7 @@ const PLACES = [
 ];
 
 /**
- * Return what is drawn of an intention; null for nothing.
+ * Return the data to draw for an intention; null if nothing is drawn.
  * @param {Wire.Tick['intention']} shown
  * @param {Player} watched
  * @param {Player | undefined} other

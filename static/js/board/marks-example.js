@@ -9,7 +9,7 @@ import { apply } from './state.js';
 import { boardState, tickOf } from './still-board.js';
 
 export const GRID = ['XXPXXXX', 'X     D', 'O     X', 'X     S', 'XXXXXXX'];
-/** What the watched chef does. It uses every kind of mark: walk, turn, use, wait. */
+/** The watched chef's actions, with every kind of mark: walk, turn, use, wait. */
 export const ACTIONS = [NORTH, WEST, WEST, NORTH, INTERACT, STAY];
 const OPACITIES = [95, 80, 60];
 const TICK_MS = 200;

@@ -144,7 +144,7 @@ function borderOf({ x, y, direction }) {
 }
 
 /**
- * Name the marks and count the same ones in one mark: a hand that is shown twice would only hide more of the kitchen.
+ * Name the marks and count the same ones in one mark: a second hand would only hide more of the kitchen.
  * The repeats become invisible marks, so that every prediction is the same work for the browser.
  * @param {Mark[]} list
  * @returns {Mark[]}

@@ -1,4 +1,4 @@
-// Draws one picture of the state: board, pots, items, marks, chefs, effects. It reads the state and never changes it.
+// Draws one frame of the state: board, pots, items, marks, chefs, effects. It never changes the state.
 
 /** @import { Chef, Motion } from './chef.js' */
 /** @import { Style } from './draw-marks.js' */
@@ -26,7 +26,7 @@ import { FADE_MS, eased, isStale } from './marks.js';
 import { facing, isInView, isStarted, place, progress } from './state.js';
 import { drawVeil, outlineView, withinView } from './view.js';
 
-/** Device pixels per CSS pixel at most: more are not seen, and each costs time in every picture. */
+/** Device pixels per CSS pixel at most: more are not visible, and each costs time in every frame. */
 const MAX_RATIO = 2;
 const LANDING_MS = 160; // how long an item that was put down comes to rest
 const BUBBLE_PX = 12; // CSS pixels: the smallest letters of the bubble next to a chef
@@ -53,7 +53,7 @@ export class Renderer {
     this.grid = [];
     /** @type {Cell | null} the cell that the tutorial points at */
     this.highlight = null;
-    /** Whether marks turn grey when no newer prediction comes: in a replay, none is awaited. */
+    /** Whether marks turn grey without a newer prediction; off in a replay, which does not wait for any. */
     this.greysOldMarks = true;
     /** Whether a limited view is only outlined: researchers see the whole kitchen. */
     this.outlinesView = false;
@@ -107,7 +107,7 @@ export class Renderer {
     return list;
   }
 
-  /** Forget what happened before: another moment of the game is shown. */
+  /** Forget earlier events, because another moment of the game is shown. */
   forgetEffects() {
     this.effects.shown = [];
     this.landed.clear();

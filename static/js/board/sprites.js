@@ -78,7 +78,7 @@ export class Sprites {
     return canvas;
   }
 
-  /** Forget the rasters: the board has another size now. */
+  /** Delete the rasters, because the board has another size now. */
   resized() {
     this.rasters.clear();
   }

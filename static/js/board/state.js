@@ -1,4 +1,4 @@
-// Everything a page knows of a game, as plain data: defaults() and apply(message). The time is always an argument.
+// The page's state of a game, as plain data: defaults() and apply(message). The time is always an argument.
 
 /** @import { Intention } from './intention.js' */
 /** @import { Mark } from './marks.js' */
@@ -50,7 +50,7 @@ export const GLIDE_MAX_MS = 180;
 /** @typedef {State & { game: Wire.Welcome, current: Wire.KitchenState }} StartedState */
 
 /**
- * Return the state before anything has come from the server.
+ * Return the state before the first message of the server.
  * @returns {State}
  */
 export function defaults() {

@@ -1,4 +1,4 @@
-// Finds elements and says which one is missing, instead of failing later on null.
+// Finds elements, and throws an error that names a missing one instead of failing later on null.
 
 /**
  * Return the element that `selector` names. Throws an Error if it is missing or of another type.

@@ -51,7 +51,7 @@ export const session = new SafeStorage('sessionStorage');
  * @param {Pick<Storage, 'getItem'>} storage
  * @param {string} key
  * @param {any} otherwise
- * @returns {any} what an older version of the page or the participant may have put there: check it
+ * @returns {any} the value may come from an older version of the page or from the participant: check it
  */
 export function readJson(storage, key, otherwise) {
   try {

@@ -26,7 +26,7 @@ export class Announcer {
   }
 
   /**
-   * Say it when enough time has passed; a later message replaces one that still waits.
+   * Announce it when enough time has passed; a later message replaces one that still waits.
    * @param {string} words
    */
   say(words) {
@@ -42,7 +42,7 @@ export class Announcer {
   }
 
   /**
-   * Say it now.
+   * Announce it now.
    * @param {string} words
    */
   sayNow(words) {
@@ -62,7 +62,7 @@ export class Announcer {
   }
 
   /**
-   * Announce another intention of the partner, if nothing else is said just now.
+   * Announce another intention of the partner, if no other announcement is due.
    * @param {string} words '' for none
    */
   intention(words) {

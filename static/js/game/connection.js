@@ -91,7 +91,7 @@ export class Connection {
   }
 
   /**
-   * Send a message; return false if no socket is open. Nothing is kept for later: old key presses are of no use.
+   * Send a message; return false if no socket is open. Messages are not kept for later, as old key presses are useless.
    * @param {Wire.FromBrowser} message
    */
   send(message) {

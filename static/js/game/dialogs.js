@@ -15,7 +15,7 @@ const PARTS = ['start', 'count', 'pause', 'banner', 'over', 'closed'];
 const VEILED = ['start', 'count', 'pause', 'over', 'closed'];
 /** @type {Partial<Record<DialogName, string>>} */
 const SECONDS = { start: '#start-left', pause: '#pause-left', banner: '#banner-left' };
-/** Whom a pause waits for, by its reason; in all others it is the participant.
+/** For whom a pause waits, by its reason; otherwise it is the participant.
  * @type {Record<string, 'partner' | 'room'>} */
 const OTHERS = { partner: 'partner', researcher: 'partner', room: 'room' };
 const MAX_ROUNDS_SHOWN = 20;
@@ -136,7 +136,7 @@ export class Dialogs {
     const next = new URL(root + ended.next, location.href);
     link.href = next.origin === location.origin ? next.pathname + next.search : `${root}/`;
     link.textContent = this.text(`over.${kind}.button`);
-    // A participant who is still pressing keys must not press the button without having seen it.
+    // A participant who is still pressing keys must not press the button unintentionally.
     link.classList.add('wait');
     setTimeout(() => {
       link.classList.remove('wait');
@@ -166,7 +166,7 @@ export class Dialogs {
   }
 
   /**
-   * Say what happens after these seconds: it is not the time left of the round.
+   * Show what happens after these seconds, which are not the time left in the round.
    * @param {number} seconds
    * @param {Dialog} dialog
    */

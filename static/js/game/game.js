@@ -36,7 +36,7 @@ import { TutorialCoach } from './tutorial-coach.js';
 
 document.documentElement.dataset.runs = 'yes';
 
-const REST_MS = 1500; // a game that stands still is drawn for this long after the last change
+const REST_MS = 1500; // a paused game is drawn for this long after the last change
 const STILL_MS = 100; // with reduced motion, an unchanged game is drawn again after this time
 const DIALOG_MS = 200;
 const BOARD_FRAME = 6; // CSS pixels around the board
@@ -114,7 +114,7 @@ const connection = new Connection(new URL(config.socket, location.href.replace(/
 const report = reportClientErrors((message) => connection.send(message));
 
 /**
- * Take a new state and show what depends on it outside of the canvas.
+ * Set a new state and update the parts of the page outside the canvas.
  * @param {State} next
  */
 function change(next) {
@@ -133,7 +133,7 @@ function change(next) {
 /** @param {Wire.FromServer} message */
 function receive(message) {
   const now = performance.now();
-  // While the game stands still no key counts, and old ones never come back.
+  // While the game is paused no key counts, and old keys do not act later.
   if (['paused', 'ended', 'superseded', 'welcome'].includes(message.type)) releaseKeys();
   change({ ...apply(state, message, now), awayLimitS: config.away_s });
   if (message.type === 'welcome') welcome(message);

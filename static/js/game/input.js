@@ -1,4 +1,4 @@
-// Turns keys into what the chef does. Plain logic: keyboard.js and touch.js feed it.
+// Turns keys into what the chef does. Pure logic: keyboard.js and touch.js call it.
 
 import { INTERACT } from '../board/kitchen.js';
 
@@ -161,7 +161,7 @@ export class Keys {
 /**
  * Sends changes at the pace of the game, so that rapid key presses never exceed what the server accepts. Changes that
  * a timestep cannot use wait for the next one: what is held, the last press to walk and the last to use, as on the
- * server. Of the marks key the last press and what followed.
+ * server. For the marks key, the last press and its release are kept.
  */
 export class InputPacer {
   /**
@@ -215,8 +215,8 @@ export class InputPacer {
 }
 
 /**
- * At most two presses of the key that asks for the marks, each with its release. What is left out is two presses: those
- * turn a toggle to and back.
+ * At most two presses of the key that asks for the marks, each with its release. Pairs of presses are left out, as they
+ * toggle on and off again.
  * @param {boolean[]} marks
  */
 function fewer(marks) {

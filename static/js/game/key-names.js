@@ -64,7 +64,7 @@ export function codeOf(event) {
   return isUsable(named) ? named : '';
 }
 
-/** What is printed on the keys of this keyboard, as far as it is known. */
+/** The labels on the keys of this keyboard, as far as they are known. */
 export class KeyboardLayout {
   /** @param {() => void} changed is called when a key turns out to have another print */
   constructor(changed = () => {}) {
@@ -81,7 +81,7 @@ export class KeyboardLayout {
     return this.prints.get(code) ?? null;
   }
 
-  /** Ask the browser; only some answer. */
+  /** Read them from the browser; only some browsers provide them. */
   async ask() {
     try {
       // Not in TypeScript's own types: https://wicg.github.io/keyboard-map/

@@ -1,4 +1,4 @@
-// Listens to the keyboard of the page, and to whether the participant is there.
+// Listens to the keyboard of the page, and detects whether the participant is present.
 
 /** @import { Change, Keys } from './input.js' */
 

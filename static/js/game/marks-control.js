@@ -21,7 +21,7 @@ export class MarksControl {
     this.shown = '';
   }
 
-  /** Write the line again at the next chance: it names another key. */
+  /** Update the line at the next opportunity, because it names another key. */
   rewrite() {
     this.shown = '';
   }

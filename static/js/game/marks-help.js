@@ -49,7 +49,7 @@ export class MarksHelp {
   }
 
   /**
-   * Offer the explanation where marks are shown and no round waits for the participant's next key.
+   * Offer the explanation if marks are shown and no round is running.
    * @param {State} state
    */
   offer({ game, phase }) {

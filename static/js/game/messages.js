@@ -1,4 +1,5 @@
-// Builds the messages that the page sends and checks those that come, as docs/reference/protocol.md describes them.
+// Builds the messages that the page sends and checks those that it receives, as docs/reference/protocol.md describes
+// them.
 
 import { PROTOCOL } from '../browser/protocol.js';
 
@@ -49,7 +50,7 @@ const INCOMING = {
 };
 
 /**
- * Return the first field of `value` that is missing or of the wrong type; null if all are well.
+ * Return the first field of `value` that is missing or of the wrong type; null if all are valid.
  * @param {object} value
  * @param {Record<string, Check>} fields
  */

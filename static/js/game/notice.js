@@ -49,7 +49,7 @@ export class ResearcherNotice {
     this.timer = setTimeout(() => this.#leave(), readingMs(words));
   }
 
-  /** It stays while it is pointed at or has the focus, and while nobody sees the page. */
+  /** Keep it while it is pointed at or has the focus, and while the page is hidden. */
   #leave() {
     if (document.hidden || this.box.matches(':hover, :focus-within')) {
       this.timer = setTimeout(() => this.#leave(), AGAIN_MS);
@@ -61,7 +61,7 @@ export class ResearcherNotice {
     this.box.hidden = true;
   }
 
-  /** Use the room above the board; where there is none, that next to it. A long text scrolls there. */
+  /** Use the space above the board, or next to it if there is none. A long text scrolls there. */
   #place() {
     const board = this.stage.querySelector('canvas.board')?.getBoundingClientRect();
     if (this.box.hidden || !board) return;

@@ -1,4 +1,4 @@
-// The participant's step is another page now: load it.
+// Reloads the page when the participant's step has become another page.
 
 import { session } from '../browser/storage.js';
 

@@ -11,7 +11,7 @@ const SVG = 'http://www.w3.org/2000/svg';
 /** @typedef {{ number: number, score: number }} RoundScore */
 
 /**
- * Show a bowl for each soup; how many there are is said next to them.
+ * Show a bowl for each soup, next to the number as text.
  * @param {HTMLElement} place
  * @param {HTMLImageElement} bowl
  * @param {number} soups

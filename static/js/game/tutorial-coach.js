@@ -14,7 +14,7 @@ import { find } from '../browser/dom.js';
 
 const GAP = 14;
 const MARGIN = 8;
-/** What hiding a pot or the own chef costs: more than hiding all the floor. */
+/** The cost of hiding a pot or the own chef: more than hiding all the floor. */
 const VITAL = 100;
 const MARKS_REACH = 3; // cells: a mark for each of the next steps
 
@@ -151,7 +151,7 @@ function outside({ top }, { height }, stage) {
 }
 
 /**
- * Return how much of use lies below the bubble: a floor cell costs 1, a station 2, the other chef 4, the own chef and
+ * Return the cost of what the bubble hides: a floor cell costs 1, a station 2, the other chef 4, the own chef and
  * pots so much that they are hidden only where all places hide one.
  * @type {(place: Place, size: Size, state: StartedState, board: BoardBox) => number}
  */
@@ -225,7 +225,7 @@ export class TutorialCoach {
     this.placed = '';
   }
 
-  /** Write the texts again at the next chance: they name other keys. */
+  /** Update the texts at the next opportunity, because they name other keys. */
   rewrite() {
     this.shown = '';
   }

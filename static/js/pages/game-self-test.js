@@ -1,5 +1,5 @@
 // Tries whether this browser can run the game, with the game's own code: every module is loaded, and a few moments of a
-// game are parsed, drawn and played on an invisible canvas. What cannot be tried here is looked up by name.
+// game are parsed, drawn and played on an invisible canvas. Features that cannot be tried here are looked up by name.
 
 /** @import { State } from '../board/state.js' */
 /** @import { Catalogue } from '../browser/texts.js' */
@@ -69,11 +69,11 @@ const MODULES = [
 ];
 
 /**
- * What the game and the other pages use and the self-test does not try: name -> whether the browser has it.
+ * Features that the game and the other pages use but the self-test does not try: name -> whether the browser has it.
  * @type {Record<string, () => boolean>}
  */
 const NEEDS = {
-  WebSocket: () => typeof WebSocket === 'function' && WebSocket.OPEN === 1, // whatever the study file leaves unchecked
+  WebSocket: () => typeof WebSocket === 'function' && WebSocket.OPEN === 1, // even if the study file skips it
   dialog: () => typeof HTMLDialogElement.prototype.showModal === 'function',
   ResizeObserver: () => typeof new ResizeObserver(() => {}).observe === 'function',
   requestAnimationFrame: () => typeof requestAnimationFrame === 'function',

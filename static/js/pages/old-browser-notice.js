@@ -1,5 +1,5 @@
-// Tells a browser that is too old for the page's modules, instead of letting the page wait for ever. It is written in
-// the JavaScript of 2009 because such a browser may read no other. The modules set data-runs at the root of the page.
+// Tells a browser that is too old for the page's modules, instead of leaving the page waiting forever. It is written in
+// the JavaScript of 2009, which such browsers can parse. The modules set data-runs at the root of the page.
 (function () {
   'use strict';
   var current = document.currentScript || document.querySelector('script[data-show]');

@@ -60,7 +60,7 @@ function answered(field) {
 }
 
 /**
- * Return why the text in a field cannot be taken; null if it can.
+ * Return why the text in a field is invalid; null if it is valid.
  * @param {HTMLElement} field
  * @returns {Fault | null}
  */
@@ -222,7 +222,7 @@ function digitPressed(event) {
  */
 function scaleToAnswer(focused) {
   /** @type {(field: HTMLElement) => boolean} */
-  const isScale = (field) => field.dataset.type === 'scale' && controls(field).length <= 9; // a digit is all of it
+  const isScale = (field) => field.dataset.type === 'scale' && controls(field).length <= 9; // the whole answer
   /** @type {HTMLElement | null} */
   const here = focused?.closest('.q') ?? null;
   return here && isScale(here) ? here : fields.find((each) => isScale(each) && !answered(each));

@@ -1,4 +1,4 @@
-// Shows what belongs to one timestep: predicted probabilities and inputs; and to the game: accuracy and verification.
+// Shows details of one timestep (predicted probabilities, inputs) and of the game (accuracy, verification).
 
 /** @import { Catalogue } from '../browser/texts.js' */
 
@@ -122,7 +122,7 @@ const OUTCOMES = {
   released: 'keys released',
   replaced: 'not done: a later key replaced it',
   forgotten: 'not done: the game was paused',
-  stood_still: 'not done: the game stood still',
+  stood_still: 'not done: the game was not running',
   unchanged: 'nothing new',
   repeated: 'not done: a repeat',
   ended: 'not done: the game was over',

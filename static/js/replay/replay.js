@@ -18,7 +18,7 @@ import { VideoExport, canRecordVideo } from './video.js';
 
 const MIN_TICK_MS = 40;
 const COPIED_MS = 1500;
-const LOAD_AGAIN_MS = 500; // when a game is over, its end is stored by then
+const LOAD_AGAIN_MS = 500; // after this time, the end of a game is stored
 
 /** @param {string} id */
 const place = (id) => find(`#${id}`, HTMLElement);
@@ -93,7 +93,7 @@ function drawRow(row, by) {
 }
 
 /**
- * Draw the board: a game that stands still without motion, with all chefs in their cells and all marks in full.
+ * Draw the board; in a paused replay without motion, with all chefs in their cells and all marks in full.
  * @param {number} now
  */
 function frame(now) {

@@ -118,7 +118,7 @@ export class TimeLine {
     this.#scrollToShown();
   }
 
-  /** On narrow screens the frame scrolls: the timestep shown is in the middle of what the words leave free. */
+  /** On narrow screens the frame scrolls: the timestep shown is in the middle of the space next to the labels. */
   #scrollToShown() {
     const now = this.frame.querySelector('td.now');
     const head = this.frame.querySelector('th');
@@ -175,7 +175,7 @@ function timeLane({ pauses }) {
 }
 
 /**
- * Return what a chef did in a game from a file: nothing else is known of it.
+ * Return a chef's actions in a game from a file, which has no other data.
  * @param {EpisodeRecord} record
  * @param {string} words
  * @param {number} seat

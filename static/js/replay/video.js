@@ -64,7 +64,7 @@ export class VideoExport {
   }
 
   /**
-   * Make a video of the record and save it. A second press of the button saves what there is.
+   * Make a video of the record and save it. A second press of the button saves the part so far.
    * @param {HTMLElement} button
    * @param {Researcher.EpisodeRecord} record
    * @param {number} first timestep

@@ -1,4 +1,4 @@
-"""Simulated participants walk every bundled study, make the same choices when repeated, and notice every violation."""
+"""Simulated participants complete every bundled study, repeat their choices, and detect every violation."""
 
 import asyncio
 import json
@@ -130,7 +130,7 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> Walked:
 
 
 def choices(bots: list[Bot]) -> list[Any]:
-    """All that the participants did, by what does not depend on a random id."""
+    """Return the participants' choices, without random ids."""
     return [
         (
             bot.journal.answers,

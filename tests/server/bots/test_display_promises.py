@@ -1,4 +1,4 @@
-"""A manipulation never vanishes silently: refused at the start, and counted wherever it fails in a game."""
+"""A failing manipulation is never silent: it is refused at the start, or counted when it fails in a game."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The simulated participants: repeatable, blind to what a page cannot show, and trusting only what proves right."""
+"""The simulated participants: repeatable, limited to what a page shows, and trusting only arrows that prove right."""
 
 import inspect
 from dataclasses import replace
@@ -41,7 +41,7 @@ STUDY = Path(__file__).parents[3] / "studies" / "external_predictor.yaml"
 RING = load_layout("coordination_ring")
 CRAMPED = load_layout("cramped_room")
 STILL = (STAY, STAY)
-# Somebody who never rests, slips or hesitates: what it does shows what it believes.
+# A participant who never rests, slips or hesitates, so that actions reveal beliefs.
 SHARP = replace(
     FITTED, act_after_action=99, act_after_rest=99, spread=0, pause=0, slip=(0, 0), temperature=0.01, yields=1.0
 )
@@ -83,7 +83,7 @@ def test_every_cook_acts_alike_when_repeated_and_others_act_otherwise(name: str)
 
 
 def test_a_participant_is_the_same_person_in_every_condition() -> None:
-    """Arrows change what is believed and nothing else: before any was seen, all act alike."""
+    """Arrows only change beliefs: before the first one is seen, all act alike."""
     with_arrows, without = (played(RING, Traits.drawn(9), 2, arrows) for arrows in ((1, 1, 1), ()))
     assert with_arrows[:1] == without[:1]
     assert person(9, 0, Variant()) == person(9, 0, Variant())
@@ -199,7 +199,7 @@ def test_an_arrow_into_the_next_cell_keeps_a_participant_from_walking_into_it() 
     assert walks_up(3) > 0.9
 
 
-def test_who_stands_in_the_partner_s_way_makes_room() -> None:
+def test_a_participant_who_blocks_the_partner_makes_room() -> None:
     kitchens = Kitchens.start(RING)
     kitchens.players[0, 0] = (1, 1, 0, NOTHING)
     kitchens.players[0, 1] = (2, 1, 3, NOTHING)
@@ -228,7 +228,7 @@ def probabilities(layout: Layout, own: tuple[int, ...], partner: tuple[int, ...]
     return one.probabilities[0]
 
 
-def test_somebody_who_waits_for_a_soup_stands_still() -> None:
+def test_a_participant_who_waits_for_a_soup_does_not_move() -> None:
     own, away = (2, 1, 0, DISH), (1, 2, 1, NOTHING)
     waits, lifts = (probabilities(CRAMPED, own, away, inside) for inside in (READY - 10, READY))
     assert waits[STAY] > 0.8
@@ -285,7 +285,7 @@ def test_many_at_once_act_as_each_alone() -> None:
 
 
 def test_the_mind_is_given_no_condition() -> None:
-    """What a participant knows is what its page received: state, actions, arrows."""
+    """The input of a participant is that of its page: state, actions, arrows."""
     assert [*inspect.signature(mind_module.think.py_func).parameters] == [
         "kitchen", "mind", "memory", "players", "contents", "now", "actions", "arrows", "out",
     ]  # fmt: skip
@@ -296,15 +296,15 @@ CLASSIC = ("cramped_room", "asymmetric_advantages", "coordination_ring", "forced
 
 
 @pytest.mark.parametrize("layout", CLASSIC)
-def test_a_clone_plays_like_recorded_people_in_each_classic_kitchen(layout: str) -> None:
+def test_a_behaviour_cloned_human_plays_like_recorded_people_in_each_classic_kitchen(layout: str) -> None:
     kitchen = load_layout(layout)
     assert not layouts_without_clone([layout])
     acts = {name: played(kitchen, Traits.drawn(4, name), 40, ()) for name in ("clone", "planner")}
     assert acts["clone"] != acts["planner"]
 
 
-def test_a_clone_that_meets_a_kitchen_without_one_says_so() -> None:
-    """On a server whose study file is not here, nobody can check that before."""
+def test_bots_report_a_kitchen_without_a_behaviour_cloned_human() -> None:
+    """For a server whose study file is not here, this cannot be checked before."""
     journal = Journal()
     game = BotGame("ws://nowhere/s/x/socket", "", journal, Traits.drawn(1, "clone"))
     for layout in ("coordination_ring", "double_rings"):
@@ -316,7 +316,7 @@ def test_a_clone_that_meets_a_kitchen_without_one_says_so() -> None:
     ]
 
 
-def test_a_clone_where_there_is_none_is_refused_with_the_remedy(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_missing_behaviour_cloned_human_is_an_error_with_the_remedy(capsys: pytest.CaptureFixture[str]) -> None:
     """Double Rings has no recorded games of people."""
     assert kitchenmind.main(["bots", "2", "--cook", "clone", "--study", str(STUDY)]) == 2
     said = capsys.readouterr().err

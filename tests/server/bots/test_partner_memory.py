@@ -1,4 +1,4 @@
-"""Bots with limited sight decide from what the page was sent, and remember the partner as a person would."""
+"""Bots with limited sight decide from the messages to the page, and remember the partner as a person would."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is registered before a study begins: complete, always the same, and refused where anything is other."""
+"""The bundle for preregistration: complete, reproducible, and refused if anything differs."""
 
 import asyncio
 import csv
@@ -49,7 +49,7 @@ def published(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def rewritten(bundle: Path, path: Path, change: dict[str, object]) -> Path:
-    """The same bundle with other things said about what it ran on."""
+    """Return the same bundle with another description of the machine."""
     texts, manifest = archive.unpacked(bundle)
     manifest["state"] = manifest["state"] | change
     path.write_bytes(archive.packed(texts, manifest))
@@ -248,7 +248,7 @@ def test_a_text_that_was_changed_is_refused(bundle: Path, tmp_path: Path) -> Non
 
 
 def served(folder: Path) -> tuple["subprocess.Popen[bytes]", str]:
-    """A bundle made and served; what the server says until it can be opened or is over."""
+    """Make and serve a bundle; return the server's output until it can be opened or has ended."""
     bundle, log = folder / "bundle.zip", folder / "log"
     bundle.unlink(missing_ok=True)
     assert kitchenmind.main(["bundle", str(QUICK), "--out", str(bundle)]) == 0
@@ -320,7 +320,7 @@ def test_a_bundle_runs_code_that_is_not_in_it_only_if_it_was_allowed(
         making.open_bundle(path, [model])
 
 
-def test_the_command_asks_before_it_uses_an_address_of_a_bundle(
+def test_the_command_uses_an_address_of_a_bundle_only_if_allowed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     url, path = "http://127.0.0.1:9/act", tmp_path / "study.zip"
@@ -330,7 +330,7 @@ def test_the_command_asks_before_it_uses_an_address_of_a_bundle(
         assert f"--allow-model {url}" in capsys.readouterr().err
 
 
-def test_weights_beside_an_onnx_model_belong_to_the_bundle(tmp_path: Path) -> None:
+def test_weights_next_to_an_onnx_model_belong_to_the_bundle(tmp_path: Path) -> None:
     onnx_files.linear_agent(tmp_path / "a.onnx", ["games", 5, 5, 26], weights_file="a.weights")
     path = tmp_path / "study.zip"
     path.write_bytes(making.make(load_study(foreign_study(tmp_path, str(tmp_path / "a.onnx")))))

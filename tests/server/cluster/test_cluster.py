@@ -1,4 +1,4 @@
-"""Two server processes with one PostgreSQL and one Redis: what one plays, the other's researchers see and reach."""
+"""Two server processes with one PostgreSQL and one Redis: researchers at one see and control the games of the other."""
 
 import asyncio
 import re
@@ -150,7 +150,7 @@ async def test_another_tab_at_another_process_takes_the_game_over_where_it_stand
     await asyncio.gather(playing, return_exceptions=True)
 
 
-async def test_games_go_on_without_redis_and_the_dashboard_comes_back_with_it(
+async def test_games_continue_without_redis_and_the_dashboard_recovers_with_it(
     pair: Pair,
     bot: Bot,
     redis: RedisServer,
@@ -371,7 +371,7 @@ class Nobody:
 
 
 async def test_a_process_leaves_the_others_in_whatever_moment_it_is_told_to(redis: RedisServer) -> None:
-    """Redis' client swallows a cancellation that comes just as a command has been sent."""
+    """Redis' client loses a cancellation that arrives just after a command was sent."""
     for moment in range(60):
         cluster = Cluster(redis.url, "postgresql://somewhere")
         cluster.start(Nobody())

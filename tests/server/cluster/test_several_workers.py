@@ -105,7 +105,7 @@ async def play_through_kills(serving: SeveralWorkers, players: int, kills: int, 
 
 
 @pytest.mark.slow
-async def test_when_a_process_is_killed_its_games_go_on_in_the_other(serving: SeveralWorkers) -> None:
+async def test_when_a_process_is_killed_its_games_continue_in_the_other(serving: SeveralWorkers) -> None:
     await play_through_kills(serving, players=6, kills=2, horizon=250)
 
 

@@ -1,4 +1,4 @@
-"""`kitchenmind admin` at a terminal: somebody takes their time over a password while the server continues."""
+"""`kitchenmind admin` at a terminal: the server continues while somebody types a password."""
 
 import os
 import pty
@@ -22,7 +22,7 @@ from server.store.migrate import migrate
 
 
 class Terminal:
-    """A command that believes it talks to a person."""
+    """A command that runs in a pseudo-terminal."""
 
     def __init__(self, *words: str) -> None:
         self.said = ""
@@ -90,7 +90,7 @@ def test_nobody_waits_while_a_password_is_typed(url: str, verb: str) -> None:
         assert database.read_now(audit.entries)[-1].detail == {"name": name}
 
 
-def test_who_goes_away_without_a_password_has_changed_nothing(url: str) -> None:
+def test_leaving_the_password_prompt_changes_nothing(url: str) -> None:
     with asked(url, "create", "ada") as terminal:
         terminal.type("\x04")
         assert terminal.end() == 2

@@ -1,4 +1,4 @@
-"""A stop of `kitchenmind serve` has an end, whatever the database does."""
+"""Stopping `kitchenmind serve` has a time limit, whatever the database does."""
 
 import asyncio
 import signal
@@ -13,7 +13,7 @@ from tests.support.real_server import RealServer
 pytestmark = pytest.mark.postgres
 
 
-async def test_a_stop_does_not_wait_for_ever_for_a_database_that_stands_still(
+async def test_a_stop_does_not_wait_forever_for_a_database_that_hangs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("KITCHENMIND_STOP_WITHIN_S", "3")

@@ -1,4 +1,4 @@
-"""The archive behind the download button: made by a process that leaves the processor to the games."""
+"""The archive behind the download button: made by a process of low priority."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Texts in an export: exact, and no formula in any spreadsheet."""
+"""Texts in an export: exact, and not a formula in any spreadsheet."""
 
 import csv
 from datetime import UTC, datetime

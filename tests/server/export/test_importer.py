@@ -56,7 +56,7 @@ def whole_export(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def export(whole_export: Path, tmp_path: Path) -> Path:
-    """An export to be changed. From which kind of database it came, its files do not tell."""
+    """Return an export to be changed. Its files do not depend on the kind of database."""
     return shutil.copytree(whole_export, tmp_path / "first")
 
 
@@ -144,7 +144,7 @@ def test_damaged_export_leaves_the_database_empty(
 
 
 def refused(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> str:
-    """What the command says about an export that it must not import; nothing of it may be stored."""
+    """Return the message about an export that must be refused; nothing of it may be stored."""
     again = f"sqlite:///{tmp_path}/refused.db"
     assert kitchenmind.main(["import", str(folder), "--database", again]) == 2
     with Database(again) as database:

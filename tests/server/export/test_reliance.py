@@ -22,7 +22,7 @@ NOTHING = ((6, 95), (6, 80), (6, 60))
     ("there", "action", "word"),
     [((2, 1), STAY, "waited"), ((2, 1), INTERACT, "used"), ((3, 1), EAST, "followed"), ((1, 1), WEST, "avoided")],
 )
-def test_what_somebody_does_beside_a_shown_cell(there: tuple[int, int], action: int, word: str) -> None:
+def test_responses_next_to_a_shown_cell(there: tuple[int, int], action: int, word: str) -> None:
     assert response({(3, 1)}, (2, 1), there, action) == word
     assert response({(5, 2)}, (2, 1), there, action) == "", "too far away"
     assert response(set(), (2, 1), there, action) == ""

@@ -1,4 +1,4 @@
-"""A rehearsal runs in a process of its own, says how it went, and never outlives the server."""
+"""A rehearsal runs in a separate process, reports its result, and never outlives the server."""
 
 import asyncio
 import json

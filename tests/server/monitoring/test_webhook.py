@@ -1,4 +1,4 @@
-"""Alerts on their way to a real HTTP server that is not always well."""
+"""Delivery of alerts to a real HTTP server that sometimes fails."""
 
 import asyncio
 import json
@@ -85,7 +85,7 @@ def test_an_alert_that_is_refused_is_not_tried_again(chat: Chat) -> None:
     assert [body["text"] for _, _, body in chat.posted] == ["wrong address", "next"]
 
 
-def test_who_sends_an_alert_never_waits_and_much_is_not_kept(chat: Chat) -> None:
+def test_sending_an_alert_never_waits_and_the_queue_is_bounded(chat: Chat) -> None:
     async def flood() -> None:
         hook = Webhook(chat.address, QUICK)
         task = asyncio.create_task(hook.run())

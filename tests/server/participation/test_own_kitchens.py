@@ -1,4 +1,4 @@
-"""A study plays in kitchens of the dashboard that it only names, and keeps them as they were."""
+"""A study uses kitchens of the dashboard by name, and keeps them as they were."""
 
 from argparse import Namespace
 from collections.abc import Mapping

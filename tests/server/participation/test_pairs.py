@@ -1,4 +1,4 @@
-"""Rounds of two people over real sockets: who is brought together, what each sees, and what happens when one leaves."""
+"""Rounds of two people over real sockets: pairing, what each person sees, and what happens when one leaves."""
 
 import asyncio
 import re
@@ -180,7 +180,7 @@ def test_two_play_one_game_each_as_their_own_chef_and_only_the_watcher_sees_mark
     assert [row.kind for row in kept.events] == ["paired", "paired"]
 
 
-def test_reload_of_one_stops_both_and_both_go_on_at_the_same_timestep(server: OwnServer) -> None:
+def test_reload_of_one_pauses_both_and_both_resume_at_the_same_timestep(server: OwnServer) -> None:
     async def play(one: Person, two: Person) -> None:
         await start(one, two)
         while (await two.hear(messages.Tick)).state.t < 10:
@@ -201,7 +201,7 @@ def test_reload_of_one_stops_both_and_both_go_on_at_the_same_timestep(server: Ow
     assert [row.status for row in kept.episodes] == ["done"]
 
 
-def test_whose_partner_leaves_is_told_and_plays_the_later_rounds_with_an_agent(server: OwnServer) -> None:
+def test_a_participant_whose_partner_leaves_is_told_and_continues_with_an_agent(server: OwnServer) -> None:
     async def play(one: Person, two: Person) -> None:
         await start(one, two)
         while (await two.hear(messages.Tick)).state.t < 10:
@@ -224,7 +224,7 @@ def test_whose_partner_leaves_is_told_and_plays_the_later_rounds_with_an_agent(s
     assert [row.detail["why"] for row in kept.events if row.kind == "alone"] == ["partner_left"]
 
 
-def test_who_does_not_press_start_is_not_waited_for_without_end(server: OwnServer) -> None:
+def test_the_wait_for_a_participant_who_does_not_press_start_is_limited(server: OwnServer) -> None:
     async def play(one: Person, _: Person) -> None:
         await one.say(messages.Ready())
         assert (await one.hear(messages.Paused)).reason == "partner"
@@ -234,7 +234,7 @@ def test_who_does_not_press_start_is_not_waited_for_without_end(server: OwnServe
     assert [row.end_reason for row in kept.episodes] == ["away"]
 
 
-def test_who_waits_in_vain_plays_with_the_stand_in(server: OwnServer) -> None:
+def test_without_a_partner_a_participant_plays_with_the_fallback_agent(server: OwnServer) -> None:
     async def wait() -> Pair:
         bot = await somebody(server, 1)
         async with at_the_game(bot) as one:
@@ -250,7 +250,7 @@ def test_who_waits_in_vain_plays_with_the_stand_in(server: OwnServer) -> None:
 
 
 @pytest.mark.parametrize("server", ["leave"], indirect=True)
-def test_who_waits_in_vain_is_paid_where_the_study_says_so(server: OwnServer) -> None:
+def test_without_a_partner_a_participant_is_paid_if_the_study_says_so(server: OwnServer) -> None:
     async def wait() -> Pair:
         bot = await somebody(server, 1)
         assert await bot.game().play() is None

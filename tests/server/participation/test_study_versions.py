@@ -1,4 +1,4 @@
-"""A study file that changes while it is served is told, and its new version can be served without a restart."""
+"""A study file that changes while it is served is reported, and its new version can be served without a restart."""
 
 import asyncio
 import os

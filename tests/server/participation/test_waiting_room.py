@@ -1,4 +1,4 @@
-"""The waiting room by itself: who is called when, whatever happens while somebody is being seated."""
+"""The waiting room alone: who is paired when, whatever happens during seating."""
 
 import asyncio
 from collections.abc import Callable
@@ -81,7 +81,7 @@ def come(room: WaitingRoom, *people: str, limit_s: float = 600.0) -> list[Tab]:
     return tabs
 
 
-async def test_who_asked_for_a_partner_before_the_seat_was_stored_is_called_at_once(
+async def test_a_pairing_request_from_before_the_seat_was_stored_is_dismissed_at_once(
     room: WaitingRoom, seats: Seats
 ) -> None:
     asked_before = request()
@@ -120,14 +120,16 @@ async def test_a_fault_in_seating_lets_both_come_back_and_the_others_are_served(
     assert seats.pairs == [("cleo", "dora")]
 
 
-async def test_who_has_left_while_others_were_seated_is_given_to_nobody(room: WaitingRoom, seats: Seats) -> None:
+async def test_a_participant_who_left_during_seating_is_not_paired(room: WaitingRoom, seats: Seats) -> None:
     tabs = come(room, "ann", "bob", "cleo", "dora", "eve")
     seats.before.append(lambda: room.leave("cleo", tabs[2]))
     await until(lambda: len(seats.pairs) == 2)
     assert seats.pairs == [("ann", "bob"), ("dora", "eve")]
 
 
-async def test_who_has_left_before_their_time_was_over_is_not_seated_alone(room: WaitingRoom, seats: Seats) -> None:
+async def test_a_participant_who_left_the_waiting_room_early_is_not_seated_alone(
+    room: WaitingRoom, seats: Seats
+) -> None:
     first, second = come(room, "ann", limit_s=0.0) + come(room, "bob", limit_s=0.0)
     room.leave("bob", second)
     second = Tab()

@@ -1,4 +1,6 @@
-"""What the pages' scripts share with the server is written from the Python types, and both sides use the one table."""
+"""The files that the pages' scripts share with the server are generated from the Python types, and both sides use one
+table.
+"""
 
 import ast
 import re

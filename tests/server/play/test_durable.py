@@ -1,4 +1,4 @@
-"""Writes that must arrive: waited for, and only as long as there are any."""
+"""Writes that must arrive: flushing waits for them, and only for as long as there are any."""
 
 import asyncio
 from datetime import UTC, datetime

@@ -1,7 +1,7 @@
 """Faults in every order: lost sockets, second tabs, absences, a database and models that come and go, kill -9.
 
 hypothesis searches sequences; time is the test's own, so a sequence of minutes takes milliseconds. After each step and
-at the end the clients' journals are held against what is stored.
+at the end the clients' journals are compared with what is stored.
 """
 
 import asyncio
@@ -119,7 +119,7 @@ class Faults(RuleBasedStateMachine):
 
     @rule()
     def play_on(self) -> None:
-        """What a patient person does; without it most sequences would never see a moving game."""
+        """Play like a patient person; without this, most sequences would never have a moving game."""
         if self.tab is None:
             self.open_tab(new=False)
         if self.tab is not None:

@@ -11,7 +11,7 @@ from tests.support.live_fakes import QuietConnection, make_spec
 from tests.support.running_games import SPEED, RunningGames, until
 
 
-async def test_episode_is_played_to_its_end_and_only_then_the_page_goes_on(running: RunningGames) -> None:
+async def test_episode_is_played_to_its_end_and_only_then_the_page_advances(running: RunningGames) -> None:
     connection = await running.play()
     await until(lambda: connection.closed)
     assert connection.closed == 1000
@@ -153,7 +153,7 @@ async def test_lost_connection_comes_back_to_the_same_timestep(running: RunningG
     assert running.ticks() == 41
 
 
-async def test_who_stays_away_too_long_forfeits_the_episode(running: RunningGames) -> None:
+async def test_a_too_long_absence_forfeits_the_episode(running: RunningGames) -> None:
     running.specs["e1"] = make_spec(pause=PauseLimits(5.0, 60.0))
     connection = await running.play()
     await until(lambda: running.ticks() > 3)

@@ -18,7 +18,7 @@ async def test_broken_models_leave_the_game_running_with_a_waiting_partner(runni
     assert all(record.late for record in list(running.recorder.ticks_of["e1"].values())[:-1])
 
 
-async def test_database_that_is_away_pauses_the_game_and_it_goes_on_by_itself(running: RunningGames) -> None:
+async def test_an_unavailable_database_pauses_the_game_which_then_resumes_by_itself(running: RunningGames) -> None:
     connection = await running.play()
     await until(lambda: running.ticks() > 5)
     running.recorder.down = True
@@ -94,7 +94,7 @@ async def test_nobody_loses_a_game_because_they_could_not_come_back_while_the_da
     await running.games.stop()
 
 
-async def test_database_away_at_the_start_delays_the_start(running: RunningGames) -> None:
+async def test_an_unavailable_database_at_the_start_delays_the_start(running: RunningGames) -> None:
     running.recorder.down = True
     connection = await running.play()
     await asyncio.sleep(0.1)
@@ -104,7 +104,7 @@ async def test_database_away_at_the_start_delays_the_start(running: RunningGames
     assert running.ticks() == 41
 
 
-async def test_database_away_at_the_end_delays_the_end(running: RunningGames) -> None:
+async def test_an_unavailable_database_at_the_end_delays_the_end(running: RunningGames) -> None:
     running.specs["e1"] = make_spec(horizon=5)
     connection = await running.play()
     ticks = running.recorder.ticks

@@ -13,7 +13,7 @@ from tests.support.live_fakes import make_spec
 from tests.support.running_games import SPEED, RunningGames, until
 
 
-async def test_restart_goes_on_where_the_last_stored_tick_left_it(running: RunningGames) -> None:
+async def test_restart_continues_after_the_last_stored_tick(running: RunningGames) -> None:
     running.specs["e1"] = make_spec(horizon=400)
     connection = await running.play()
     await until(lambda: running.ticks() > 10)

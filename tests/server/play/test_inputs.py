@@ -1,4 +1,4 @@
-"""What becomes of every input: it counts in a timestep, or it is said why not; and each counts once."""
+"""The outcome of every input: it counts in one timestep, or the reason why not is stored."""
 
 from collections.abc import Sequence
 
@@ -45,7 +45,7 @@ def test_a_key_that_is_held_is_told_once_with_the_first_timestep() -> None:
     assert [one.seq for one in tick(session).keys] == [0]
 
 
-def test_what_a_pause_throws_away_is_told_with_the_pause() -> None:
+def test_inputs_discarded_by_a_pause_are_stored_with_the_pause() -> None:
     session, _ = start()
     press(session, 0, None, EAST)
     pause = session.pause(0, "blur", 101.0, AT)
@@ -93,7 +93,7 @@ def test_a_move_held_during_a_pause_counts_and_one_held_before_it_does_not() -> 
         assert (first[0], second[0]) == (wanted, wanted)
 
 
-def test_a_page_that_comes_back_goes_on_counting_and_a_new_page_begins_again() -> None:
+def test_a_returning_page_continues_its_count_and_a_new_page_starts_at_zero() -> None:
     keys = Keys()
     keys.page("tab-0001", is_new=True)
     assert keys.press(Input(7, None, EAST, 0.0), 0.0)

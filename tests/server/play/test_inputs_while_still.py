@@ -1,4 +1,4 @@
-"""Inputs of a game that stands still are stored while it does: a server that is killed then loses none of them."""
+"""Inputs of a paused game are stored during the pause: a server that is killed then loses none of them."""
 
 import asyncio
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ async def test_taps_before_the_start_are_stored_too_and_none_twice(running: Runn
     assert outcomes(running) == [(0, "stood_still")]
 
 
-async def test_inputs_wait_for_a_database_that_is_away(running: RunningGames) -> None:
+async def test_inputs_wait_for_an_unavailable_database(running: RunningGames) -> None:
     connection = QuietConnection()
     game = await running.games.join("e1", 0, connection)
     refused = asyncio.Event()

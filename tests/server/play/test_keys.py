@@ -1,4 +1,4 @@
-"""What keys mean, tick by tick, also for every order in which messages can come."""
+"""The actions of keys, tick by tick, for every possible order of messages."""
 
 import pytest
 from hypothesis import given
@@ -82,7 +82,7 @@ def test_use_and_turn_within_one_tick_are_done_in_this_order() -> None:
     assert hands.ticks(3) == [INTERACT, NORTH, STAY]
 
 
-def test_using_while_walking_goes_on_walking_afterwards() -> None:
+def test_using_while_walking_continues_walking_afterwards() -> None:
     hands = Hands()
     hands.down(EAST)
     hands.ticks(1)
@@ -129,7 +129,7 @@ def test_press_that_decided_is_named() -> None:
     assert press.seq == 0
 
 
-def test_taps_while_the_game_stands_still_are_forgotten_but_held_keys_count_later() -> None:
+def test_taps_during_a_pause_are_forgotten_but_held_keys_count_later() -> None:
     keys = Keys()
     keys.press(Input(0, EAST, INTERACT, 0.0), 0.0, taps_count=False)
     assert [keys.take()[0], keys.take()[0]] == [EAST, EAST]

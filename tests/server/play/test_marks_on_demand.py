@@ -100,7 +100,7 @@ def test_what_a_toggle_was_is_known_after_a_restart() -> None:
     assert not MarksKey("on_key", is_on=True).take()
 
 
-def test_a_client_that_knows_no_marks_key_plays_on_without_marks() -> None:
+def test_a_client_without_a_marks_key_plays_without_marks() -> None:
     player = Player(show="on_key")
     assert player.session.key(0, Input(1, None, 2, 0.0), player.now)
     assert not player.tick()

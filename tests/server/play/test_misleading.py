@@ -43,7 +43,7 @@ def test_the_first_step_is_the_most_probable_one_that_was_not_decided() -> None:
     assert wrong_future(simulation(), 1, SURE, STAY)[0] == WEST
 
 
-def test_where_nobody_knows_the_decision_the_most_probable_action_is_avoided() -> None:
+def test_without_a_known_decision_the_most_probable_action_is_avoided() -> None:
     assert wrong_future(simulation(), 1, SURE, None)[0] == EAST
 
 

@@ -1,4 +1,4 @@
-"""What waits for one browser: little, newest state first, and not for ever."""
+"""The queue for one browser: short, the newest state replaces older ones, and not forever."""
 
 import asyncio
 

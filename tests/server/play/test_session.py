@@ -1,4 +1,4 @@
-"""One episode without clock or socket: what is played, asked, recorded, shown and held."""
+"""One episode without clock or socket: actions, questions to models, records, messages and pauses."""
 
 from datetime import UTC, datetime, timedelta
 
@@ -149,7 +149,7 @@ def test_400_timesteps_end_exactly_80_s_after_the_countdown() -> None:
     assert deadline == pytest.approx(1080.0, abs=1e-6)
 
 
-def test_pause_forgets_keys_and_goes_on_at_the_same_timestep() -> None:
+def test_pause_forgets_keys_and_resumes_at_the_same_timestep() -> None:
     session, _ = start(now=0.0)
     press(session, 0, EAST, EAST)
     begun = session.pause(0, "blur", 0.1, AT)
@@ -212,7 +212,7 @@ def test_waiting_for_the_database_costs_the_participant_nothing() -> None:
     assert session.release("database", 1000.0)
 
 
-def test_game_goes_on_only_when_nothing_holds_it_any_more() -> None:
+def test_game_resumes_only_when_no_pause_reason_is_left() -> None:
     session, _ = start(now=0.0)
     session.pause("database", "database", 1.0, AT)
     session.pause(0, "lost", 2.0, AT)
@@ -293,7 +293,7 @@ def test_conditions_cost_the_same_bytes_and_record_the_same_predictions() -> Non
     assert predictions["nothing"] == predictions["random"] == predictions["predictor"]
 
 
-def test_last_state_asks_nobody_and_shows_nothing() -> None:
+def test_last_state_calls_no_model_and_shows_nothing() -> None:
     session, _ = start(make_spec(horizon=3))
     asked = len(MODELS.asked)
     records = [tick(session) for _ in range(3)]

@@ -1,4 +1,4 @@
-"""Limited sight: a frame holds what the participant sees and remembers, and nothing else."""
+"""Limited sight: a frame contains only what the participant sees and remembers."""
 
 from dataclasses import replace
 
@@ -74,7 +74,7 @@ def test_marks_are_cut_behind_the_step_that_leaves_the_view() -> None:
 
 
 def played(radius: int, timesteps: int = 12, **changes: object) -> tuple[Session, list[tuple[messages.Tick, str]]]:
-    """A session in the corridor, whose partner walks as the stand-in does: each frame, and the whole state's hash."""
+    """A session in the corridor, with a scripted partner: each frame, and the whole state's hash."""
     fields = {"grid": CORRIDOR, "layout": "corridor", "view_radius": radius, **changes}
     session = Session(new_record(make_spec(**fields)), 0.0)
     frames = []

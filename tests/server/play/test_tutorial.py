@@ -31,7 +31,7 @@ def seen_by_cook(session: Session) -> Observations:
 
 
 def cook(session: Session, most: int = 400) -> list[str]:
-    """A planner does what the lessons ask; the lessons in the order in which they came up."""
+    """Let a planner follow the lessons; return the lessons in their order."""
     seen: list[str] = []
     models = RuleModels()
     for seq in range(most):

@@ -25,7 +25,7 @@ def test_a_name_is_given_once(database: Database, mara: str) -> None:
         database.write_now(admins.create, "other", "a hash", "king")
 
 
-def test_a_session_knows_its_account_and_begins_blind(database: Database, mara: str) -> None:
+def test_a_session_has_its_account_and_starts_in_blind_mode(database: Database, mara: str) -> None:
     database.write_now(admins.open_session, mara, "t" * 64, NOW)
     found = database.read_now(admins.session, "t" * 64, NOW)
     assert found is not None
@@ -56,7 +56,7 @@ def test_a_new_password_or_removal_ends_all_sessions(database: Database, mara: s
     assert not database.write_now(admins.remove, mara)
 
 
-def test_an_exclusion_is_taken_back_once_and_goes_with_who_withdraws(database: Database) -> None:
+def test_an_exclusion_is_undone_once_and_deleted_with_the_participant(database: Database) -> None:
     study = database.write_now(studies.register, "s", "text")
     new = participants.NewParticipant(study.id, "tom", 1, "token")
     person = database.write_now(participants.create, new).id

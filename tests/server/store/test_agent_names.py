@@ -1,4 +1,4 @@
-"""An agent that somebody brought appears under the name that the study gives it, not under its path."""
+"""An agent from outside appears under its name in the study, not under its path."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Tries at passwords and codes in a real database: counted before they are checked, also if others try."""
+"""Limits on tries at passwords and codes in a real database: counted before they are checked, separately by origin."""
 
 import asyncio
 from datetime import UTC, datetime, timedelta

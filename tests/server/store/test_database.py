@@ -271,7 +271,7 @@ async def test_a_lock_that_stays_is_reported_while_pages_can_still_wait_and_noth
 
 
 @pytest.mark.postgres
-async def test_postgresql_that_went_away_is_down_and_then_goes_on_by_itself() -> None:
+async def test_postgresql_that_was_stopped_counts_as_down_and_then_recovers() -> None:
     server = PostgresServer()
     try:
         url = server.url(server.new_database())

@@ -77,7 +77,7 @@ def test_episode_that_is_loaded_equals_what_was_drawn_up(database: Database) -> 
     assert record == EpisodeRecord(episode, (None, person), spec, (), None, "new", 0.0)
 
 
-async def test_episode_goes_on_where_its_last_tick_left_it(
+async def test_episode_continues_after_its_last_stored_tick(
     database: Database, recorder: StoreRecorder, episode: str
 ) -> None:
     records = played(episode, 12)
@@ -209,7 +209,7 @@ async def test_database_that_takes_too_long_is_down_and_the_same_call_works_late
         assert database.read_now(ticks.of_episode, episode) == played(episode, 1)
 
 
-async def test_full_disk_is_down_and_goes_on_when_there_is_space_again(tmp_path: Path) -> None:
+async def test_full_disk_counts_as_down_until_there_is_space_again(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path}/study.db"
     migrate(url)
     with Database(url) as database:
@@ -226,7 +226,7 @@ async def test_full_disk_is_down_and_goes_on_when_there_is_space_again(tmp_path:
 
 
 @pytest.mark.postgres
-async def test_stopped_postgresql_acknowledges_nothing_and_goes_on_by_itself() -> None:
+async def test_stopped_postgresql_acknowledges_nothing_and_then_recovers() -> None:
     server = PostgresServer()
     try:
         url = server.url(server.new_database())

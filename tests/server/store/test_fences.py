@@ -1,4 +1,4 @@
-"""Who may store ticks of a game when several processes serve: the newest owner, and nobody else."""
+"""Who may store ticks of a game when several processes serve: the newest owner only."""
 
 import asyncio
 import threading
@@ -76,7 +76,7 @@ async def test_an_older_owner_can_neither_pause_nor_end_a_game(two: tuple[Databa
     assert ended.status == "done"
 
 
-async def test_whoever_takes_a_game_up_waits_for_the_commit_that_is_on_its_way(two: tuple[Database, Database]) -> None:
+async def test_taking_over_a_game_waits_for_the_commit_in_progress(two: tuple[Database, Database]) -> None:
     one, other = two
     episode = await one.write(episodes.create, NEW)
     fence, _ = await one.write(fences.take, episode)  # type: ignore[misc]

@@ -1,4 +1,4 @@
-"""What the watched chef really did next, against an episode that is worked out by hand."""
+"""The watched chef's actual next interactions, compared with an episode worked out by hand."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ def actions(*chef: int) -> list[tuple[int, int]]:
     return [(action, STAY) for action in chef]
 
 
-def test_each_state_knows_the_next_use_of_a_station_and_when_it_is_done() -> None:
+def test_each_state_has_the_next_use_of_a_station_and_its_time() -> None:
     taken = next_interactions(ROOM, actions(WEST, INTERACT, SOUTH, INTERACT, EAST), 0)
     onion = (InteractionKind.TAKE_ONION, 0, 1)
     assert taken[:2].tolist() == [[*onion, 2], [*onion, 1]]

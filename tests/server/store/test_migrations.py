@@ -107,7 +107,7 @@ def test_tables_of_this_version_are_left_alone_without_alembic(tmp_path: Path, m
 
 
 @pytest.mark.postgres
-def test_processes_that_start_beside_others_leave_tables_of_their_version_alone(postgres: PostgresServer) -> None:
+def test_processes_that_join_others_leave_tables_of_their_version_alone(postgres: PostgresServer) -> None:
     name = postgres.new_database()
     url = postgres.url(name)
     migrate_shared(url)

@@ -1,4 +1,4 @@
-"""Every input is stored with what became of it, in the transaction of whatever knows it, and only once."""
+"""Every input is stored once with its outcome, in the transaction in which the outcome is known."""
 
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -48,7 +48,7 @@ async def test_inputs_come_with_ticks_pauses_and_the_end_and_repeating_a_call_ch
     assert sorted(found, key=lambda record: record.number) == sorted(wanted, key=lambda record: record.number)
 
 
-async def test_inputs_of_a_game_that_stands_still_are_stored_alone_and_nothing_of_a_deleted_episode(
+async def test_inputs_of_a_paused_game_are_stored_separately_and_none_of_a_deleted_episode(
     database: Database, episode: str
 ) -> None:
     recorder = StoreRecorder(database, patience_s=30)
@@ -60,7 +60,7 @@ async def test_inputs_of_a_game_that_stands_still_are_stored_alone_and_nothing_o
     assert database.read_now(inputs.of_episode, "gone") == []
 
 
-async def test_an_episode_that_is_taken_up_knows_which_messages_it_has_seen(database: Database, episode: str) -> None:
+async def test_a_loaded_episode_ignores_messages_that_it_has_already_handled(database: Database, episode: str) -> None:
     seen = (
         one(episode, 1, seq=40),
         one(episode, 2, seq=3, tab="tab-0002"),

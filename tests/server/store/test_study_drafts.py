@@ -1,4 +1,4 @@
-"""Drafts keep every text that somebody wrote; of two who edit the same draft, one hears of the other."""
+"""Drafts keep every text that was written; of two editors of the same draft, one is told of the other's change."""
 
 from datetime import timedelta
 
@@ -41,7 +41,7 @@ def test_changes_are_saved_on_top_of_each_other_and_kept_with_their_author(datab
     assert told == [("mara", "study draft created"), ("mara", "study draft edited"), ("ben", "study draft edited")]
 
 
-def test_who_saves_on_top_of_an_older_revision_hears_of_it_and_loses_nothing(database: Database) -> None:
+def test_saving_on_top_of_an_older_revision_is_reported_and_loses_nothing(database: Database) -> None:
     draft = begun(database)
     saved(database, draft, "mara", "hers", 1)
     conflict = saved(database, draft, "ben", "his", 1)

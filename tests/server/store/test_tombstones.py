@@ -1,4 +1,6 @@
-"""Who was deleted stays deleted: a tombstone without anything personal keeps older exports from bringing them back."""
+"""Deleted participants stay deleted: importing an older export omits those with a tombstone, which has no personal
+data.
+"""
 
 import json
 import shutil
@@ -78,7 +80,7 @@ def imported(before: Before, tmp_path: Path, *more: str, export: Path | None = N
     return new
 
 
-def test_an_older_export_brings_back_nobody_whom_the_server_s_database_knows_to_be_gone(
+def test_an_import_omits_participants_whom_the_servers_database_lists_as_deleted(
     before: Before, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("KITCHENMIND_DATABASE", before.url)
@@ -98,14 +100,16 @@ def test_an_older_export_brings_back_nobody_whom_the_server_s_database_knows_to_
 
 
 @pytest.mark.parametrize("source", ["database", "export", "file name"])
-def test_who_is_gone_is_told_by_a_database_or_a_newer_export(before: Before, tmp_path: Path, source: str) -> None:
+def test_withdrawn_participants_come_from_a_database_or_a_newer_export(
+    before: Before, tmp_path: Path, source: str
+) -> None:
     newer = tmp_path / "newer"
     assert kitchenmind.main(["export", "--database", before.url, "--out", str(newer)]) == 0
     given = {"database": before.url, "export": str(newer), "file name": f"{newer}/"}[source]
     assert before.person not in everything(imported(before, tmp_path, "--withdrawn", given))
 
 
-def test_tombstones_go_on_from_import_to_export_to_import(before: Before, tmp_path: Path) -> None:
+def test_tombstones_are_kept_from_import_to_export_to_import(before: Before, tmp_path: Path) -> None:
     first = imported(before, tmp_path, "--withdrawn", before.url)
     second = tmp_path / "second"
     assert kitchenmind.main(["export", "--database", first, "--out", str(second)]) == 0
@@ -226,7 +230,7 @@ def test_what_cannot_be_found_is_said_with_a_remedy(
     assert "Traceback" not in said
 
 
-def test_somebody_in_a_game_is_not_deleted_beside_the_server(
+def test_a_participant_in_a_game_is_not_deleted_while_the_server_runs(
     before: Before, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with Database(before.url) as database:
@@ -239,7 +243,7 @@ def test_somebody_in_a_game_is_not_deleted_beside_the_server(
     assert before.mate in everything(before.url)
 
 
-def test_a_deletion_beside_a_running_server_neither_waits_nor_is_lost(before: Before) -> None:
+def test_a_deletion_while_the_server_runs_neither_waits_nor_is_lost(before: Before) -> None:
     line = ["person", "delete", before.mate, "--study", "ring", "--database", before.url, "--reason", "x", "--yes"]
     with Database(before.url) as server:
         assert kitchenmind.main(line) == 0

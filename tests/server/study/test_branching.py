@@ -1,4 +1,4 @@
-"""`when`: what a page or question may depend on, told with place and remedy, and whether it holds."""
+"""`when`: which answers a page or question may depend on (errors have place and remedy), and whether it holds."""
 
 import pytest
 

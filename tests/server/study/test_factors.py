@@ -105,8 +105,8 @@ def test_the_form_of_a_condition_chooses_its_predictor() -> None:
         (NAMED + CONDITIONS, "conditions:", "`factors` already make the conditions. Remove `conditions`, or remove"),
         ("", "", "'conditions' is missing here. Add `conditions: ...`."),
         ("factors: {}\n", "", "'conditions' is missing here"),
-        ("factors: {speed: [slow, fast]}\n", "factors:", "nothing says what these levels change: slow, fast. Write"),
-        ("factors: {opacity: [off, off]}\n", "factors:", "nothing says what these levels change: off, off"),
+        ("factors: {speed: [slow, fast]}\n", "factors:", "these levels change no setting: slow, fast. Write"),
+        ("factors: {opacity: [off, off]}\n", "factors:", "these levels change no setting: off, off"),
         ("factors: {opacity: [on]}\n", "factors:", "factors.opacity: there are too few. Write at least 2."),
         ("factors: [prediction, opacity]\n", "factors:", "factors: this is not a block."),
         ("factors: {opacity: [off, dim]}\n", "factors:", "'dim' is neither true nor false"),
@@ -159,7 +159,11 @@ def test_the_form_of_a_condition_chooses_its_predictor() -> None:
             "primary:",
             "effect.1: 'opacity' is there twice. Name each",
         ),
-        (NAMED + "primary: {test: welch}\n", "primary:", "nothing says what is tested. Write either `comparison: [A"),
+        (
+            NAMED + "primary: {test: welch}\n",
+            "primary:",
+            "it has neither `comparison` nor `effect`. Write either `comparison: [A",
+        ),
         (
             NAMED + "primary: {effect: [opacity], comparison: [tom_on, tom_off]}\n",
             "primary:",
@@ -175,7 +179,7 @@ def test_the_form_of_a_condition_chooses_its_predictor() -> None:
         (
             NAMED + "cells: {without: [random_on]}\nprimary: {effect: [opacity]}\n",
             "primary:",
-            "primary.effect: effects cannot be told apart, as the study leaves out random_on. Remove `cells.without`",
+            "primary.effect: effects cannot be separated, as the study leaves out random_on. Remove `cells.without`",
         ),
         (
             "factors: {prediction: [none, random, tom]}\nprimary: {effect: [prediction], direction: less}\n",

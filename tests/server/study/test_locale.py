@@ -41,7 +41,7 @@ def test_words_of_a_language_are_shown_as_they_were_written(tmp_path: Path, monk
     assert _words.__wrapped__("xx") == {"name": "No", "done": "7.50", "back": "1:30", "next": "007", "skip": "null"}
 
 
-def test_every_word_that_a_template_asks_for_is_there() -> None:
+def test_every_text_that_a_template_uses_exists() -> None:
     used = set()
     for path in (ROOT / "templates").rglob("participant/*.html"):
         used |= set(re.findall(r"""\bt\(["']([\w.]+)["'][,)]""", path.read_text("utf-8")))

@@ -1,4 +1,4 @@
-"""A language of one's own, in the folder `locales` next to a study."""
+"""An additional language, in the folder `locales` next to a study."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -37,7 +37,7 @@ def written(study: Path) -> Path:
     return study.parent / "locales" / "tlh.yaml"
 
 
-def test_the_file_has_every_word_empty_with_the_english_beside_it(study: Path) -> None:
+def test_the_file_has_every_entry_empty_next_to_the_english_text(study: Path) -> None:
     path = written(study)
     text = path.read_text("utf-8")
     assert words_in(text) == dict.fromkeys(ENGLISH, "")

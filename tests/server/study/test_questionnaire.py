@@ -1,4 +1,4 @@
-"""Answers: what is taken, what is refused and why."""
+"""Answers: which are accepted, which are refused and why."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The way of a participant: what follows what, in which order, and that it follows from the seed alone."""
+"""The step sequence of a participant: its order, and that it depends on the seed alone."""
 
 from collections import Counter
 from itertools import pairwise
@@ -38,7 +38,7 @@ def agents_by_layout(study: Study, seed: int) -> list[list[str]]:
     return list(by_layout.values())
 
 
-def test_way_follows_the_flow_with_a_questionnaire_after_every_episode(small: Study) -> None:
+def test_steps_follow_the_flow_with_a_questionnaire_after_every_episode(small: Study) -> None:
     keys = [step.key for step in steps(small, "with", 5)]
     assert keys == [
         "everything", "introduction", "quiz", "tutorial",
@@ -56,7 +56,7 @@ def test_a_step_asks_the_questions_that_the_study_has_under_this_name(published:
     assert all(step.kind not in ("quiz", "questionnaire") for step in way if not step.asks)
 
 
-def test_keys_of_a_way_are_unique(published: Study) -> None:
+def test_keys_of_a_step_sequence_are_unique(published: Study) -> None:
     keys = [step.key for step in steps(published, "tom", 3)]
     assert len(set(keys)) == len(keys)
 
@@ -68,20 +68,20 @@ def test_progress_bar_never_goes_back(published: Study) -> None:
     assert [order[phase] for phase in phases] == sorted(order[phase] for phase in phases)
 
 
-def test_same_seed_gives_the_same_way_and_the_condition_never_changes_it(published: Study) -> None:
+def test_same_seed_gives_the_same_steps_whatever_the_condition(published: Study) -> None:
     for seed in SEEDS:
         ways = {steps(published, condition.name, seed) for condition in published.conditions}
         assert len(ways) == 1
         assert ways == {steps(published, "none", seed)}
 
 
-def test_episodes_of_one_way_have_seeds_of_their_own(published: Study) -> None:
+def test_episodes_of_one_participant_have_different_seeds(published: Study) -> None:
     seeds = [step.seed for number in SEEDS for step in steps(published, "tom", number) if step.is_game]
     assert len(set(seeds)) == len(seeds) == 11 * len(SEEDS)
     assert all(0 < seed < 2**63 for seed in seeds)
 
 
-def test_unknown_condition_has_no_way(small: Study) -> None:
+def test_unknown_condition_has_no_steps(small: Study) -> None:
     with pytest.raises(KeyError):
         steps(small, "nobody", 1)
 

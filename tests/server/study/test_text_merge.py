@@ -1,4 +1,4 @@
-"""What two people changed in one text becomes one text; nothing that either wrote is lost."""
+"""Two people's changes to one text are merged; no text of either is lost."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -60,7 +60,7 @@ def test_each_side_can_be_read_out_of_the_parts_where_the_other_changed_nothing(
 
 
 @given(Texts, Texts, Texts)
-def test_who_comes_second_does_not_matter(base: str, one: str, two: str) -> None:
+def test_the_merge_does_not_depend_on_the_order(base: str, one: str, two: str) -> None:
     turned = [
         TextConflict(part.mine, part.theirs) if isinstance(part, TextConflict) else part
         for part in merged(base, two, one)

@@ -1,4 +1,4 @@
-"""A study in which two people play together: what does not fit is told with its place and remedy."""
+"""A study in which two people play together: errors have place and remedy."""
 
 from pathlib import Path
 
@@ -28,7 +28,7 @@ def test_what_does_not_fit_is_told_with_its_remedy(old: str, new: str, told: str
     assert "pairs.yaml:" in str(raised.value)
 
 
-def test_models_are_those_that_watch_people_and_the_stand_in() -> None:
+def test_models_are_those_that_watch_people_and_the_fallback_agent() -> None:
     study = parse_study(STUDY, "pairs.yaml").study
     agents, predictors = models_of(study)
     assert {name for _, name in agents} == {"fcp", "guide"}

@@ -1,4 +1,4 @@
-"""Changes to a study's YAML change what they are to change, and not one byte more."""
+"""Changes to a study's YAML change exactly the requested bytes."""
 
 import difflib
 from collections.abc import Iterator

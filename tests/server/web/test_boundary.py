@@ -1,4 +1,4 @@
-"""What holds for every answer: HEAD where GET works, redirects to our own pages only, nothing for a cache to keep."""
+"""Rules for every response: HEAD works where GET does, redirects lead to our own pages only, nothing is cached."""
 
 import re
 from collections.abc import Iterator
@@ -38,7 +38,7 @@ def test_head_of_what_takes_forms_only_is_refused(live: LiveServer) -> None:
 
 
 @pytest.mark.parametrize("path", ["/admin/login/", "/s/short/", "/health/live/?x=1", "/watch/"])
-def test_a_redirect_says_nothing_of_the_host_that_was_asked_for(live: LiveServer, path: str) -> None:
+def test_a_redirect_does_not_contain_the_requested_host(live: LiveServer, path: str) -> None:
     answer = httpx.get(live.url + path, headers={"host": FOREIGN, "x-forwarded-host": FOREIGN})
     assert answer.status_code in (307, 308)
     assert answer.headers["location"] == path.replace("/?", "?").removesuffix("/")
@@ -57,12 +57,12 @@ def test_no_redirect_leads_elsewhere(live: LiveServer, path: str) -> None:
 
 
 @pytest.mark.parametrize("host", ["[", "a b", "evil.example/x", "x:y:z", "ü", ""])
-def test_a_broken_host_is_no_reason_to_break(live: LiveServer, host: str) -> None:
+def test_an_invalid_host_header_causes_no_error(live: LiveServer, host: str) -> None:
     answer = httpx.get(f"{live.url}/s/short/nothing/", headers={"host": host.encode("latin-1"), "accept": "text/html"})
     assert answer.status_code in (400, 404)
 
 
-def test_no_answer_but_our_own_files_is_kept_by_a_cache(live: LiveServer, readable: list[str]) -> None:
+def test_no_response_but_static_files_is_cached(live: LiveServer, readable: list[str]) -> None:
     for path in readable:
         assert httpx.get(live.url + path).headers.get("cache-control") == "no-store", path
     assert "no-store" not in httpx.get(f"{live.url}/static/css/pages.css").headers.get("cache-control", "")

@@ -1,4 +1,4 @@
-"""What machines ask of the server: alive, ready, and its figures."""
+"""Endpoints for machines: alive, ready, metrics."""
 
 import json
 import logging
@@ -31,7 +31,7 @@ def test_a_server_that_can_play_is_alive_and_ready(live: LiveServer) -> None:
     assert (answer.status_code, answer.json()) == (200, {"ready": True, "missing": []})
 
 
-def test_a_server_without_models_or_on_its_way_out_is_not_ready(
+def test_a_server_without_models_or_while_stopping_is_not_ready(
     live: LiveServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live.models, "ready", False)
@@ -63,7 +63,7 @@ def test_a_server_whose_database_does_not_commit_is_not_ready(live: LiveServer) 
     until([])
 
 
-def test_figures_are_for_who_has_the_token(live: LiveServer) -> None:
+def test_metrics_need_the_token(live: LiveServer) -> None:
     assert httpx.get(f"{live.url}/metrics").status_code == 401
     assert httpx.get(f"{live.url}/metrics", headers={"Authorization": "Bearer wrong"}).status_code == 401
     answer = httpx.get(f"{live.url}/metrics", headers={"Authorization": f"Bearer {TOKEN}"})

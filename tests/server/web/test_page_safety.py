@@ -1,4 +1,4 @@
-"""What unknown people, other sites and broken requests meet: refused, with a page, and nothing changed."""
+"""Requests of unknown people, of other sites and broken ones are refused with a page, and change nothing."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -72,7 +72,7 @@ def test_pages_hold_no_inline_code_and_ask_nobody_else(site: Site) -> None:
         assert "https://" not in page
 
 
-def test_pages_are_never_kept_by_a_cache(site: Site) -> None:
+def test_pages_are_never_cached(site: Site) -> None:
     visitor = Visitor(site)
     assert visitor.get("/s/small").headers["cache-control"] == "no-store"
     assert visitor.consent("small").headers["cache-control"] == "no-store"
@@ -141,14 +141,14 @@ def test_broken_body_is_refused_and_nothing_breaks(site: Site, body: bytes, stat
 
 
 @pytest.mark.parametrize("cookie", ["", "x", "a" * 64, "' or 1=1 --" + "x" * 30, "ü" * 30])
-def test_stranger_with_a_made_up_cookie_is_led_to_consent(site: Site, cookie: str) -> None:
+def test_an_invalid_cookie_leads_to_consent(site: Site, cookie: str) -> None:
     visitor = Visitor(site)
     page = visitor.client.get("/s/small/now", headers={"cookie": f"participant={cookie}".encode()})
     assert page.url.path == "/s/small"
 
 
 @pytest.mark.parametrize("path", ["/nowhere", "/s/none", "/s/none/now/", "/s/small/nothing", "/s/../etc"])
-def test_address_that_leads_nowhere_is_a_page_with_a_way_home(site: Site, path: str) -> None:
+def test_an_unknown_address_shows_a_page_with_a_link_home(site: Site, path: str) -> None:
     page = Visitor(site).get(path)
     assert page.status_code == 404
     assert "Page not found" in page.text
@@ -160,7 +160,7 @@ def test_program_gets_its_error_as_json(site: Site) -> None:
     assert (answer.status_code, answer.json()) == (404, {"detail": "Not Found"})
 
 
-def test_database_that_is_away_is_said_so_on_a_page(tmp_path: Path) -> None:
+def test_an_unavailable_database_shows_an_error_page(tmp_path: Path) -> None:
     with Site(tmp_path, SMALL_STUDY) as site:
         visitor = Visitor(site)
         visitor.consent("small")
@@ -172,7 +172,7 @@ def test_database_that_is_away_is_said_so_on_a_page(tmp_path: Path) -> None:
         assert "A short interruption" in page.text
 
 
-def test_error_inside_tells_nothing_of_the_inside(tmp_path: Path) -> None:
+def test_an_internal_error_reveals_no_internal_details(tmp_path: Path) -> None:
     with Site(tmp_path, SMALL_STUDY) as site:
         visitor = Visitor(site)
         site.app.add_api_route("/broken", lambda: 1 / 0)

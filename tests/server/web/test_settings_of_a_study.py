@@ -1,4 +1,4 @@
-"""A study that leaves no setting at its default: each of them reaches the page or the game that it is about."""
+"""A study that sets every setting: each reaches its page or game."""
 
 import re
 from collections.abc import Iterator
@@ -174,7 +174,7 @@ def test_the_practice_is_skipped_only_where_the_file_allows_it(site: Site, tmp_p
         assert strict.step(me).key == "tutorial"
 
 
-def test_the_quiz_ends_the_study_after_the_allowed_attempts_with_the_way_back(site: Site) -> None:
+def test_the_quiz_ends_the_study_after_the_allowed_attempts_with_the_return_link(site: Site) -> None:
     visitor = arrived(site, "quiz")
     assert "You have 2 tries." not in visitor.page.text, "the file has its own lead"
     for _ in range(2):

@@ -1,4 +1,4 @@
-"""A person at the keyboard of a real game page: sees what the page's socket brings, presses keys as a planner would."""
+"""A person at the keyboard of a real game page: reads the page's socket, and presses keys like a planner."""
 
 import json
 import time
@@ -14,7 +14,7 @@ from server.play import messages
 
 KEYS = ("ArrowUp", "ArrowDown", "ArrowRight", "ArrowLeft", "", "Space")
 LOOK_MS = 15
-PRESS_AGAIN_S = 2.0  # a key that came to nothing, e.g. during a pause
+PRESS_AGAIN_S = 2.0  # a key without effect, e.g. during a pause
 SILENCE_S = 0.5  # without a timestep for this long, it looks for a button that lets the game go on
 BUTTON_MS = 2000.0
 BUTTONS = ("start-button", "pause-button")
@@ -22,8 +22,8 @@ _decoder = msgspec.json.Decoder(messages.Outgoing)
 
 
 class BrowserCook:
-    """Watches a page from before it opens its first game. Presses one key, then waits to see what came of it: however
-    slow the machine is, it never acts on what it saw before its last key."""
+    """Watches a page from before it opens its first game. It presses one key, then waits for its effect: even on a slow
+    machine it never acts on a state from before its last key."""
 
     def __init__(self, page: Page) -> None:
         self.page = page

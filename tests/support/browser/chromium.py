@@ -15,7 +15,7 @@ DISABLED_FEATURES = (
     "TcpPortRandomizationWin,OptimizationHints,NetworkTimeServiceQuerying,AimEnabled,PreconnectToSearch,"
     "WebUIOmniboxPopup,WebUIOmniboxAimPopup,SpareRendererForSitePerProcess"
 )
-# A page of a test lives for a second: scripts compiled for speed would never earn back what compiling them takes. The
+# A page of a test lives for a second: optimising scripts would take longer than it saves. The
 # process for graphics draws in software, and as a thread it takes no messages between processes for each picture.
 CHROMIUM_ARGUMENTS = [
     f"--disable-features={DISABLED_FEATURES}",

@@ -1,4 +1,4 @@
-"""A server that plays whatever a test tells it: one page, our static files, one websocket. Speaks the real messages."""
+"""A game server scripted by the tests: one page, our static files, one websocket, the real messages."""
 
 import asyncio
 import contextlib
@@ -95,7 +95,7 @@ class FakeGameServer:
         self._thread.start()
         self._started.wait(10)
 
-    # What tests do
+    # Methods for tests
 
     def reset(self, **page: Any) -> None:
         """As if newly made, at the same address."""
@@ -123,7 +123,7 @@ class FakeGameServer:
         self._call(self._connection.close(code))
 
     def cut(self) -> None:
-        """The line is cut without a word."""
+        """Cut the connection without a close frame."""
         assert self._connection is not None
         self._loop.call_soon_threadsafe(self._connection.transport.abort)
 

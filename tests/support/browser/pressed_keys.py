@@ -1,4 +1,4 @@
-"""Keys pressed on the game's page, and what the server was sent of them."""
+"""Keys pressed on the game's page, and the messages that the server received."""
 
 from collections.abc import Callable, Iterator
 from typing import Any

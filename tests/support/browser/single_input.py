@@ -1,4 +1,4 @@
-"""Two people at a real study's pages: one who has nothing but a keyboard, one who has nothing but a touch screen."""
+"""Two people at a real study's pages: one with a keyboard only, one with a touch screen only."""
 
 import time
 from typing import Any
@@ -80,7 +80,7 @@ def enter(page: Page, wanted: str) -> None:
 
 
 class KeyCook(BrowserCook):
-    """A cook who has no mouse."""
+    """A cook without a mouse."""
 
     def _push(self, button: str) -> None:
         enter(self.page, button)

@@ -1,4 +1,4 @@
-"""What people with bad intentions send (rows 18 to 20): garbage, too much, nothing at all. Games around it go on."""
+"""What attackers send (rows 18 to 20): garbage, too much, nothing at all. Other games continue."""
 
 import asyncio
 import os

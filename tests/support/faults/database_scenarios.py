@@ -1,4 +1,6 @@
-"""Faults of the database (rows 4 to 8): away, locked, full, refusing to sync. It is the only truth: games wait."""
+"""Faults of the database (rows 4 to 8): unavailable, locked, full, refusing to sync. Games wait until it commits
+again.
+"""
 
 import asyncio
 import os
@@ -26,12 +28,13 @@ from tests.support.live_server import LiveServer
 from tests.support.postgres_server import PostgresServer
 from tests.support.real_server import RealServer
 
-TOLD_WITHIN_S = 2.0  # a commit that takes a second counts as none
+TOLD_WITHIN_S = 2.0  # a commit that takes a second counts as failed
 Fault = Callable[[], Awaitable[None]]
 
 
 async def away(group: ClientGroup, begin: Fault, end: Fault, seconds: float) -> tuple[bool, dict[str, float]]:
-    """Take the database away for a while: everybody is told, nothing moves, and all games continue by themselves."""
+    """Make the database unavailable for a while: everybody is told, nothing moves, and all games resume by
+    themselves."""
     began = time.monotonic()
     await begin()
     stopped = time.monotonic()
@@ -139,7 +142,7 @@ def can_mount() -> bool:
 
 
 async def disk_full(folder: Path, seconds: float) -> FaultResult:
-    """Row 7: no space is left; games wait, and go on without a restart once there is some."""
+    """Row 7: no space is left; games wait, and resume without a restart once there is some."""
     disk = SmallDisk(folder)
     try:
         with LiveServer(folder, study=LONG_STUDY, speed=2.0, database=f"sqlite:///{disk.folder}/study.sqlite3") as live:

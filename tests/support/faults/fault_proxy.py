@@ -1,4 +1,4 @@
-"""A TCP proxy between browser and server that does harm, the same harm for the same seed. Knows no protocol.
+"""A TCP proxy between browser and server that causes network faults, the same ones for the same seed.
 
 What TCP does to loss is a stall: bytes are late, all that come after them too, none is missing. So loss is modelled as
 a wait of a retransmission time that doubles, and latency never reorders.
@@ -18,7 +18,7 @@ _RETRANSMIT_MS = 200.0
 
 @dataclass(frozen=True)
 class Weather:
-    """What happens to every chunk that passes."""
+    """The faults that apply to every chunk."""
 
     latency_ms: float = 0.0
     jitter_ms: float = 0.0  # up to so much more or less
@@ -27,7 +27,7 @@ class Weather:
 
 
 class Way:
-    """One direction of one connection: what comes in goes out later, in order, unless the way is frozen."""
+    """One direction of one connection: chunks are forwarded later, in order, unless the direction is frozen."""
 
     def __init__(self, proxy: "FaultProxy", reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._proxy, self._reader, self._writer = proxy, reader, writer

@@ -1,4 +1,4 @@
-"""Recording clients who play side by side, and the study that they play: nothing but one long game."""
+"""Recording clients that play in parallel, and their study, which is one long game."""
 
 import asyncio
 import time

@@ -1,7 +1,7 @@
-"""What must hold whatever happened: the clients' journals against the database.
+"""Invariants that must hold after any fault: the clients' journals are compared with the database.
 
 I1 what was acknowledged is stored exactly once; I2 timesteps have neither hole nor duplicate; I3 re-simulating the log
-gives the states that people saw; I4 one row a person, one seat a game; I7 nobody was told something else than what was.
+gives the states that people saw; I4 one row a person, one seat a game; I7 nobody was told something false.
 I5 (other games on time) and I6 (nothing is left behind) are measured where a fault is made: `lateness_ms`, `Holdings`.
 """
 
@@ -19,12 +19,12 @@ from server.store.tables import answers, episodes, participants, ticks
 from server.verification import verify_all
 from tests.support.faults.recording_client import ClientLog, LogEntry, RecordingClient
 
-SILENCE_S = 2.5  # a game that stood still so long without a word was not told truly
+SILENCE_S = 2.5  # a game that stopped for so long without a message counts as a violation
 
 
 @dataclass
 class Findings:
-    """What does not hold, by invariant; `ok` when nothing was found."""
+    """The violations, by invariant; `ok` if there are none."""
 
     lost: list[str] = field(default_factory=list)  # I1
     doubled: list[str] = field(default_factory=list)  # I1
@@ -76,7 +76,7 @@ def _timesteps(connection: Connection, clients: Sequence[RecordingClient], found
 
 
 def _inputs(connection: Connection, clients: Sequence[RecordingClient], found: Findings) -> None:
-    """A tap moves once, and only somebody's own."""
+    """A tap moves once, and only the sender's chef."""
     sent: dict[str, dict[int, int]] = defaultdict(dict)
     for client in clients:
         for episode, seq, tap in client.log.inputs:
@@ -107,7 +107,7 @@ def _ends(connection: Connection, clients: Sequence[RecordingClient], found: Fin
 
 
 def _pages(connection: Connection, clients: Sequence[RecordingClient], found: Findings) -> None:
-    """Every page of questions that was taken in is stored, and nobody has a code without all of them."""
+    """Every accepted page of questions is stored, and nobody has a code without all of them."""
     by_code = {row.completion_code: row.id for row in connection.execute(select(participants)) if row.completion_code}
     query = select(answers.c.participant_id, answers.c.step_key, func.count()).group_by(
         answers.c.participant_id, answers.c.step_key
@@ -142,8 +142,8 @@ def _people(connection: Connection, clients: Sequence[RecordingClient], found: F
 
 
 def untrue(log: ClientLog, silence_s: float = SILENCE_S) -> list[str]:
-    """Where somebody was told something else than what was: a game that moved while it was said to stand still, or that
-    stood still without a word."""
+    """Return false messages to participants: a game that moved while reported as paused, or that stopped without a
+    message."""
     lines: dict[int, list[LogEntry]] = defaultdict(list)
     for told in log.entries:
         lines[told.line].append(told)
@@ -188,7 +188,7 @@ def p99(values: Sequence[float]) -> float:
 
 @dataclass(frozen=True)
 class Holdings:
-    """I6: what a process holds."""
+    """I6: the resources of a process."""
 
     descriptors: int
     sockets: int
@@ -196,7 +196,7 @@ class Holdings:
 
     @property
     def files(self) -> int:
-        """Descriptors that are no sockets."""
+        """Return the descriptors that are not sockets."""
         return self.descriptors - self.sockets
 
     @classmethod

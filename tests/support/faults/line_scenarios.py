@@ -1,4 +1,4 @@
-"""Faults of the line between browser and server (rows 9 to 12, 16, 17), made for the real application."""
+"""Faults of the connection between browser and server (rows 9 to 12, 16, 17), caused in the real application."""
 
 import asyncio
 import json
@@ -58,7 +58,8 @@ async def half_open(folder: Path, tries: int, seed: int = 0) -> FaultResult:
 
 
 async def reconnects(folder: Path, tries: int) -> FaultResult:
-    """Row 12: one participant comes back again and again; no ghost, no descriptor, one row, one seat."""
+    """Row 12: one participant reconnects again and again; no connection or descriptor is left, and there is one row and
+    one seat."""
     with LiveServer(folder, study=LONG_STUDY) as live:
         client = RecordingClient(live.url, "short", 1)
         await client.to_the_game()

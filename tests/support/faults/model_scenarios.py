@@ -1,4 +1,6 @@
-"""Models that are slow, broken or gone (rows 23, 24), in real worker processes; games continue, and the data say so."""
+"""Models that are slow, failing or gone (rows 23, 24), in real worker processes; games continue, and the data record
+it.
+"""
 
 import asyncio
 import os

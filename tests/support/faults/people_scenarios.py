@@ -1,4 +1,4 @@
-"""What happens to people (rows 25, 27, 29, 30): clocks that jump, a busy dashboard, leaving, and the last page."""
+"""Faults around participants (rows 25, 27, 29, 30): clocks that jump, a busy dashboard, leaving, and the last page."""
 
 import asyncio
 import random

@@ -41,7 +41,7 @@ def last_timesteps(url: str) -> dict[str, int]:
 
 
 def peers(group: ClientGroup, stood: dict[str, int], after: float) -> list[str]:
-    """Games that did not go on at the timestep where they are stored."""
+    """Return games that did not continue at their stored timestep."""
     found = []
     for one in group.clients:
         welcome = one.log.first("welcome", after)
@@ -236,7 +236,7 @@ async def soak(folder: Path, seconds: float, games: int) -> FaultResult:
     ends = time.monotonic() + seconds
     people: list[RecordingClient] = []
     samples: list[Holdings] = []
-    gc.disable()  # millions of journal entries are no garbage; looking through them would hold the clients up
+    gc.disable()  # millions of journal entries are not garbage; scanning them would delay the clients
     with RealServer(folder, speed=1.0, study=SOAK_STUDY) as server:
         alone = await settled(server.pid)
         seats = [asyncio.create_task(_one_after_the_other(server.url, people, ends)) for _ in range(games)]

@@ -1,5 +1,5 @@
-"""A client that keeps playing through every fault and records what it sent and what it was told, and when.
-Shares nothing with the simulated participants but the protocol, and plays at random: it is here to look.
+"""A client that keeps playing through every fault and records what it sent and received, and when. It is independent of
+the simulated participants, and plays at random.
 """
 
 import asyncio
@@ -44,7 +44,7 @@ class LogEntry:
 
 @dataclass
 class ClientLog:
-    """What one participant sent and saw, to be held against the database."""
+    """What one participant sent and saw, to be compared with the database."""
 
     __test__ = False  # for pytest, which would take the name for a test
 
@@ -76,7 +76,7 @@ class Game:
         self.url, self.cookie, self.tab = url, cookie, f"tab-{chance.getrandbits(64):016x}"
         self.log, self.chance, self.idle = log, chance, idle
         self.episode = ""
-        self.by_itself = True  # presses "go on" whenever it may
+        self.by_itself = True  # presses "continue" whenever it can
         self._kitchen: Kitchens | None = None
 
     async def play(self) -> messages.Ended | None:
@@ -93,7 +93,7 @@ class Game:
                 if code in FINAL:
                     return None
             except (InvalidHandshake, OSError, TimeoutError, EOFError):
-                self.log.note("closed", 0)  # the server is away: again
+                self.log.note("closed", 0)  # the server cannot be reached: try again
             self.log.reconnects += 1
             attempt = 0 if len(self.log.states) > before else attempt
             await asyncio.sleep(min(2.0, 0.15 * 2**attempt) * self.chance.uniform(0.5, 1.0))
@@ -115,7 +115,7 @@ class Game:
             if isinstance(message, messages.Ended):
                 self.log.ended[self.episode] = message
                 return message
-            with suppress(ConnectionClosed):  # what the server said before it closed is still to be read
+            with suppress(ConnectionClosed):  # messages that the server sent before it closed are still to be read
                 await self.answer(socket, message)
 
     def _note(self, message: messages.Outgoing, line: int) -> None:

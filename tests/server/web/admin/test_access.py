@@ -41,7 +41,7 @@ def test_sockets_are_for_researchers_only(site: Site) -> None:
 
 
 @pytest.mark.parametrize("role", ROLES)
-def test_every_address_asks_for_its_role(site: Site, role: str) -> None:
+def test_every_address_requires_its_role(site: Site, role: str) -> None:
     episode = played(site)
     researcher = signed_in(site, role)
     for method, path in paths(site, episode):

@@ -1,4 +1,4 @@
-"""A researcher's pages over real HTTP: who gets in, who may do what, what is hidden, what is written down."""
+"""A researcher's pages over real HTTP: access, roles, hidden data, the audit log."""
 
 import re
 from datetime import UTC, datetime
@@ -34,7 +34,7 @@ def test_the_flow_begins_with_the_links_that_were_opened(site: Site) -> None:
     assert ElementTree.fromstring(diagram).tag.endswith("svg")
 
 
-def test_the_course_counts_people_and_samples_lateness(site: Site) -> None:
+def test_the_history_counts_people_and_samples_lateness(site: Site) -> None:
     for _ in range(3):
         Visitor(site).consent("small")
     first = site.everybody("small")[0].id

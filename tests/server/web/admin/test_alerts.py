@@ -1,4 +1,4 @@
-"""Alerts of a running study: when they begin, what they tell, when they are over."""
+"""Alerts of a running study: their beginning, their text, their end."""
 
 import asyncio
 import time
@@ -35,7 +35,7 @@ def test_alerts_are_told_when_they_begin_and_when_they_are_over(site: Site, tmp_
     assert told[-1] == ("late", True)
 
 
-def test_an_alert_tells_of_people_who_consent_and_do_nothing(site: Site, tmp_path: Path) -> None:
+def test_an_alert_reports_people_who_consent_and_do_nothing(site: Site, tmp_path: Path) -> None:
     alerts = Alerts(site.services.live, tmp_path / "site.db", lambda *_: None)
     for _ in range(invented_participants.FEWEST):
         Visitor(site).consent("small")

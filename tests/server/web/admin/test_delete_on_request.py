@@ -17,7 +17,7 @@ def everything(site: Site) -> str:
 
 
 @pytest.mark.parametrize("role", ["act", "own"])
-def test_who_may_step_in_deletes_somebody_on_request(site: Site, role: str) -> None:
+def test_a_researcher_with_the_role_act_deletes_a_participant_on_request(site: Site, role: str) -> None:
     episode = played(site)
     person = site.only("small").id
     researcher = signed_in(site, role)
@@ -37,7 +37,7 @@ def test_who_may_step_in_deletes_somebody_on_request(site: Site, role: str) -> N
     assert researcher.get(f"/admin/s/small/person/{person}").status_code == 404
 
 
-def test_who_only_watches_deletes_nobody_and_finds_nobody(site: Site) -> None:
+def test_a_researcher_with_the_role_watch_can_neither_find_nor_delete_participants(site: Site) -> None:
     played(site)
     person = site.only("small").id
     researcher = signed_in(site, "watch")

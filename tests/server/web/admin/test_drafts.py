@@ -188,7 +188,7 @@ def test_a_change_from_the_form_is_made_in_the_text(site: Site) -> None:
     assert source(site, draft) == text, "looking stores nothing"
 
 
-def test_of_two_who_edit_the_same_draft_one_gets_both_texts(site: Site) -> None:
+def test_of_two_editors_of_the_same_draft_one_gets_both_texts(site: Site) -> None:
     mara, tab = signed_in(site, "own"), signed_in(site, "own")
     draft = begun(site, mara)
     tab.get(f"/admin/drafts/{draft}")
@@ -341,7 +341,7 @@ def test_an_open_study_is_served_after_a_restart_and_by_another_process(site: Si
     assert "pilot" not in asyncio.run(started()).names()
 
 
-def test_a_faulty_study_and_one_that_was_changed_meanwhile_are_not_opened(site: Site) -> None:
+def test_a_faulty_study_and_one_that_has_changed_are_not_opened(site: Site) -> None:
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
     text = source(site, draft)

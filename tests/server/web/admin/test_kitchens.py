@@ -43,7 +43,7 @@ def test_errors_come_with_their_place_and_in_the_loaders_words(owner: Researcher
     assert found["reach"] is None
 
 
-def test_a_sound_grid_comes_with_reach_models_and_commands(owner: Researcher) -> None:
+def test_a_valid_grid_is_returned_with_reach_models_and_commands(owner: Researcher) -> None:
     found = ask(owner, "check", grid=GRID, name="nook").json()
     assert (found["problems"], found["reach"]["together"]) == ([], True)
     assert found["models"]["agents"] == []

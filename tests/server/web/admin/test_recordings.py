@@ -53,7 +53,7 @@ def test_trajectories_of_overcooked_ai_are_opened(watcher: Researcher, tmp_path:
     [
         (b'{"k":"s"}\n', "a.jsonl", "a.jsonl, line 1: a state comes before its episode"),
         (b"[]", "a.json", "a.json: these are not trajectories of overcooked_ai"),
-        (b"x", "a.jsonl.gz", "a.jsonl.gz: this is not a whole .gz file"),
+        (b"x", "a.jsonl.gz", "a.jsonl.gz: this .gz file is incomplete"),
         (b"", "a.jsonl", "there is no episode in this file"),
         (b"x", "a.pickle", "ends in .jsonl or .json"),
     ],

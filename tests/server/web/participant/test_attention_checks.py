@@ -1,4 +1,4 @@
-"""Attention checks: accepted and flagged, counted in export and dashboard, and the end where a study wants it so."""
+"""Attention checks: accepted and flagged, counted in export and dashboard, and ending the study if it says so."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -54,7 +54,7 @@ def test_every_check_is_stored_as_passed_or_failed(site: Site) -> None:
     assert site.database.read_now(answers.attention_of, me.id) == answers.AttentionCount(answered=2, failed=1)
 
 
-def test_whoever_fails_as_many_checks_as_the_study_allows_is_screened_out(site: Site) -> None:
+def test_failing_as_many_checks_as_the_study_allows_screens_out(site: Site) -> None:
     once = after_the_first_episode(site, "strict", "1", WRONG)
     assert site.step(site.everybody("strict")[-1]).key == "ready-02"
     assert "Round 2" in once.get("/s/strict/now").text
@@ -82,7 +82,7 @@ def test_page_that_is_sent_again_changes_nothing(site: Site) -> None:
     assert site.database.read_now(answers.attention_of, me.id).failed == 1
 
 
-def test_flow_counts_who_was_screened_out_for_it_and_who_failed_one(site: Site) -> None:
+def test_flow_counts_people_screened_out_by_checks_and_people_who_failed_one(site: Site) -> None:
     found = site.studies.open("strict")
     assert found is not None
     study_id, study = found

@@ -1,4 +1,4 @@
-"""Pages and questions that depend on earlier answers: who gets them, what is stored, and what the export says."""
+"""Pages and questions that depend on earlier answers: who gets them, what is stored, and what the export contains."""
 
 import json
 from collections.abc import Iterator

@@ -61,7 +61,7 @@ def test_consent_page_sent_twice_makes_one_participant(site: Site) -> None:
 
 
 def test_consent_page_sent_again_after_its_answer_was_lost_leads_on(site: Site) -> None:
-    """The answer brought the cookie, then the line broke: the page in the browser is older than the cookie."""
+    """The response set the cookie, then the connection broke: the page in the browser is older than the cookie."""
     visitor = Visitor(site)
     visitor.get("/s/small")
     fields = visitor.fields("/consent") | {"box_0": "yes"}

@@ -1,4 +1,4 @@
-"""People who were misled are told, also those who leave before the page that says so."""
+"""Misled participants are told so, also those who leave before the debriefing page."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,7 +25,7 @@ def site(tmp_path: Path) -> Iterator[Site]:
 
 
 @pytest.mark.parametrize(("name", "told"), [("misleading", True), ("tom", False)])
-def test_whose_participation_ends_early_reads_the_debriefing(site: Site, name: str, told: bool) -> None:
+def test_participants_whose_participation_ends_early_read_the_debriefing(site: Site, name: str, told: bool) -> None:
     visitor = Visitor(site)
     visitor.consent(name)
     ended = {"status": "timed_out"}
@@ -34,7 +34,7 @@ def test_whose_participation_ends_early_reads_the_debriefing(site: Site, name: s
 
 
 @pytest.mark.parametrize(("name", "told"), [("misleading", True), ("tom", False)])
-def test_who_withdraws_reads_it_too_and_is_deleted(site: Site, name: str, told: bool) -> None:
+def test_withdrawing_participants_read_it_too_and_are_deleted(site: Site, name: str, told: bool) -> None:
     visitor = Visitor(site)
     visitor.consent(name)
     visitor.get(f"/s/{name}/withdraw")

@@ -1,4 +1,4 @@
-"""Nobody fills a study with invented people: places by address, places that are held briefly, and an alert."""
+"""Protection against invented participants: places per address, places that are held briefly, and an alert."""
 
 import asyncio
 from collections.abc import Iterator
@@ -55,7 +55,7 @@ def test_one_address_brings_so_many_new_people_and_no_more(site: Site) -> None:
     assert page.headers["retry-after"]
 
 
-def test_who_is_in_the_study_already_needs_no_place(site: Site) -> None:
+def test_an_existing_participant_needs_no_new_place(site: Site) -> None:
     limit(site, 2)
     known = Visitor(site)
     known.get("/s/wide")
@@ -115,7 +115,7 @@ def test_addresses_are_stored_as_keyed_hashes_only(site: Site) -> None:
     assert row["name"] != NewPlaces(2, b"another secret").budgets_of("192.0.2.7")[0].network
 
 
-def test_who_is_turned_away_is_counted_for_an_hour_and_up_to_a_limit(
+def test_refused_participants_are_counted_for_an_hour_and_up_to_a_limit(
     site: Site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(new_places, "MOST_TURNED_AWAY", 3)
@@ -172,7 +172,7 @@ def test_a_place_is_held_briefly_until_something_is_done(site: Site) -> None:
     assert [one.position for one in site.everybody("small") if one.position] == [1, 1]
 
 
-def test_who_sends_the_first_page_late_goes_on_if_there_is_room(site: Site) -> None:
+def test_a_late_first_page_is_accepted_if_there_is_room(site: Site) -> None:
     late = Visitor(site)
     late.consent("small")
     consented_ago(site, 60)
@@ -180,7 +180,7 @@ def test_who_sends_the_first_page_late_goes_on_if_there_is_room(site: Site) -> N
     assert (site.only("small").status, site.only("small").position) == ("active", 1)
 
 
-def test_who_sends_the_first_page_late_leaves_if_there_is_none(site: Site) -> None:
+def test_a_late_first_page_ends_the_study_if_there_is_no_room(site: Site) -> None:
     late = Visitor(site)
     late.consent("small")
     Visitor(site).consent("small")
@@ -192,7 +192,7 @@ def test_who_sends_the_first_page_late_leaves_if_there_is_none(site: Site) -> No
     assert site.everybody("small")[0].status == "timed_out"
 
 
-def test_who_has_done_something_keeps_the_place_for_as_long_as_the_study_says(site: Site) -> None:
+def test_an_active_participant_keeps_the_place_for_as_long_as_the_study_says(site: Site) -> None:
     for _ in range(2):
         person = Visitor(site)
         person.consent("small")
@@ -248,7 +248,7 @@ def test_researchers_are_told_of_an_address_that_wants_too_many_places(site: Sit
     assert "127.0.0.1" not in text
 
 
-def test_assignment_counts_who_holds_a_place(site: Site) -> None:
+def test_assignment_counts_participants_who_hold_a_place(site: Site) -> None:
     for _ in range(2):
         Visitor(site).consent("small")
     consented_ago(site, 11)

@@ -1,4 +1,4 @@
-"""A participant's pages over real HTTP: who gets where, what is stored and when, what is refused."""
+"""A participant's pages over real HTTP: progress, what is stored and when, what is refused."""
 
 import json
 import re
@@ -13,7 +13,7 @@ from tests.support.page_site import EVERYTHING, SMALL_STUDY, Site, Visitor
 from tests.support.small_site import LINK, pass_step, walk_to
 
 
-def test_whole_way_from_consent_to_the_code(site: Site) -> None:
+def test_from_consent_to_the_completion_code(site: Site) -> None:
     visitor = Visitor(site)
     walk_to(visitor, site, "thanks")
     participant = site.only("small")
@@ -170,7 +170,7 @@ def test_next_person_on_the_same_computer_is_somebody_else(site: Site) -> None:
     assert len(site.everybody("hired")) == 2
 
 
-def test_parameters_of_the_link_are_kept_apart_and_the_way_back_is_filled_in(site: Site) -> None:
+def test_parameters_of_the_link_are_stored_separately_and_the_return_link_is_filled_in(site: Site) -> None:
     visitor = Visitor(site)
     visitor.consent("hired", LINK)
     assert "PROLIFIC" not in str(visitor.page.url)
@@ -243,7 +243,7 @@ def test_participant_keeps_the_version_they_consented_to(tmp_path: Path) -> None
         assert "<h1>Everything new</h1>" in new.consent("small").text
 
 
-def test_a_round_knows_the_points_of_the_rounds_before(site: Site) -> None:
+def test_a_round_shows_the_points_of_the_rounds_before(site: Site) -> None:
     visitor = Visitor(site)
     walk_to(visitor, site, "episode-02")
     config = re.search(

@@ -1,4 +1,4 @@
-"""Every attempt at the quiz has a number: what is sent twice, late or at once counts once."""
+"""Every attempt at the quiz has a number: a page that is sent twice, late or at the same time counts once."""
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -64,8 +64,8 @@ def test_the_last_attempt_ends_the_study_also_when_it_is_sent_twice(site: Site, 
     assert stands(site)[0] == "screened_out"
 
 
-def test_an_attempt_that_is_over_is_not_answered_anew(site: Site, visitor: Visitor) -> None:
-    """Otherwise the first attempt's number would open the quiz to endless guessing."""
+def test_a_finished_quiz_attempt_is_not_checked_again(site: Site, visitor: Visitor) -> None:
+    """Otherwise the first attempt's number would allow endless guessing."""
     first = visitor.fields()
     visitor.submit("small", **WRONG)
     answer = visitor.send("/s/small/now", first | RIGHT)

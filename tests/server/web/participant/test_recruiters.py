@@ -1,4 +1,6 @@
-"""Prolific, MTurk and SONA by the study file alone: what their links bring, what goes back, what is never shown."""
+"""Prolific, MTurk and SONA by the study file alone: the parameters of their links, what goes back, what is never
+shown.
+"""
 
 import re
 from collections.abc import Iterator
@@ -153,7 +155,7 @@ def test_a_crafted_mturk_link_ends_with_the_code_and_sends_it_to_nobody(site: Si
     assert "turkSubmitTo" not in site.database.read_now(participants.personal_of, me.id)
 
 
-def test_who_only_looks_at_the_assignment_is_told_to_accept_it(site: Site) -> None:
+def test_a_preview_of_the_assignment_asks_to_accept_it(site: Site) -> None:
     page = Visitor(site).get("/s/mturk?assignmentId=ASSIGNMENT_ID_NOT_AVAILABLE&hitId=H1")
     assert "Please accept the assignment first." in page.text
     assert "<form" not in page.text.replace('class="tongues"', "")

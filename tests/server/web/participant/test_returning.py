@@ -1,4 +1,4 @@
-"""Who comes back, by which link and in whose browser: what a recruiter's id opens, and what it does not."""
+"""Returning participants, by which link and in which browser: what a recruiter's id gives access to, and what not."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -57,7 +57,7 @@ def put(site: Site, status: str, code: str | None = None) -> None:
     site.database.write_now(lambda connection: connection.execute(table.update().values(values)))
 
 
-# Nobody gets at a finished participation with the id alone
+# The id alone gives no access to a finished participation
 
 
 def test_with_the_id_alone_nobody_reads_the_code_of_somebody_who_finished(site: Site) -> None:
@@ -94,7 +94,7 @@ def test_no_participation_that_is_over_is_taken_over_or_deleted_by_its_id(site: 
     assert site.only("prolific").status == status
 
 
-def test_somebody_who_is_still_in_the_study_goes_on_with_another_device(site: Site) -> None:
+def test_an_active_participant_continues_on_another_device(site: Site) -> None:
     Visitor(site).consent("prolific", prolific())
     again = Visitor(site)
     again.consent("prolific", prolific())
@@ -149,7 +149,7 @@ def test_the_next_person_in_the_same_browser_starts_as_a_new_participant(site: S
     assert (first.completion_code, second.position) == (code, 0)
 
 
-def test_also_after_somebody_who_left_in_the_middle(site: Site) -> None:
+def test_the_next_person_starts_new_also_after_a_participant_who_left_in_the_middle(site: Site) -> None:
     browser = Visitor(site)
     browser.consent("small")
     assert 'href="/s/small/new"' in browser.page.text
@@ -229,7 +229,7 @@ PLACEHOLDERS = [
 
 
 @pytest.mark.parametrize("value", PLACEHOLDERS)
-def test_a_placeholder_that_was_not_replaced_is_nobody(site: Site, value: str) -> None:
+def test_a_placeholder_that_was_not_replaced_is_not_an_id(site: Site, value: str) -> None:
     assert Visitor(site).get(f"/s/prolific?PROLIFIC_PID={quote(value)}").status_code == 400
     for name in RECRUITMENTS:
         found = site.studies.open(name)
@@ -285,7 +285,7 @@ def test_an_id_has_to_look_like_one_of_the_recruiter_s(site: Site, name: str, pe
     ("production", "mark", "is_bot"),
     [(False, "", True), (True, "", False), (True, "yes", False), (True, "right", True), (False, "wrong", True)],
 )
-def test_on_a_public_server_only_who_knows_its_secret_is_a_bot(
+def test_on_a_public_server_only_clients_with_its_secret_count_as_bots(
     site: Site, production: bool, mark: str, is_bot: bool
 ) -> None:
     web = replace(site.services.web, production=production)

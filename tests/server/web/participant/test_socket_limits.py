@@ -40,7 +40,7 @@ BAD = [
 ]
 
 
-async def test_bad_messages_are_refused_and_the_game_goes_on(served: Served) -> None:
+async def test_bad_messages_are_refused_and_the_game_continues(served: Served) -> None:
     async with served.connect() as socket:
         await play(socket)
         for bad in BAD:
@@ -130,7 +130,7 @@ async def test_a_simulated_participant_who_is_taken_for_a_flood_says_so(
         await BotGame(served.url, "participant=ann", Journal(), Traits.drawn(1)).play()
 
 
-async def test_flood_that_goes_on_after_the_close_is_read_a_little_at_a_time(
+async def test_flood_that_continues_after_the_close_is_read_a_little_at_a_time(
     served: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mouthfuls: list[int] = []

@@ -1,4 +1,4 @@
-"""The game's websocket over a real connection: who gets in, what a message does, what ends it, and with which code."""
+"""The game's websocket over a real connection: access, the effect of messages, and close codes."""
 
 import asyncio
 
@@ -41,7 +41,7 @@ async def test_compression_is_never_agreed_on(served: Served) -> None:
         assert "Sec-WebSocket-Extensions" not in socket.response.headers
 
 
-async def test_whoever_has_no_game_to_play_is_sent_back_to_the_page(served: Served) -> None:
+async def test_without_a_game_to_play_the_page_is_reloaded(served: Served) -> None:
     async with served.connect("reader") as socket:
         await say(socket, **HELLO)
         assert (await hear(socket, "refused"))["code"] == "no_game"
@@ -249,13 +249,13 @@ async def test_a_ping_of_the_page_is_answered_between_keys(served: Served) -> No
             pass
 
 
-async def test_database_away_at_the_handshake_asks_the_page_to_come_back(served: Served) -> None:
+async def test_an_unavailable_database_at_the_handshake_makes_the_page_reconnect(served: Served) -> None:
     served.database_down = True
     async with served.connect() as socket:
         assert await close_code(socket) == 1013
 
 
-async def test_a_hundred_reconnects_leave_no_ghost(served: Served) -> None:
+async def test_a_hundred_reconnects_leave_no_connection_behind(served: Served) -> None:
     for _ in range(100):
         async with served.connect() as socket:
             await say(socket, **HELLO)

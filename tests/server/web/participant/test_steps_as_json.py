@@ -1,4 +1,4 @@
-"""A participant's steps as JSON are the steps of the pages: same fields, same checks, same end."""
+"""A participant's steps as JSON match the pages: same fields, same checks, same end."""
 
 import json
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Onlookers of two agents over real sockets: whatever their sockets do, the next one finds a place."""
+"""Viewers of two agents over real sockets: whatever their sockets do, the next viewer finds a place."""
 
 import asyncio
 import json
@@ -64,7 +64,7 @@ async def test_sockets_that_close_early_take_no_place(live: LiveServer, hello: b
     await until_nothing_is_left(live)
 
 
-async def test_who_watches_no_running_game_makes_room(live: LiveServer) -> None:
+async def test_a_viewer_without_a_running_game_makes_room(live: LiveServer) -> None:
     async with AsyncExitStack() as stack:
         first, *held = [await stack.enter_async_context(onlooker(live, hello=False)) for _ in range(MOST_GAMES)]
         await stack.enter_async_context(onlooker(live))

@@ -1,4 +1,4 @@
-"""How a participant's way can end early: a device, a quiz, withdrawal, a place that was freed."""
+"""How a participation can end early: a device, a quiz, withdrawal, a freed place."""
 
 import re
 from pathlib import Path
@@ -113,7 +113,7 @@ def test_place_of_somebody_who_was_away_too_long_is_given_to_another(site: Site)
     assert "This visit has ended" in gone.get("/s/small/now").text
 
 
-def test_full_study_takes_nobody(tmp_path: Path) -> None:
+def test_full_study_accepts_no_participant(tmp_path: Path) -> None:
     full = SMALL_STUDY.replace("predictor: none}", "predictor: none, quota: 1}").replace(
         "predictor: tom}", "predictor: tom, quota: 1}"
     )
