@@ -100,9 +100,8 @@ class PatientProtocol(H11Protocol):
 
 
 class QuietProtocol(WebSocketsSansIOProtocol):
-    """uvicorn's websocket, with `DirectFrames` for the application, a limit on frames that are no message (pings, pongs,
-    pieces of a message without an end), and without uvicorn's traceback in the log for every text frame that is not
-    UTF-8."""
+    """uvicorn's websocket with `DirectFrames` for the application, with a limit on frames that are no message (pings,
+    pongs, pieces of a message without an end), and without a traceback in the log for every text that is not UTF-8."""
 
     def __init__(self, **parts: Any) -> None:
         super().__init__(**parts)

@@ -1,4 +1,4 @@
-"""Routes of a study's report: make it, see how that goes, open it, download it. For whoever may export the data."""
+"""Routes of a study's report: make it, follow the progress, open and download it. For researchers who may export data."""
 
 import asyncio
 import base64
