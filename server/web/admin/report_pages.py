@@ -1,4 +1,4 @@
-"""Routes of a study's report: make it, follow the progress, open and download it. For researchers who may export data."""
+"""Routes of a study's report: make it, follow the progress, open it, download it, for those who may export data."""
 
 import asyncio
 import base64
