@@ -55,13 +55,20 @@ def insert(connection: Connection, table: Table, row: dict[str, object]) -> int:
     return connection.execute(query).scalar_one()
 
 
+def _columns(connection: Connection, table: str) -> set[str]:
+    """The columns as that version had them."""
+    return {column["name"] for column in inspect(connection).get_columns(table)}
+
+
 def fill(connection: Connection) -> str:
     study = {"key": "ring", "version": 1, "sha256": "0" * 64, "source": "text", "created_at": START, "started": 7}
     study_id = insert(connection, tables.studies, study)
     person = {"id": PERSON, "study_id": study_id, "number": 7, "condition": "tom", "seed": 1, "simulated": False}
+    if "allocation_number" in _columns(connection, "participants"):
+        person["allocation_number"] = 7
     insert(connection, tables.participants, person | {"started_at": START, "last_seen_at": START, "token_hash": "0"})
     episode = episodes.create(connection, episodes.NewEpisode(SPEC, "episode-01", study_id=study_id))
-    present = {column["name"] for column in inspect(connection).get_columns("ticks")}  # as that version had them
+    present = _columns(connection, "ticks")
     for record in played(episode):
         row = dict(zip(tables.ticks.c.keys(), ticks.row_of(record), strict=True))
         connection.execute(tables.ticks.insert().values({name: row[name] for name in row if name in present}))
