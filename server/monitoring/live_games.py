@@ -154,12 +154,18 @@ def kitchen_of(game: Game) -> dict[str, Any]:
 def board_of(game: Game, blind: bool) -> dict[str, Any]:
     """The current state with the marks that the participant sees."""
     session = game.session
-    return {
+    board = {
         "state": kitchen_of(game),
-        "prediction": [] if blind else session.frames.displayed,
-        "intention": hidden(session.frames.intention) if blind else session.frames.intention,
+        "prediction": session.frames.displayed,
+        "intention": session.frames.intention,
         "actions": session.simulation.last_actions or (4, 4),
     }
+    return blinded(board) if blind else board
+
+
+def blinded(board: dict[str, Any]) -> dict[str, Any]:
+    """A board, also one of another process, without what tells the condition."""
+    return board | {"prediction": [], "intention": hidden(board["intention"])}
 
 
 def still_of(card: Card) -> dict[str, Any]:

@@ -8,8 +8,11 @@ import asyncio
 import gzip
 import io
 import json
+import os
+import subprocess
 import sys
 import zlib
+from pathlib import Path
 from typing import Any, Final
 
 from overcooked.constants import STAY
@@ -22,6 +25,7 @@ MOST_TIMESTEPS: Final = 30_000
 TICK_MS: Final = 200  # how fast they are shown; files do not say how fast they were played
 _WITHIN_S: Final = 60.0
 _NICE: Final = 10
+_ROOT: Final = Path(__file__).parents[2]
 _LONGEST_WORDS: Final = 2000
 
 
@@ -30,24 +34,34 @@ class UnreadableGamesError(ValueError):
 
 
 async def opened(data: bytes, name: str) -> bytes:
-    """Return the records of the file's episodes as a JSON list. Raises UnreadableGamesError."""
-    pipe = asyncio.subprocess.PIPE
-    process = await asyncio.create_subprocess_exec(
-        *("nice", "-n", str(_NICE), sys.executable, "-m", __name__, name), stdin=pipe, stdout=pipe, stderr=pipe
-    )
+    """Return the records of the file's episodes as a JSON list. Raises UnreadableGamesError.
+
+    The process is started in a thread: the event loop's own way forks, for which all games would wait.
+    """
+    process = await asyncio.to_thread(_start, name)
     try:
-        async with asyncio.timeout(_WITHIN_S):
-            records, words = await process.communicate(data)
-    except TimeoutError:
+        records, words = await asyncio.to_thread(process.communicate, data, _WITHIN_S)
+    except subprocess.TimeoutExpired:
         raise UnreadableGamesError(f"{name}: this takes too long. Open a file with fewer games.") from None
     finally:
-        if process.returncode is None:
+        if process.poll() is None:
             process.kill()
-            await process.wait()
+            process.wait()
     if process.returncode:
         said = words.decode(errors="replace").strip()[-_LONGEST_WORDS:]
         raise UnreadableGamesError(said or f"{name}: it cannot be read")
     return records
+
+
+def _start(name: str) -> "subprocess.Popen[bytes]":
+    path = os.pathsep.join(filter(None, (str(_ROOT), os.environ.get("PYTHONPATH"))))
+    return subprocess.Popen(  # noqa: S603
+        ["nice", "-n", str(_NICE), sys.executable, "-m", "server.monitoring.opened_games", name],  # noqa: S607
+        env={**os.environ, "PYTHONPATH": path},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
 
 
 def records_of(data: bytes, name: str) -> list[dict[str, Any]]:

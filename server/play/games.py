@@ -135,6 +135,7 @@ class Games:
 
     def _end(self, game: Game, status: Literal["done", "aborted"], reason: str) -> None:
         if game.session.phase != "ended":
+            game.store(game.session.end_pause(self.clock.now()))
             result = game.session.result(status, reason)
             self.loop.stop(game)
             self._spawn(self._finish(game, result))

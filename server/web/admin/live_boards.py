@@ -16,7 +16,7 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
 from server.background_tasks import ended
 from server.monitoring.arms import arm_names
-from server.monitoring.live_games import CARDS_EVERY_S, Card, LiveGames, card_of, still_of
+from server.monitoring.live_games import CARDS_EVERY_S, Card, LiveGames, blinded, card_of, still_of
 from server.monitoring.peers import View
 from server.play.close_codes import CloseCode
 from server.store import overview
@@ -83,7 +83,7 @@ class Watching:
     def _board(self, one: Card | View) -> msgspec.Raw | dict[str, Any]:
         if isinstance(one, Card):
             return self.live.encoded_board(one.game, self.admin.blind)
-        return one.board | ({"prediction": []} if self.admin.blind else {})
+        return blinded(one.board) if self.admin.blind else one.board
 
 
 async def let_in(socket: WebSocket) -> AdminSession | None:

@@ -209,7 +209,7 @@ async def check_connection(socket: WebSocket, name: str, web: WebDep) -> None:
         code = CloseCode.NOT_TEXT  # a binary frame
     except (TimeoutError, WebSocketDisconnect, RuntimeError):
         pass
-    with contextlib.suppress(RuntimeError):
+    with contextlib.suppress(RuntimeError, WebSocketDisconnect):
         await socket.close(code)
 
 

@@ -163,6 +163,8 @@ async def test_a_too_long_absence_forfeits_the_episode(running: RunningGames) ->
     await until(lambda: connection.closed)
     result = running.recorder.results["e1"]
     assert (result.status, result.reason, result.passed) == ("aborted", "away", False)
+    (pause,) = running.recorder.pauses.values()
+    assert pause.duration_ms is not None, "it is over with the episode"
     assert connection.of(m.Ended)
 
 

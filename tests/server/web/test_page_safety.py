@@ -1,10 +1,13 @@
 """Requests of unknown people, of other sites and broken ones are refused with a page, and change nothing."""
 
+import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from socket import SHUT_RDWR
 
 import pytest
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -201,6 +204,27 @@ def test_entry_check_echoes_over_a_websocket_a_few_times(site: Site) -> None:
         with pytest.raises(ConnectionClosed):
             socket.recv(timeout=5)
         assert socket.protocol.close_code == 1003
+
+
+def test_a_page_that_is_closed_during_the_entry_check_is_no_error_of_the_server(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    errors: list[object] = []
+    over = threading.Event()
+    check = WebSocketsSansIOProtocol.run_asgi
+
+    async def watched(protocol: WebSocketsSansIOProtocol) -> None:
+        monkeypatch.setattr(protocol.logger, "exception", lambda *words: errors.append(words))
+        await check(protocol)
+        over.set()
+
+    monkeypatch.setattr(WebSocketsSansIOProtocol, "run_asgi", watched)
+    with connect(site.url.replace("http", "ws") + "/s/small/check") as socket:
+        socket.send("0")
+        assert socket.recv(timeout=5) == "0"
+        socket.socket.shutdown(SHUT_RDWR)
+    assert over.wait(10)
+    assert errors == []
 
 
 def test_entry_check_refuses_other_sites_and_other_studies(site: Site) -> None:
