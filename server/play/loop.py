@@ -235,7 +235,7 @@ class Loop:
         return ()
 
     def _settle(self, game: Game, lost: Collection[str]) -> None:
-        if game.episode in lost:
+        if lost and game.episode in lost:
             game.busy = False
             self._lost(game)
         else:
