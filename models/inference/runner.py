@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from models.agents.blackbox import is_foreign
 from models.agents.model_paths import ModelPaths
@@ -169,10 +170,15 @@ class ModelServer:
         self, questions: Sequence[Question], patience_s: float
     ) -> "list[tuple[list[int], asyncio.Future[Answer]]]":
         """Ask each worker about each layout once; return what was asked: indices of questions, answer to come."""
-        groups: dict[tuple[SupervisedWorker, str], list[tuple[int, str | None, str | None]]] = {}
+        alike: dict[tuple[str, str | None, str | None], list[int]] = {}  # of one layout, agent and predictor
         for k, question in enumerate(questions):
-            for worker, agent, predictor in self._parts(question):
-                groups.setdefault((worker, question.layout), []).append((k, agent, predictor))
+            alike.setdefault((question.layout, question.agent, question.predictor), []).append(k)
+        groups: dict[tuple[SupervisedWorker, str], list[tuple[int, str | None, str | None]]] = {}
+        for asked, places in alike.items():
+            for pool, agent, predictor in self._parts(*asked):
+                for k in places:
+                    worker = self._one_of(pool, questions[k].game)
+                    groups.setdefault((worker, asked[0]), []).append((k, agent, predictor))
         sent = []
         for (worker, layout), parts in groups.items():
             chosen = [k for k, _, _ in parts]
@@ -182,13 +188,12 @@ class ModelServer:
                 self._late += len(chosen)
         return sent
 
-    def _parts(self, question: Question) -> list[tuple[SupervisedWorker, str | None, str | None]]:
-        """Who answers: one worker for agent and predictor together, or two."""
-        asked = (question.layout, question.agent, question.predictor)
-        route = self._routes.get(asked)
-        if route is None:
-            route = self._routes[asked] = self._route(*asked)
-        return [(self._one_of(pool, question.game), agent, predictor) for pool, agent, predictor in route]
+    def _parts(self, layout: str, agent: str | None, predictor: str | None) -> "list[_Part]":
+        """Who answers: one pool for agent and predictor together, or two."""
+        asked = (layout, agent, predictor)
+        if asked not in self._routes:
+            self._routes[asked] = self._route(*asked)
+        return self._routes[asked]
 
     def _route(self, layout: str, agent: str | None, predictor: str | None) -> "list[_Part]":
         """The pool of each model that is asked; one part for both where they share a pool."""
@@ -250,8 +255,7 @@ class ModelServer:
                 part.intentions = tuple([Intention(*said) for said in intentions[k] if said[-1]])
 
 
-@dataclass
-class _Found:
+class _Found(Struct, gc=False):
     """What has been answered about one question so far."""
 
     action: int | None = None

@@ -103,10 +103,11 @@ class Keys:
 
     def take(self, timestep: int = 0) -> tuple[int, Press | None]:
         """The action of this timestep and what decided it; None where no key did (the person waits)."""
-        marks, self._marks = self._marks, []
-        for press in marks:
-            if press is not self._held_by and not self._waits(press):
-                self._settle(press, MARKS, timestep)
+        if self._marks:
+            marks, self._marks = self._marks, []
+            for press in marks:
+                if press is not self._held_by and not self._waits(press):
+                    self._settle(press, MARKS, timestep)
         if self._held is None and self._held_by is not None and not self._waits(self._held_by):
             self._settle(self._held_by, RELEASED, timestep)
         if self._taps:

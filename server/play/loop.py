@@ -5,8 +5,10 @@ A slot's batch costs one call to the models and one transaction. Errors of one g
 
 import asyncio
 import logging
+import math
 import time
 from collections.abc import Callable, Collection, Coroutine, Sequence
+from itertools import islice
 from typing import Any, Final
 
 from models.protocols import Decision, Models, Question
@@ -110,30 +112,32 @@ class Loop:
                 await self.clock.sleep_until(min(game.session.next_deadline for game in slot.games))
             slot.asleep = False
             now = self.clock.now()
-            due = [game for game in slot.games if not game.busy and self._is_due(game.session, now)]
-            if self.clock.speed == 1:
-                due = [game for game in due if not self._stalled(game, now)]
+            due = self._due(slot, now)
             if due:
                 await self._play(due, now)
             else:
                 await self.clock.sleep(0.001)
 
-    def _is_due(self, session: Session, now: float) -> bool:
-        """Return whether the next timestep is due; with a patient clock that is as soon as all players have acted."""
+    def _due(self, slot: Slot, now: float) -> list[Game]:
+        """Return the games whose next timestep is due."""
+        still = [game for game in slot.games if not game.busy]
+        if self.clock.patience_s:
+            return [game for game in still if self._have_acted(game.session, now)]
+        due = [game for game in still if game.session.next_deadline <= now]
+        stalled = now - STALLED_S if self.clock.speed == 1 else -math.inf
+        for game in [game for game in due if game.session.next_deadline <= stalled]:
+            due.remove(game)
+            game.pause(_SERVER, "server")
+            game.release(_SERVER)
+        return due
+
+    def _have_acted(self, session: Session, now: float) -> bool:
+        """Return whether the timestep of a patient clock is due: all players have acted, or waited long enough."""
         late_s = now - session.next_deadline
-        if not self.clock.patience_s:
-            return late_s >= 0
         given_up = late_s >= self.clock.patience_s * self.clock.speed
         if late_s < -session.tick_s or not (given_up or session.heard_from_all):
             return False
         session.start_at(now - session.tick_s)
-        return True
-
-    def _stalled(self, game: Game, now: float) -> bool:
-        if now - game.session.next_deadline < STALLED_S:
-            return False
-        game.pause(_SERVER, "server")
-        game.release(_SERVER)
         return True
 
     async def _make_start(self, game: Game) -> None:
@@ -171,8 +175,9 @@ class Loop:
         decisions, models_ms = await self._ask(begun)
         made: list[tuple[Game, TickRecord]] = []
         unix_ms = self.clock.unix_ms()
+        coming = iter(decisions)
         for game, questions in begun:
-            mine, decisions = decisions[: len(questions)], decisions[len(questions) :]
+            mine = list(islice(coming, len(questions)))
             try:
                 made.append((game, game.session.finish_tick(mine, models_ms, self.clock.patience_s * 1000, unix_ms)))
             except Exception as error:  # noqa: BLE001 - as above
@@ -231,7 +236,7 @@ class Loop:
 
     def _settle(self, game: Game, lost: Collection[str]) -> None:
         try:
-            if game.episode in lost:
+            if lost and game.episode in lost:
                 game.busy = False
                 self._lost(game)
             else:

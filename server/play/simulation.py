@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from msgspec import Struct
@@ -122,19 +123,18 @@ class Simulation:
 
     def history(self, seat: int) -> Callable[[int], History]:
         """Look back from the current state as the chef in `seat`; stays valid when the game continues."""
-        reached, chefs, cells, done = self.timestep + 1, self._chefs, self._cells, self._done
+        return partial(self._last, seat, self.timestep + 1, (self._chefs, self._cells, self._done))
 
-        def last(count: int) -> History:
-            if count == 1:
-                return History(chefs, cells, _own_first(done, seat))
-            size, to_cells, to_done = len(chefs + cells + done), len(chefs), len(chefs + cells)
+    def _last(self, seat: int, reached: int, newest: tuple[bytes, bytes, bytes], count: int) -> History:
+        """The last states of the first `reached` ones, of which `newest` is the last."""
+        chefs, cells, done = newest
+        if count > 1:
+            size, to_cells, to_done = len(b"".join(newest)), len(chefs), len(chefs + cells)
             some = bytes(self._past[size * max(0, reached - count) : size * reached])
             rows = np.frombuffer(some, np.int8).reshape(-1, size)
             parts = (rows[:, :to_cells], rows[:, to_cells:to_done], rows[:, to_done:])
-            all_chefs, all_cells, all_done = (part.tobytes() for part in parts)
-            return History(all_chefs, all_cells, _own_first(all_done, seat))
-
-        return last
+            chefs, cells, done = (part.tobytes() for part in parts)
+        return History(chefs, cells, _own_first(done, seat))
 
     def kitchen(self) -> KitchenState:
         """The current state as the browser draws it."""
@@ -186,6 +186,8 @@ def _own_first(done: bytes, seat: int) -> bytes:
     """Joint actions (states, 2) as the chef in `seat` sees them."""
     if seat == 0:
         return done
+    if len(done) == PLAYERS:
+        return done[::-1]
     swapped = bytearray(done)
     swapped[::PLAYERS], swapped[1::PLAYERS] = done[1::PLAYERS], done[::PLAYERS]
     return bytes(swapped)

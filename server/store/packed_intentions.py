@@ -4,6 +4,8 @@ import struct
 from collections.abc import Sequence
 from typing import Final
 
+from msgspec.structs import astuple
+
 from server.play.intentions import Intention, ShownIntention
 
 MOST: Final = 2  # the likeliest and the runner-up
@@ -13,8 +15,7 @@ _SHOWN: Final = struct.Struct("<BbbB")  # kind, x, y, opacity
 
 def pack(intentions: Sequence[Intention]) -> bytes | None:
     """Return what is stored of the likeliest intentions; None where there are none."""
-    values = ((one.kind, one.x, one.y, one.steps, one.probability) for one in intentions[:MOST])
-    return b"".join(_PREDICTED.pack(*each) for each in values) or None
+    return b"".join([_PREDICTED.pack(*astuple(one)) for one in intentions[:MOST]]) or None
 
 
 def unpack(blob: bytes | None) -> tuple[Intention, ...]:

@@ -76,7 +76,7 @@ def row_of(record: TickRecord) -> Values:
         *record.events,
         *record.next_actions,
         prediction,
-        bytes(value for step in record.displayed for value in step),
+        bytes(chain.from_iterable(record.displayed)),
         record.late,
         record.scheduled_ms,
         record.late_ms,
