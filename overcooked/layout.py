@@ -57,6 +57,11 @@ class Layout:
         static_planes(self.tiles, planes)
         return planes
 
+    @cached_property
+    def static_views(self) -> NDArray[np.int8]:
+        """The same for both chefs, whose views are encoded at once: (2, width, height, 26)."""
+        return np.stack([self.static_planes] * PLAYERS)
+
 
 def load_layout(name_or_path: str | Path) -> Layout:
     """Load a bundled layout by its name (or another name of it, see `other_names`), or a `.layout` file (a drawn grid,

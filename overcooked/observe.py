@@ -25,12 +25,32 @@ from overcooked.constants import (
 
 PLANES = 26
 URGENT_TIMESTEPS = 40
-_MY_FACING, _OTHER_FACING = 2, 6
 _POT, _COUNTER, _ONIONS, _DISHES, _EXIT = 10, 11, 12, 14, 15
-# Unsigned, as they are added to unsigned cells: numba makes a float of a sum of uint64 and int64.
+_ONIONS_IN_POT, _ONIONS_IN_SOUP, _COOKING_LEFT, _SOUP_READY, _DISH, _ONION = 16, 18, 20, 21, 22, 23
+_CONTENT, _CONTENT_PLANES = 16, 8  # what lies in a cell or is held there
+# Unsigned, as they are added to unsigned cells: numba makes a float of a sum of uint64 and int64. And an unsigned index
+# is not looked at for being negative.
 _ME, _OTHER, _URGENT = np.uint64(0), np.uint64(1), np.uint64(25)
-_ONIONS_IN_POT, _ONIONS_IN_SOUP, _COOKING_LEFT, _SOUP_READY = np.uint64(16), np.uint64(18), np.uint64(20), np.uint64(21)
-_DISH, _ONION = np.uint64(22), np.uint64(23)
+_MY_FACING, _OTHER_FACING = np.uint64(2), np.uint64(6)
+
+
+def _packed(planes: dict[int, int]) -> int:
+    """The planes 16 to 23 of one cell as one integer, the first in the lowest byte."""
+    return sum(value << 8 * (plane - _CONTENT) for plane, value in planes.items())
+
+
+def _pot(inside: int) -> int:
+    if inside < COOKING:
+        return _packed({_ONIONS_IN_POT: inside})
+    ready = int(inside == READY)
+    left = COOK_TIME - (inside - COOKING)
+    return _packed({_ONIONS_IN_SOUP: ONIONS_PER_SOUP, _COOKING_LEFT: left, _SOUP_READY: ready})
+
+
+_SOUP_PLANES = {_ONIONS_IN_SOUP: ONIONS_PER_SOUP, _SOUP_READY: 1}
+_ITEM_PLANES = {NOTHING: {}, ONION: {_ONION: 1}, DISH: {_DISH: 1}, SOUP: _SOUP_PLANES}
+_POTS = np.array([_pot(inside) for inside in range(READY + 1)], np.uint64)  # by what is in the pot
+_ITEMS = np.array([_packed(_ITEM_PLANES[item]) for item in range(len(_ITEM_PLANES))], np.uint64)
 
 
 @kernel
@@ -53,70 +73,58 @@ def static_planes(tiles, out):
 
 
 @inlined_kernel
-def _add_item(out, cell, item):
-    if item == ONION:
-        out[cell + _ONION] += 1
-    elif item == DISH:
-        out[cell + _DISH] += 1
-    elif item == SOUP:
-        out[cell + _ONIONS_IN_SOUP] += ONIONS_PER_SOUP
-        out[cell + _SOUP_READY] += 1
+def _cell(x, y, contents):
+    """Where the planes of a cell begin in the flat view of what one chef sees."""
+    return (x * np.uint64(contents.shape[2]) + y) * np.uint64(PLANES)
 
 
 @inlined_kernel
-def _set_pot(out, cell, inside):
-    if inside < COOKING:
-        out[cell + _ONIONS_IN_POT] = inside
-    else:
-        out[cell + _ONIONS_IN_SOUP] = ONIONS_PER_SOUP
-        out[cell + _COOKING_LEFT] = COOK_TIME - (inside - COOKING)
-        if inside == READY:
-            out[cell + _SOUP_READY] = 1
+def _draw(out, cell, planes):
+    """Write eight planes of a cell. The compiler makes one store of the eight."""
+    for k in range(_CONTENT_PLANES):
+        out[cell + np.uint64(_CONTENT + k)] = (planes >> np.uint64(8 * k)) & np.uint64(0xFF)
 
 
-@kernel
+@inlined_kernel
+def _draw_contents(cells, planes, contents, game, out, first, second):
+    """Write what lies in these cells, which is read once, into both views. An empty cell costs less than a branch."""
+    for k in range(cells.shape[0]):
+        x, y = np.uint64(cells[k, 0]), np.uint64(cells[k, 1])
+        cell = _cell(x, y, contents)
+        inside = planes[np.uint64(contents[game, x, y])]
+        _draw(out, first + cell, inside)
+        _draw(out, second + cell, inside)
+
+
+@inlined_kernel
 def encode_game(static, pots, counters, players, contents, timestep, horizon, out, game):
     """Write the planes of one of many games for both chefs. [lossless_state_encoding]
 
-    `static` is the flat view of (width, height, 26) from `static_planes`; `out` is the flat view of (games, 2, width,
-    height, 26), of which row `game` is written: [k] is what chef k sees, channels last. A horizon of 0 means an endless
-    game (the urgency plane stays empty). Flat and unsigned, as only then the copy of the static planes is compiled to
-    wide moves; all games' arrays and an index, as a view of one game costs a third of its encoding.
+    `static` is the flat view of `Layout.static_views` (2, width, height, 26); `out` is the flat view of (games, 2,
+    width, height, 26), of which row `game` is written: [k] is what chef k sees, channels last. A horizon of 0 means an
+    endless game (the urgency plane stays empty). Flat and unsigned, as only then the copy of the static planes is
+    compiled to wide moves; all games' arrays and an index, as a view of one game costs more than its encoding.
     """
-    height = contents.shape[2]
     size = np.uint64(static.size)
-    first = np.uint64(2 * game) * size
-    second = first + size
+    first = np.uint64(game) * size
+    second = first + size // np.uint64(2)
     for i in range(size):
         out[first + i] = static[i]
-    for i in range(size):
-        out[second + i] = static[i]
-    # Both views at once: a station's contents are read once and written twice.
-    for k in range(pots.shape[0]):
-        inside = contents[game, pots[k, 0], pots[k, 1]]
-        if inside != NOTHING:
-            cell = np.uint64((pots[k, 0] * height + pots[k, 1]) * PLANES)
-            _set_pot(out, first + cell, inside)
-            _set_pot(out, second + cell, inside)
-    for k in range(counters.shape[0]):
-        item = contents[game, counters[k, 0], counters[k, 1]]
-        if item != NOTHING:
-            cell = np.uint64((counters[k, 0] * height + counters[k, 1]) * PLANES)
-            _add_item(out, first + cell, item)
-            _add_item(out, second + cell, item)
+    _draw_contents(pots, _POTS, contents, game, out, first, second)
+    _draw_contents(counters, _ITEMS, contents, game, out, first, second)
     for chef in range(2):
-        cell = np.uint64((players[game, chef, X] * height + players[game, chef, Y]) * PLANES)
+        cell = _cell(np.uint64(players[game, chef, X]), np.uint64(players[game, chef, Y]), contents)
         mine = first + cell if chef == 0 else second + cell
         others = second + cell if chef == 0 else first + cell
-        facing = players[game, chef, FACING]
+        facing, held = np.uint64(players[game, chef, FACING]), _ITEMS[np.uint64(players[game, chef, HELD])]
         out[mine + _ME] = 1
         out[others + _OTHER] = 1
-        out[mine + np.uint64(_MY_FACING + facing)] = 1
-        out[others + np.uint64(_OTHER_FACING + facing)] = 1
-        _add_item(out, mine, players[game, chef, HELD])
-        _add_item(out, others, players[game, chef, HELD])
+        out[mine + _MY_FACING + facing] = 1
+        out[others + _OTHER_FACING + facing] = 1
+        _draw(out, mine, held)
+        _draw(out, others, held)
     if horizon > 0 and horizon - timestep[game] < URGENT_TIMESTEPS:
-        for cell in range(first, second + size, np.uint64(PLANES)):
+        for cell in range(first, first + size, np.uint64(PLANES)):
             out[cell + _URGENT] = 1
 
 

@@ -14,11 +14,13 @@ from overcooked.constants import (
     DISH_DISPENSER,
     DISH_DROP,
     DISH_PICKUP,
+    EAST,
     EXIT,
     FACING,
     FLOOR,
     HELD,
     INTERACT,
+    NORTH,
     NOTHING,
     ONION,
     ONION_DISPENSER,
@@ -34,6 +36,7 @@ from overcooked.constants import (
     SOUP_DROP,
     SOUP_FROM_POT,
     SOUP_PICKUP,
+    SOUTH,
     STAY,
     STEP_X,
     STEP_Y,
@@ -42,6 +45,7 @@ from overcooked.constants import (
     USEFUL_ONION_DROP,
     USEFUL_ONION_PICKUP,
     VIABLE_ONION_POTTING,
+    WEST,
     X,
     Y,
 )
@@ -143,21 +147,23 @@ def _interact(tiles, pots, counters, players, contents, me, wanting_dish, full):
 
 
 @inlined_kernel
+def _target(tiles, x, y, action):
+    """Where the action leads. Without branches: the processor cannot guess which way somebody walks."""
+    to_x = x + (action == EAST) - (action == WEST)
+    to_y = y + (action == SOUTH) - (action == NORTH)
+    is_free = tiles[to_x, to_y] == FLOOR
+    return (to_x if is_free else x), (to_y if is_free else y)
+
+
+@inlined_kernel
 def _move(tiles, players, first_action, second_action):
     """Turn both chefs and move them if their cells are free. [resolve_movement, _handle_collisions]"""
     x0, y0 = players[0, X], players[0, Y]
     x1, y1 = players[1, X], players[1, Y]
-    to_x0, to_y0, to_x1, to_y1 = x0, y0, x1, y1
-    if first_action < STAY:
-        players[0, FACING] = first_action
-        if tiles[x0 + STEP_X[first_action], y0 + STEP_Y[first_action]] == FLOOR:
-            to_x0 = x0 + STEP_X[first_action]
-            to_y0 = y0 + STEP_Y[first_action]
-    if second_action < STAY:
-        players[1, FACING] = second_action
-        if tiles[x1 + STEP_X[second_action], y1 + STEP_Y[second_action]] == FLOOR:
-            to_x1 = x1 + STEP_X[second_action]
-            to_y1 = y1 + STEP_Y[second_action]
+    players[0, FACING] = first_action if first_action < STAY else players[0, FACING]
+    players[1, FACING] = second_action if second_action < STAY else players[1, FACING]
+    to_x0, to_y0 = _target(tiles, x0, y0, first_action)
+    to_x1, to_y1 = _target(tiles, x1, y1, second_action)
     same_cell = to_x0 == to_x1 and to_y0 == to_y1
     swapped = to_x0 == x1 and to_y0 == y1 and to_x1 == x0 and to_y1 == y0
     if not same_cell and not swapped:
@@ -167,7 +173,7 @@ def _move(tiles, players, first_action, second_action):
         players[1, Y] = to_y1
 
 
-@kernel
+@inlined_kernel
 def step_game(tiles, pots, counters, players, contents, first_action, second_action, events):
     """Play one timestep of one game, in place. [get_state_transition]
 

@@ -64,7 +64,7 @@ class Kitchens:
         elif out.shape != shape or not out.flags.c_contiguous:
             raise ValueError(f"observations must be a contiguous array of shape {shape}, not {out.shape}")
         observe.encode(
-            layout.static_planes, layout.pots, layout.counters, self.players, self.contents, self.timestep, horizon, out
+            layout.static_views, layout.pots, layout.counters, self.players, self.contents, self.timestep, horizon, out
         )
         return out
 

@@ -99,7 +99,7 @@ class VectorEnv:
         if not len(actions) == len(sparse) == len(shaped) == len(dones) == self.games:
             raise ValueError(f"actions, rewards and dones must have {self.games} rows, one a game")
         _step(
-            layout.tiles, layout.pots, layout.counters, layout.starts, self._cells, layout.static_planes,
+            layout.tiles, layout.pots, layout.counters, layout.starts, self._cells, layout.static_views,
             kitchens.players, kitchens.contents, kitchens.timestep, self.horizon, self._random, self._random_chance,
             self._sums, self._finished, self._finished_count,
             actions, self.events, sparse, shaped, dones,

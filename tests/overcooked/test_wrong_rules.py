@@ -37,7 +37,8 @@ WRONG = {
     "a full hand takes an onion": ("rules", "if tile == ONION_DISPENSER:\n        if held == NOTHING:", "if tile == ONION_DISPENSER:\n        if True:"),
     "chefs swap cells": ("rules", "not same_cell and not swapped", "not same_cell"),
     "chefs share a cell": ("rules", "not same_cell and not swapped", "not swapped"),
-    "a blocked chef does not turn": ("rules", "        players[0, FACING] = first_action\n", ""),
+    "a wall is walked into": ("rules", "(to_x if is_free else x)", "to_x"),
+    "a blocked chef does not turn": ("rules", "    players[0, FACING] = first_action if first_action < STAY else players[0, FACING]\n", ""),
     "the pots wanting a dish are counted after the first chef": ("rules", "        if second_action == INTERACT:\n", "        wanting_dish, full = _pots_at_start(pots, contents)\n        if second_action == INTERACT:\n"),
     "a dish on a counter does not matter": ("rules", " and not _dish_lies_on_counter(counters, contents)", ""),
     "the other's dish does not matter": ("rules", "1 if other_held == DISH else 0", "0"),
@@ -49,9 +50,9 @@ WRONG = {
     "a placed onion is not shaped": ("score", "PLACEMENT_REWARD = 3", "PLACEMENT_REWARD = 0"),
     "the cooking plane counts up": ("observe", "COOK_TIME - (inside - COOKING)", "inside - COOKING"),
     "the urgent plane comes a timestep early": ("observe", "horizon - timestep[game] < URGENT", "horizon - timestep[game] <= URGENT"),
-    "the two chefs' facings are exchanged": ("observe", "_MY_FACING, _OTHER_FACING = 2, 6", "_MY_FACING, _OTHER_FACING = 6, 2"),
-    "a held object is drawn only for its holder": ("observe", "        _add_item(out, others, players[game, chef, HELD])\n", ""),
-    "a soup in hand is not drawn as ready": ("observe", "        out[cell + _SOUP_READY] += 1\n", ""),
+    "the two chefs' facings are exchanged": ("observe", "_MY_FACING, _OTHER_FACING = np.uint64(2), np.uint64(6)", "_MY_FACING, _OTHER_FACING = np.uint64(6), np.uint64(2)"),
+    "a held object is drawn only for its holder": ("observe", "        _draw(out, others, held)\n", ""),
+    "a soup in hand is not drawn as ready": ("observe", ", _SOUP_READY: 1}", "}"),
 }  # fmt: skip
 
 
@@ -107,7 +108,7 @@ def encoding_differences(observe: Any) -> int:
         cells, out = kitchen.layout, np.empty_like(kitchen.encode())
         # Wide integers: without compilation numpy would let the small ones overflow.
         state = (array.astype(np.int64) for array in (cells.pots, cells.counters, kitchen.players, kitchen.contents))
-        observe.encode(cells.static_planes, *state, kitchen.timestep, HORIZON, out)
+        observe.encode(cells.static_views, *state, kitchen.timestep, HORIZON, out)
         if [zlib.crc32(view.tobytes()) for view in out[0]] != line["crc"]:
             return 1
     return 0

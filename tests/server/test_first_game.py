@@ -72,7 +72,7 @@ async def test_the_first_game_with_an_empty_compiler_cache_compiles_nothing(
 def test_kernels_see_every_kitchen_as_the_same_types() -> None:
     layouts = [load_layout(name) for name in layout_names()] + [parse_layout(text) for text in (ONE_POT, THREE_POTS)]
     assert {len(layout.pots) for layout in layouts} == {1, 2, 3}
-    for name in ("tiles", "pots", "counters", "starts", "static_planes"):
+    for name in ("tiles", "pots", "counters", "starts", "static_planes", "static_views"):
         assert len({str(numba.typeof(getattr(layout, name))) for layout in layouts}) == 1, name
 
 
