@@ -188,9 +188,7 @@ def _cell_problems(
     if tile == "T":
         yield LayoutError(source, "tomatoes (T) are not served in this kitchen", "Use O (onions).", **place)
     elif tile not in TILE_CHARACTERS + "12":
-        remedy = (
-            "Use X counter, O onions, D dishes, P pot, S serving, a space for floor, 1 and 2 for the chefs."
-        )
+        remedy = "Use X counter, O onions, D dishes, P pot, S serving, a space for floor, 1 and 2 for the chefs."
         yield LayoutError(source, f"unknown tile {tile!r}", remedy, **place)
     if tile in " 12" and (x in (0, width - 1) or y in (0, height - 1)):
         yield LayoutError(source, "the border is open here", "Close it with X or a station.", **place)
