@@ -1,4 +1,4 @@
-"""Routes of a study's report: make it, see how that goes, open it, download it. For whoever may export the data."""
+"""Routes of a study's report: make it, see how that goes, open it, download it. The role is that of the export."""
 
 import asyncio
 import base64
