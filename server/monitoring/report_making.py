@@ -121,11 +121,12 @@ class StudyReports:
             now = time.monotonic()
             if now - began > WITHIN_S:
                 raise ReportFailed(f"The report took more than {WITHIN_S / 60:.0f} minutes and was stopped.")
-            with contextlib.suppress(FileNotFoundError):
-                newest = (folder / _STAGE_FILE).read_text(encoding="utf-8")
-                if newest != stage or now - seen > study_reports.SEEN_EVERY.total_seconds():
-                    stage, seen = newest, now
-                    await self._database.write(study_reports.progress, number, stage)
+            before = stage
+            with contextlib.suppress(FileNotFoundError):  # there is none in the first stage
+                stage = (folder / _STAGE_FILE).read_text(encoding="utf-8")
+            if stage != before or now - seen > study_reports.SEEN_EVERY.total_seconds():
+                seen = now
+                await self._database.write(study_reports.progress, number, stage)
 
 
 def _begin(connection: Connection, study: str, by: str) -> int | None:

@@ -75,11 +75,12 @@ async def logout(admin: WatchDep, web: WebDep, form: AdminFormDep) -> Response: 
 
 @router.get("")
 async def studies(request: Request, admin: WatchDep, web: WebDep) -> Response:
-    """All studies of this server."""
+    """All studies of this server, also those that a restart does not serve any more because they are closed."""
     paused = await web.database.read(decisions.paused_studies)
     closed = await web.database.read(study_openings.closed)
     rows = []
-    for name in web.studies.names():
+    kept = sorted(name for name in closed if web.studies.versions(name))
+    for name in dict.fromkeys((*web.studies.names(), *kept)):
         versions, study = study_at(web, name)
         held = await web.database.read(stock, overview.Group(versions))
         arms = arms_of(study, held, arm_names(study, blind=True), blind=True)

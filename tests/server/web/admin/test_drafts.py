@@ -276,8 +276,10 @@ def test_a_study_is_opened_taken_part_in_changed_and_closed(site: Site, file: Pa
     Visitor(site).consent("pilot")
     assert site.studies.of(site.everybody("pilot")[0]).seed == 12
     assert site.studies.of(first).seed == 11
-    researcher.get(f"/admin/drafts/{draft}")
-    assert "The study is closed" in researcher.post(f"/admin/drafts/{draft}/close", study="pilot").text
+    assert f"{site.url}/s/pilot" in researcher.get(f"/admin/drafts/{draft}").text
+    closed = researcher.post(f"/admin/drafts/{draft}/close", study="pilot").text
+    assert "The study is closed" in closed
+    assert 'href="/admin/s/pilot"' in closed
     assert Visitor(site).get("/s/pilot").status_code == 409
     assert "/s/pilot" not in Visitor(site).get("/").text
     assert early.get("/s/pilot/now").status_code == 200, "participants who have begun continue"
@@ -288,6 +290,9 @@ def test_a_study_is_opened_taken_part_in_changed_and_closed(site: Site, file: Pa
         "open study",
         "close study",
     ]
+    site.studies._open.pop("pilot")  # as after a restart: nobody new is let in
+    assert 'href="/admin/s/pilot"' in researcher.get("/admin").text
+    assert ">Closed</span>" in researcher.get("/admin/s/pilot").text
 
 
 def test_a_draft_may_name_a_kitchen_of_the_dashboard_and_is_opened_with_its_grid(site: Site) -> None:

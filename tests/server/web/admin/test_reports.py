@@ -12,6 +12,7 @@ import time
 import zipfile
 from contextlib import AsyncExitStack
 from dataclasses import replace
+from datetime import timedelta
 from typing import Any
 
 import pytest
@@ -19,7 +20,7 @@ from sqlalchemy import Connection
 
 from server.monitoring import report_making
 from server.monitoring.report_making import StudyReports
-from server.store import audit, participants
+from server.store import audit, participants, study_reports
 from server.store.withdrawal import withdraw
 from server.web.admin import report_pages
 from tests.support.page_site import Site
@@ -151,7 +152,9 @@ def test_where_packages_are_missing_the_command_that_installs_them_is_shown(
     assert "make setup" in answer.text
 
 
-def test_the_process_ends_with_the_server(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_that_says_nothing_is_known_to_run_and_ends_with_the_server(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
     started: list[subprocess.Popen[bytes]] = []
 
     def sleeping(*_: str, **__: Any) -> subprocess.Popen[bytes]:
@@ -159,14 +162,18 @@ def test_the_process_ends_with_the_server(site: Site, monkeypatch: pytest.Monkey
         return started[0]
 
     monkeypatch.setattr(report_making, "start_module", sleeping)
+    monkeypatch.setattr(study_reports, "SEEN_EVERY", timedelta())
 
     async def run() -> None:
         async with AsyncExitStack() as stack:
             reports = StudyReports(site.database, "", stack)
             assert await reports.start("small", "mara")
             assert not await reports.start("other", "ben")
-            while not started:
-                await asyncio.sleep(0.01)
+            begun, _ = await site.database.read(study_reports.newest, "small")
+            seen = begun
+            while begun is not None and seen is not None and seen.seen_at == begun.seen_at:
+                await asyncio.sleep(0.05)
+                seen, _ = await site.database.read(study_reports.newest, "small")
 
     asyncio.run(run())
     assert started[0].returncode is not None
