@@ -35,6 +35,7 @@ def without_pooling(raw: Mapping[str, pl.DataFrame]) -> tuple[dict[str, pl.DataF
     """Return the tables with people only, or, where there are none, with simulated participants only; and the number
     of simulated participants left out."""
     simulated = is_simulated(raw["participants"])
-    rehearsal = bool(simulated.all())
+    all_who_came = simulated if len(simulated) else is_simulated(raw["withdrawals"])
+    rehearsal = len(all_who_came) > 0 and bool(all_who_came.all())
     chosen = {name: raw[name].filter(is_simulated(raw[name]) == rehearsal) for name in ("participants", "withdrawals")}
     return {**raw, **chosen}, 0 if rehearsal else int(simulated.sum())

@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 
 from analysis.report import write_report
-from analysis.simulated import LABEL
+from analysis.simulated import LABEL, without_pooling
 from analysis.study import Options
 from analysis.synthetic import Truth, write_export
 from analysis.tables import read_export
@@ -91,3 +91,11 @@ def test_csv_says_it_in_words(mixed: tuple[Path, list[str]], tmp_path: Path) -> 
     for path in folder.glob("*.parquet"):
         pl.read_parquet(path).write_csv(tmp_path / f"{path.stem}.csv")
     assert sorted(read_export(tmp_path).participants["participant"]) == sorted(people)
+
+
+def test_where_everybody_withdrew_people_are_still_people() -> None:
+    nobody = pl.DataFrame(schema={"participant": pl.String, "simulated": pl.Boolean})
+    gone = pl.DataFrame({"condition": ["tom", "none"], "simulated": [False, True]})
+    tables, left_out = without_pooling({"participants": nobody, "withdrawals": gone})
+    assert tables["withdrawals"]["simulated"].to_list() == [False]
+    assert left_out == 0
