@@ -34,8 +34,8 @@ _CONNECTING: Final = {
     "keepalives_count": 3,
     "tcp_user_timeout": 10_000,
 }
-# 256 MB. A checkpoint holds up commits and takes 30 ms of a core, so it should come seldom: with a thousand games every
-# ten seconds. With 64 MB it came in every fortieth batch, and cost twice as much in all.
+# 256 MB. A checkpoint takes 20 to 40 ms of a core, so it should come seldom: with a thousand games every nine seconds.
+# With 64 MB, one batch in forty had to wait for it.
 CHECKPOINT_PAGES = 64_000
 CACHE_KIB = 64 * 1024
 _ADVISORY_LOCK = 0x6B69_7463_6865_6E01  # any constant will do, as long as it never changes

@@ -27,7 +27,7 @@ from server.web.services import ServicesDep
 
 log = logging.getLogger(__name__)
 BEAT_EVERY_S: Final = 0.25
-_BEAT_PARTS: Final = 25  # of all sockets, one after the other: a thousand pings at once, and their answers, take 20 ms
+_BEAT_PARTS: Final = 10  # of all sockets, one after the other: many pings at once are many answers at once
 MOST_OF_ONE: Final = 8  # sockets of one participant
 CLIENT_ERRORS_PER_S: Final = 1 / 60  # of one participant that are passed on
 CLIENT_ERRORS_BURST: Final = 10.0
