@@ -180,13 +180,19 @@ def _interval(found: Mapping[str, float] | None) -> str:
 
 def rendered(figures: Mapping[str, Any], fit: Mapping[str, Any]) -> str:
     """Return the tables of the document, markers included."""
-    title = {name: name.replace("_", " ").title() for name in LAYOUTS}
-    main, pooled, kinds = figures["main"], figures["pooled"], (RANDOM, TOM, TRUE)
     version = figures["version"]
     lines = [BEGIN, f"Simulated participants of version {version}; {figures['processor']}; seed {figures['seed']}.", ""]
     if figures["missing"]:
         lines += [f"{figures['missing']} of {len(list(cells()))} cells are not yet played.", ""]
-    lines += ["Points of 400 timesteps, and paired differences from no predictions with 95 % intervals:", ""]
+    lines += [*_main_tables(figures), *_sensitivity_tables(figures), *_fit_tables(fit), END]
+    return "\n".join(lines)
+
+
+def _main_tables(figures: Mapping[str, Any]) -> list[str]:
+    """Return points and collisions by kitchen, agent and predictions."""
+    title = {name: name.replace("_", " ").title() for name in LAYOUTS}
+    main, pooled, kinds = figures["main"], figures["pooled"], (RANDOM, TOM, TRUE)
+    lines = ["Points of 400 timesteps, and paired differences from no predictions with 95 % intervals:", ""]
     head = ["kitchen", "agent", "none", "random - none", "ToM - none", "true - none", "ToM accuracy"]
     rows = [
         [
@@ -206,9 +212,12 @@ def rendered(figures: Mapping[str, Any], fit: Mapping[str, Any]) -> str:
         ]
         for row in main
     ]
-    lines += _table(["kitchen", "agent", NONE, RANDOM, "ToM", TRUE], rows)
-    lines += [
-        "",
+    return [*lines, *_table(["kitchen", "agent", NONE, RANDOM, "ToM", TRUE], rows), ""]
+
+
+def _sensitivity_tables(figures: Mapping[str, Any]) -> list[str]:
+    """Return the gain by accuracy, for other parameters, and of participants who believe every arrow."""
+    lines = [
         f"Gain by accuracy: the true actions, mixed with wrong ones (first four kitchens, both agents). {FEWER}",
         "",
     ]
@@ -222,8 +231,7 @@ def rendered(figures: Mapping[str, Any], fit: Mapping[str, Any]) -> str:
     lines += ["", "Sensitivity of ToM - none, and participants who believe every arrow (first four kitchens):", ""]
     rows = [[f"{variant}: ToM - none", _interval(found)] for variant, found in figures["sensitivity"].items()]
     rows += [[f"credulous: {shown} - none", _interval(found)] for shown, found in figures["credulous"].items()]
-    lines += [*_table(["", "points"], rows), "", *_fit_tables(fit), END]
-    return "\n".join(lines)
+    return [*lines, *_table(["", "points"], rows), ""]
 
 
 def _number(row: Mapping[str, Any], shown: str, figure: str, how: str) -> str:

@@ -217,8 +217,8 @@ def _with_human(
 def _next_interactions(by_cell: Mapping[tuple[str, str, str], Mapping[str, Any]]) -> list[str]:
     """Return the table of how often the agent's next interaction is predicted, by time before it is done."""
     lines = [
-        "The agent's next interaction ([intentions](intentions.md)): how often its kind and station are said rightly,",
-        "1, 2 and 4 s before it is done, and in parentheses the kind alone (%). Test partners as above.",
+        "The agent's next interaction ([intentions](intentions.md)): how often its kind and station are predicted",
+        "correctly 1, 2 and 4 s before it is done, and in parentheses the kind alone (%). Test partners as above.",
         "",
     ]
     rows = []

@@ -78,6 +78,46 @@ def _dish_lies_on_counter(counters, contents):
     return False
 
 
+@inlined_kernel
+def _use_counter(players, contents, me, x, y, wants_onions, full):
+    """Put down what chef `me` holds, or pick up what lies on the counter; return the events."""
+    held = players[me, HELD]
+    inside = contents[x, y]
+    if held != NOTHING and inside == NOTHING:
+        contents[x, y] = held
+        players[me, HELD] = NOTHING
+        if held == ONION:
+            return ONION_DROP if wants_onions else ONION_DROP | USEFUL_ONION_DROP
+        if held == DISH:
+            if full == 0 and players[1 - me, HELD] != ONION:
+                return DISH_DROP | USEFUL_DISH_DROP
+            return DISH_DROP
+        return SOUP_DROP
+    if held == NOTHING and inside != NOTHING:
+        contents[x, y] = NOTHING
+        players[me, HELD] = inside
+        if inside == ONION:
+            return ONION_PICKUP | USEFUL_ONION_PICKUP if wants_onions else ONION_PICKUP
+        return DISH_PICKUP if inside == DISH else SOUP_PICKUP
+    return 0
+
+
+@inlined_kernel
+def _use_pot(players, contents, me, x, y):
+    """Put an onion into the pot, or take the soup out; return the events."""
+    held = players[me, HELD]
+    inside = contents[x, y]
+    if held == ONION and inside < ONIONS_PER_SOUP:
+        contents[x, y] = inside + 1
+        players[me, HELD] = NOTHING
+        return POTTING_ONION | OPTIMAL_ONION_POTTING | VIABLE_ONION_POTTING
+    if held == DISH and inside == READY:
+        contents[x, y] = 0
+        players[me, HELD] = SOUP
+        return SOUP_PICKUP | SOUP_FROM_POT
+    return 0
+
+
 @kernel
 def _interact(tiles, pots, counters, players, contents, me, wanting_dish, full):
     """Apply the interaction of chef `me` with the cell it faces; return its events. [resolve_interacts, one player]"""
@@ -87,39 +127,14 @@ def _interact(tiles, pots, counters, players, contents, me, wanting_dish, full):
     tile = tiles[x, y]
     held = players[me, HELD]
     other_held = players[1 - me, HELD]
-    inside = contents[x, y]
-    pot_count = pots.shape[0]
+    wants_onions = full != pots.shape[0] or other_held == DISH
 
     if tile == COUNTER:
-        if held != NOTHING and inside == NOTHING:
-            contents[x, y] = held
-            players[me, HELD] = NOTHING
-            if held == ONION:
-                if full == pot_count and other_held != DISH:
-                    return ONION_DROP | USEFUL_ONION_DROP
-                return ONION_DROP
-            if held == DISH:
-                if full == 0 and other_held != ONION:
-                    return DISH_DROP | USEFUL_DISH_DROP
-                return DISH_DROP
-            return SOUP_DROP
-        if held == NOTHING and inside != NOTHING:
-            contents[x, y] = NOTHING
-            players[me, HELD] = inside
-            if inside == ONION:
-                if full == pot_count and other_held != DISH:
-                    return ONION_PICKUP
-                return ONION_PICKUP | USEFUL_ONION_PICKUP
-            if inside == DISH:
-                return DISH_PICKUP
-            return SOUP_PICKUP
-        return 0
+        return _use_counter(players, contents, me, x, y, wants_onions, full)
     if tile == ONION_DISPENSER:
         if held == NOTHING:
             players[me, HELD] = ONION
-            if full == pot_count and other_held != DISH:
-                return ONION_PICKUP
-            return ONION_PICKUP | USEFUL_ONION_PICKUP
+            return ONION_PICKUP | USEFUL_ONION_PICKUP if wants_onions else ONION_PICKUP
         return 0
     if tile == DISH_DISPENSER:
         if held == NOTHING:
@@ -131,15 +146,7 @@ def _interact(tiles, pots, counters, players, contents, me, wanting_dish, full):
             return DISH_PICKUP
         return 0
     if tile == POT:
-        if held == ONION and inside < ONIONS_PER_SOUP:
-            contents[x, y] = inside + 1
-            players[me, HELD] = NOTHING
-            return POTTING_ONION | OPTIMAL_ONION_POTTING | VIABLE_ONION_POTTING
-        if held == DISH and inside == READY:
-            contents[x, y] = 0
-            players[me, HELD] = SOUP
-            return SOUP_PICKUP | SOUP_FROM_POT
-        return 0
+        return _use_pot(players, contents, me, x, y)
     if tile == EXIT and held == SOUP:
         players[me, HELD] = NOTHING
         return SOUP_DELIVERY

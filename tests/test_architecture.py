@@ -16,11 +16,7 @@ LONGEST_FILE, LONGEST_FUNCTION, MOST_ARGUMENTS = 300, 40, 6
 
 # Functions above the limits, and why.
 LONG_FILES: dict[str, str] = {}
-LONG_FUNCTIONS = {
-    "overcooked.rules._interact": "one branch a tile, in the order of the rules",
-    "training.collect.games_with": "one loop over timesteps, in the order in which things happen",
-    "training.commands.predictor.run": "one command from top to bottom: what it reads, trains and writes",
-}
+LONG_FUNCTIONS: dict[str, str] = {}
 MANY_ARGUMENTS = {
     "training.fused_ppo_loss.forward": "the arguments of ppo_loss",
     "training.ppo.ppo_loss": "the terms of the formula, by name",

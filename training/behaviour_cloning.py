@@ -190,10 +190,26 @@ def save_clone(
     mode: Mode = LIKE_PEOPLE,
 ) -> str:
     """Write the agent's checkpoint folder, whose name is the agent's, with its card; return its sha256."""
+    return save_agent(
+        folder,
+        network,
+        NetworkConfig(hidden=config.hidden),
+        layout,
+        mode,
+        _card(folder.name, layout, config, figures, mode),
+        agent=folder.name,
+        seed=config.seed,
+        measured=figures,
+        revision=revision(),
+    )
+
+
+def _card(name: str, layout: Layout, config: CloningConfig, figures: dict[str, float], mode: Mode) -> str:
+    """Return the model card: whom the agent imitates, how it acts, and how well it predicts unseen people."""
     numbers = ", ".join(str(game + 1) for game in config.games)
-    card = "\n".join(
+    return "\n".join(
         [
-            f"# {folder.name}: a behaviour-cloned human for {layout.name}",
+            f"# {name}: a behaviour-cloned human for {layout.name}",
             "",
             f"A small network that imitates the people of games {numbers} of the human-human games recorded on this",
             "layout (150 ms a step): Carroll et al. 2019, collected by CHAI, UC Berkeley, anonymised by them, MIT.",
@@ -211,19 +227,6 @@ def save_clone(
             f"| code revision | {revision()} |",
         ]
     )  # fmt: skip
-    settings = NetworkConfig(hidden=config.hidden)
-    return save_agent(
-        folder,
-        network,
-        settings,
-        layout,
-        mode,
-        card,
-        agent=folder.name,
-        seed=config.seed,
-        measured=figures,
-        revision=revision(),
-    )
 
 
 def main() -> None:

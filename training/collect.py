@@ -147,16 +147,7 @@ def games_with(layout: Layout, target: Target, partner: Partner, plan: Collectio
     decided = number // plan.trajectories % 2 == 0
     seats = np.stack([seat, 1 - seat], 1)  # (G, 2): of the target, of the partner
     random = np.random.default_rng([plan.seed, *partner.name.encode()])
-    shape = (games, timesteps)
-    shard: Shard = {
-        "players": np.zeros((*shape, PLAYERS, 4), np.int8),
-        "contents": np.zeros((*shape, layout.width, layout.height), np.int8),
-        "timestep": np.zeros(shape, np.int16),
-        "actions": np.zeros((*shape, PLAYERS), np.int8),
-        "law": np.zeros((*shape, ACTIONS), np.float16),
-        "stuck": np.zeros((*shape, PLAYERS), np.int16),
-        "seat": seat,
-    }
+    shard = {**_empty_shard(layout, games, timesteps), "seat": seat}
     kitchens = Kitchens.start(layout, games)
     stuck = [Stuck(kitchens.players[number, seats[:, k]]) for k in range(PLAYERS)]
     events = np.zeros((games, PLAYERS), np.int32)
@@ -178,18 +169,27 @@ def games_with(layout: Layout, target: Target, partner: Partner, plan: Collectio
             1,
         )
         state = {"players": kitchens.players, "contents": kitchens.contents, "timestep": kitchens.timestep}
-        now = {
-            **state,
-            "actions": actions,
-            "law": action_distribution,
-            "stuck": np.stack([counter.counts for counter in stuck], 1),
-        }
+        stuck_counts = np.stack([counter.counts for counter in stuck], 1)
+        now = {**state, "actions": actions, "law": action_distribution, "stuck": stuck_counts}
         for name, values in now.items():
             shard[name][:, t] = values
         kitchens.step(np.take_along_axis(actions, seats.astype(np.intp), 1), events)  # back into the order of the seats
         for k in range(PLAYERS):
             stuck[k].update(kitchens.players[number, seats[:, k]])
     return shard
+
+
+def _empty_shard(layout: Layout, games: int, timesteps: int) -> Shard:
+    """Return the arrays that are filled timestep by timestep."""
+    shape = (games, timesteps)
+    return {
+        "players": np.zeros((*shape, PLAYERS, 4), np.int8),
+        "contents": np.zeros((*shape, layout.width, layout.height), np.int8),
+        "timestep": np.zeros(shape, np.int16),
+        "actions": np.zeros((*shape, PLAYERS), np.int8),
+        "law": np.zeros((*shape, ACTIONS), np.float16),
+        "stuck": np.zeros((*shape, PLAYERS), np.int16),
+    }
 
 
 def _partner_distribution(

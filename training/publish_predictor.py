@@ -108,11 +108,6 @@ def card(network: PredictorNetwork, layout: Layout, target: Target, result: Eval
         else f"causal, one token a timestep, each of {config.layers} layers looks back {config.look_back} timesteps"
     )
     encoder = "pretrained convolutions, frozen" if config.eyes == "cnn" else "the entries that can change"
-    rows = [
-        ("accuracy", result.accuracy), ("repeat the last action", result.repeat),
-        ("most frequent action", result.frequent), ("accuracy, nobody stuck", result.free),
-        ("repeat, nobody stuck", result.free_repeat), ("most frequent, nobody stuck", result.free_frequent),
-    ]  # fmt: skip
     lines = [
         f"# Predictor of {target.name} on {layout.name} ({config.form})",
         "",
@@ -123,12 +118,7 @@ def card(network: PredictorNetwork, layout: Layout, target: Target, result: Eval
         "",
         "On partner agents that it never saw, in both seats, deciding and sampling (%):",
         "",
-        "| | step 1 | step 2 | step 3 | mean |",
-        "|---|---|---|---|---|",
-        *(
-            f"| {name} | " + " | ".join(f"{100 * share:.1f}" for share in (*accuracy.steps, accuracy.mean)) + " |"
-            for name, accuracy in rows
-        ),
+        *_accuracy_table(result),
         "",
         f"Ceiling of step 1, mean of the largest probability of the agent's action: {100 * result.ceiling:.1f} %.",
         f"Expected calibration error: {result.error:.3f}. Windows: {result.windows:,}; nobody stuck (neither chef",
@@ -140,3 +130,20 @@ def card(network: PredictorNetwork, layout: Layout, target: Target, result: Eval
         f"| code revision | {revision()} |",
     ]
     return "\n".join(lines)
+
+
+def _accuracy_table(result: Evaluation) -> list[str]:
+    """Return the lines of the card's table: accuracy of each step, next to the baselines."""
+    rows = [
+        ("accuracy", result.accuracy), ("repeat the last action", result.repeat),
+        ("most frequent action", result.frequent), ("accuracy, nobody stuck", result.free),
+        ("repeat, nobody stuck", result.free_repeat), ("most frequent, nobody stuck", result.free_frequent),
+    ]  # fmt: skip
+    return [
+        "| | step 1 | step 2 | step 3 | mean |",
+        "|---|---|---|---|---|",
+        *(
+            f"| {name} | " + " | ".join(f"{100 * share:.1f}" for share in (*accuracy.steps, accuracy.mean)) + " |"
+            for name, accuracy in rows
+        ),
+    ]

@@ -43,8 +43,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--simulated-effect",
         action="store_true",
-        help="also the difference that predictions made for simulated participants: no evidence about people",
+        help="also the difference that predictions made for simulated participants: not evidence about people",
     )
+    parser.add_argument(
+        "--answer-effect",
+        type=float,
+        nargs="+",
+        default=[],
+        metavar="POINTS",
+        help="true differences on the answer scale, if the primary test is about a question (needs a pilot)",
+    )
+    _add_data_arguments(parser)
+    parser.add_argument("--alpha", type=float, default=0.05, help="significance level (default: 0.05)")
+    parser.add_argument(
+        "--studies", type=int, default=2000, help="number of simulated studies for each point (default: 2000)"
+    )
+    parser.add_argument("--seed", type=int, default=1, help="random seed (default: 1)")
+    parser.add_argument("--out", type=Path, default=Path("power"), help="folder to write (default: power)")
+
+
+def _add_data_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options about the number of participants and the variance of their reward."""
     parser.add_argument(
         "--participants", type=int, help="participants in each condition (default: as in the export, else 29)"
     )
@@ -57,20 +76,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--residual-sd", type=float, help="standard deviation within people in points, instead of a pilot"
     )
-    parser.add_argument(
-        "--answer-effect",
-        type=float,
-        nargs="+",
-        default=[],
-        metavar="POINTS",
-        help="true differences on the answer scale, if the primary test is about a question (needs a pilot)",
-    )
-    parser.add_argument("--alpha", type=float, default=0.05, help="significance level (default: 0.05)")
-    parser.add_argument(
-        "--studies", type=int, default=2000, help="number of simulated studies for each point (default: 2000)"
-    )
-    parser.add_argument("--seed", type=int, default=1, help="random seed (default: 1)")
-    parser.add_argument("--out", type=Path, default=Path("power"), help="folder to write (default: power)")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -154,7 +159,7 @@ def _factor_lines(
 
 
 def _design(arguments: argparse.Namespace) -> "tuple[PowerDesign, StudyPlan, int]":
-    """The design to simulate, the plan and the participants to speak about. Raises ValueError with a remedy."""
+    """The design to simulate, the plan and the number of participants. Raises ValueError with a remedy."""
     from analysis.power import PowerDesign
 
     if arguments.source.is_dir():
@@ -177,7 +182,7 @@ def _design(arguments: argparse.Namespace) -> "tuple[PowerDesign, StudyPlan, int
 
 
 def _check(arguments: argparse.Namespace, person_sd: float, residual_sd: float, participants: int) -> None:
-    """Raise ValueError for a number that nothing can be simulated with."""
+    """Raise ValueError for an option that is out of range."""
     from analysis.power import MOST
 
     bounds = {
@@ -213,7 +218,7 @@ def _from_export(folder: Path, arguments: argparse.Namespace, declared: "Declare
     model = mixed_model.fit(episodes, MEASURE, export.conditions)
     variance = model.variance
     if variance is None:
-        raise ValueError(f"{folder} does not tell how reward varies: its mixed model {model.rows[0].note}.")
+        raise ValueError(f"{folder} does not show how reward varies: its mixed model {model.rows[0].note}.")
     within = within_of(export)
     factors = repeated_factors(export) if within else levels_in(export)
     plan = StudyPlan(

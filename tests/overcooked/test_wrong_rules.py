@@ -30,7 +30,7 @@ WRONG = {
     "cooking takes 19 timesteps": ("rules", "COOKING <= inside < READY:", "COOKING <= inside < READY - 1:"),
     "a soup burns": ("rules", "elif COOKING <= inside < READY:", "elif COOKING <= inside <= READY:"),
     "the second chef acts first": ("rules", "players, contents, 0, wanting_dish", "players, contents, 1, wanting_dish"),
-    "an early pick-up from a cooking pot works": ("rules", "inside == READY:\n            contents", "inside > COOKING:\n            contents"),
+    "an early pick-up from a cooking pot works": ("rules", "inside == READY:\n        contents", "inside > COOKING:\n        contents"),
     "an onion fits into a cooking pot": ("rules", "held == ONION and inside < ONIONS_PER_SOUP", "held == ONION and inside < READY"),
     "full hands swap with a counter": ("rules", "held != NOTHING and inside == NOTHING:", "held != NOTHING:"),
     "a dish can be delivered": ("rules", "tile == EXIT and held == SOUP", "tile == EXIT and held >= DISH"),

@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Any
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 if TYPE_CHECKING:
+    from models.networks.config import PredictorConfig
     from models.networks.predictor import PredictorNetwork
+    from training.predictor_config import TrainingConfig
     from training.runlog import RunFolder
     from training.train_predictor import PredictorTrainer
 
@@ -25,6 +27,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     parser.add_argument("--layout", required=True, help="a bundled layout or a .layout file")
     parser.add_argument("--agent", required=True, help="the agent to predict, as it was given to `kitchenmind collect`")
+    _add_network_arguments(parser)
+    parser.add_argument(
+        "--set", action="extend", nargs="+", default=[], metavar="KEY=VALUE", help="change one or more settings"
+    )
+    parser.add_argument("--no-intentions", action="store_true", help="do not train a decoder of intentions")
+    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder for runs (default: runs)")
+    parser.add_argument("--out", type=Path, help="write the predictor here (default: in the run's folder)")
+    parser.add_argument(
+        "--ship",  # the former name
+        "--publish",
+        action="store_true",
+        dest="publish",
+        help="write it to models/weights, where studies find it by name",
+    )
+
+
+def _add_network_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options that choose the network, its games and its first weights."""
     parser.add_argument(
         "--form", choices=("stream", "window"), default="stream", help="form of the predictor (default: stream)"
     )
@@ -48,40 +68,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="full",
         help="tiny: a small network, trained in minutes (default: full)",
     )
-    parser.add_argument(
-        "--set", action="extend", nargs="+", default=[], metavar="KEY=VALUE", help="change one or more settings"
-    )
-    parser.add_argument("--no-intentions", action="store_true", help="do not train a decoder of intentions")
-    parser.add_argument("--runs", type=Path, default=Path("runs"), help="folder for runs (default: runs)")
-    parser.add_argument("--out", type=Path, help="write the predictor here (default: in the run's folder)")
-    parser.add_argument(
-        "--ship",  # the former name
-        "--publish",
-        action="store_true",
-        dest="publish",
-        help="write it to models/weights, where studies find it by name",
-    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Return 0 if a predictor was written (also if its time was up first: the same command continues), 1 if it was
     interrupted. Raises ValueError or OSError for wrong input."""
     from models.networks.checkpoint import load_checkpoint
-    from models.networks.config import PredictorConfig
     from overcooked.layout import load_layout
     from training.collect import TEST, read_manifest
     from training.commands.intentions import add_with_progress
     from training.dataset import load_episodes
     from training.population import load_target
-    from training.predictor_config import PRESETS, TrainingConfig, changed, intention_settings
+    from training.predictor_config import intention_settings
     from training.publish_predictor import partners_met, predictor_folder, write_predictor
     from training.runlog import RunFolder
-    from training.settings import parsed_changes
     from training.train_predictor import prepared
 
-    defaults = (PredictorConfig(form=arguments.form), TrainingConfig())
-    preset = changed(defaults, PRESETS[arguments.preset], "--preset")
-    network, training = changed(preset, parsed_changes(arguments.set), "--set")
+    network, training = _chosen_settings(arguments)
     layout = load_layout(arguments.layout)
     target = load_target(arguments.agent, layout)
     games = arguments.games or arguments.runs / "games" / f"{layout.name}_{target.name}"
@@ -92,21 +95,15 @@ def run(arguments: argparse.Namespace) -> int:
     for name, value in settings.items():
         print(f"{name} = {value}")
     name = f"{target.name}_predictor_{arguments.form}"
-    # The time limit of a call is not part of the run's settings.
     begun = "" if arguments.begin_with is None else load_checkpoint(arguments.begin_with).sha256
-    known = {
-        "begun with": begun,
-        "games": collected["shards"],
-        "settings": {key: v for key, v in settings.items() if key != "minutes"},
-    }
+    without_limit = {key: value for key, value in settings.items() if key != "minutes"}
+    known = {"begun with": begun, "games": collected["shards"], "settings": without_limit}
     folder = RunFolder(arguments.runs / layout.name / name, known)
     trainer = prepared(layout, network, training, games, arguments.encoder_from, arguments.begin_with)
     trained, stopped = _trained(name, trainer, folder)
-    out = (
-        predictor_folder(layout, target.name, arguments.form)
-        if arguments.publish
-        else arguments.out or folder.path / "predictor"
-    )
+    out = arguments.out or folder.path / "predictor"
+    if arguments.publish:
+        out = predictor_folder(layout, target.name, arguments.form)
     how = {**_how(trainer, stopped), "begun with": begun or "nothing", **partners_met(collected), "settings": settings}
     result = write_predictor(out, trained, layout, target, load_episodes(games, TEST, layout, trained.encoder), how)
     print(f"{out}: {result.accuracy.mean:.1%} on partners never seen (ceiling of step 1: {result.ceiling:.1%})")
@@ -114,6 +111,17 @@ def run(arguments: argparse.Namespace) -> int:
         add_with_progress(out, games, intention_settings(arguments.preset), out)
     _say_what_to_do(arguments, out, stopped, f"{trainer.update} of {training.updates} updates")
     return 1 if stopped == INTERRUPTED else 0
+
+
+def _chosen_settings(arguments: argparse.Namespace) -> "tuple[PredictorConfig, TrainingConfig]":
+    """Return the settings of the network and of its training after --preset and --set."""
+    from models.networks.config import PredictorConfig
+    from training.predictor_config import PRESETS, TrainingConfig, changed
+    from training.settings import parsed_changes
+
+    defaults = (PredictorConfig(form=arguments.form), TrainingConfig())
+    preset = changed(defaults, PRESETS[arguments.preset], "--preset")
+    return changed(preset, parsed_changes(arguments.set), "--set")
 
 
 def _how(trainer: "PredictorTrainer", stopped: str) -> dict[str, Any]:
