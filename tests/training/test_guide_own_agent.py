@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import guide_house
+from tests.support import guide_checkout
 
-GUIDE = guide_house.ROOT / "docs" / "guides" / "bring_your_own_agent.md"
+GUIDE = guide_checkout.ROOT / "docs" / "guides" / "bring_your_own_agent.md"
 SMALL = {"updates": 20, "warm_up": 5, "check_every": 10, "hidden": 32, "heads": 2, "layers": 2}
 SHORTER = {  # added to a command that begins so
     "python docs/examples/own_agent.py": "--timesteps 2000 --epochs 2",
@@ -40,9 +40,9 @@ def commands() -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def house(tmp_path_factory) -> Path:
+def checkout(tmp_path_factory) -> Path:
     """With the weights of one kitchen."""
-    return guide_house.build(tmp_path_factory.mktemp("house"), "coordination_ring")
+    return guide_checkout.build(tmp_path_factory.mktemp("checkout"), "coordination_ring")
 
 
 def edit_as_the_guide_says(study: Path) -> None:
@@ -72,24 +72,24 @@ def page_of(process: "subprocess.Popen[str]") -> str:
 
 
 @pytest.mark.slow
-def test_every_command_of_the_guide_works_in_its_order(house: Path) -> None:
+def test_every_command_of_the_guide_works_in_its_order(checkout: Path) -> None:
     said = {}
     for line in commands():
         if line.startswith("kitchenmind serve"):
-            process = guide_house.started(line, house, SHORTER)
+            process = guide_checkout.started(line, checkout, SHORTER)
             try:
                 assert "my_study" in page_of(process)
             finally:
                 process.send_signal(signal.SIGINT)
                 process.communicate(timeout=60)
             continue
-        said[line] = guide_house.done(line, house, SHORTER)
+        said[line] = guide_checkout.done(line, checkout, SHORTER)
         if line.startswith("kitchenmind study new"):
-            edit_as_the_guide_says(house / "my_study.yaml")
+            edit_as_the_guide_says(checkout / "my_study.yaml")
     checks = [text for line, text in said.items() if "agent check" in line]
     assert len(checks) == 2
     assert all("it can be used" in text for text in checks)
-    assert (house / "models/weights/coordination_ring/mine_predictor_stream/card.md").is_file()
+    assert (checkout / "models/weights/coordination_ring/mine_predictor_stream/card.md").is_file()
     measured = next(text for line, text in said.items() if "evaluate predictor" in line)
     assert re.search(r"coordination_ring +mine +stream", measured)
     assert "there are no weights" not in next(text for line, text in said.items() if "study check" in line)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.support import guide_house
+from tests.support import guide_checkout
 
-GUIDE = (guide_house.ROOT / "docs" / "guides" / "bring_your_own_kitchen.md").read_text(encoding="utf-8")
+GUIDE = (guide_checkout.ROOT / "docs" / "guides" / "bring_your_own_kitchen.md").read_text(encoding="utf-8")
 LAST = GUIDE.partition("## The full set of agents and predictors")[2]
 ROLES = ("population_sp", "target_sp", "population_fcp", "target_fcp", "features")
 AGENT = "timesteps = 12_800\ngames = 16\nsnapshots = 4\nself_play_games = 8\nimitation_updates = 120\n"
@@ -18,9 +18,9 @@ SHORTER = {"kitchenmind train study": "--preset small.toml", "kitchenmind bots":
 
 
 @pytest.fixture
-def house(tmp_path: Path) -> Path:
+def checkout(tmp_path: Path) -> Path:
     """With the guide's drawing next to the bundled ones, without any weights."""
-    made = guide_house.build(tmp_path)
+    made = guide_checkout.build(tmp_path)
     drawing = re.search(r"^```text nook.layout\n(.*?)^```$", GUIDE, re.MULTILINE | re.DOTALL)
     assert drawing is not None
     (made / "overcooked" / "layouts" / "nook.layout").write_text(drawing[1], encoding="utf-8")
@@ -30,8 +30,8 @@ def house(tmp_path: Path) -> Path:
     return made
 
 
-def done(line: str, house: Path) -> str:
-    return guide_house.done(line, house, SHORTER, within_s=1500)
+def done(line: str, checkout: Path) -> str:
+    return guide_checkout.done(line, checkout, SHORTER, within_s=1500)
 
 
 def study(text: str) -> str:
@@ -52,17 +52,17 @@ def study(text: str) -> str:
 
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
-def test_the_commands_of_the_guide_train_all_agents_of_an_own_kitchen(house: Path) -> None:
+def test_the_commands_of_the_guide_train_all_agents_of_an_own_kitchen(checkout: Path) -> None:
     block = re.search(r"^```\n(.*?)^```$", LAST, re.MULTILINE | re.DOTALL)
     assert block is not None
     plan, train = block[1].splitlines()
-    assert "0 of 16 tasks done" in done(plan, house)
-    assert "16 of 16 tasks done" in done(train, house)
-    weights = house / "models" / "weights" / "nook"
+    assert "0 of 16 tasks done" in done(plan, checkout)
+    assert "16 of 16 tasks done" in done(train, checkout)
+    weights = checkout / "models" / "weights" / "nook"
     cards = {card.parent.name for card in weights.glob("*/card.md")}
     assert {"sp", "fcp", "sp_predictor_stream", "fcp_predictor_stream"} <= cards
-    done("kitchenmind study new own --out own.yaml", house)
-    (house / "own.yaml").write_text(study((house / "own.yaml").read_text(encoding="utf-8")), encoding="utf-8")
-    assert "there are no weights" not in done("kitchenmind study check own.yaml", house)
-    done("kitchenmind bots 1 --study own.yaml --fast", house)
-    done("kitchenmind verify --database sqlite:///own.sqlite3", house)
+    done("kitchenmind study new own --out own.yaml", checkout)
+    (checkout / "own.yaml").write_text(study((checkout / "own.yaml").read_text(encoding="utf-8")), encoding="utf-8")
+    assert "there are no weights" not in done("kitchenmind study check own.yaml", checkout)
+    done("kitchenmind bots 1 --study own.yaml --fast", checkout)
+    done("kitchenmind verify --database sqlite:///own.sqlite3", checkout)

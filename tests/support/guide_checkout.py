@@ -36,19 +36,19 @@ def build(folder: Path, *kitchens: str) -> Path:
     return folder
 
 
-def started(line: str, house: Path, shorter: Mapping[str, str]) -> "subprocess.Popen[str]":
+def started(line: str, checkout: Path, shorter: Mapping[str, str]) -> "subprocess.Popen[str]":
     """Run a guide's command in the copy; `shorter` has what is added to a command that begins so."""
     settings, words = {}, shlex.split(line)
     while "=" in words[0]:
         name, _, value = words.pop(0).partition("=")
-        settings[name] = str(house / value)
+        settings[name] = str(checkout / value)
     bare = " ".join(words)
     more = next((extra for begin, extra in shorter.items() if bare.startswith(begin)), "")
     program = [sys.executable, "-m", "kitchenmind"] if words[0] == "kitchenmind" else [sys.executable]
-    paths = os.pathsep.join([str(house), *settings.values()])
+    paths = os.pathsep.join([str(checkout), *settings.values()])
     return subprocess.Popen(
         [*program, *words[1:], *shlex.split(more)],
-        cwd=house,
+        cwd=checkout,
         env={**os.environ, "PYTHONPATH": paths, "PYTHONUNBUFFERED": "1"},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -56,9 +56,9 @@ def started(line: str, house: Path, shorter: Mapping[str, str]) -> "subprocess.P
     )
 
 
-def done(line: str, house: Path, shorter: Mapping[str, str], within_s: float = 280) -> str:
+def done(line: str, checkout: Path, shorter: Mapping[str, str], within_s: float = 280) -> str:
     """Return the output of a command that must succeed."""
-    process = started(line, house, shorter)
+    process = started(line, checkout, shorter)
     try:
         said, _ = process.communicate(timeout=within_s)
     finally:
