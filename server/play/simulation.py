@@ -147,8 +147,7 @@ class Simulation:
             elif inside:
                 pots.append((x, y, inside, -1))
         counters = [(x, y, cells[place]) for x, y, place in self._counters if cells[place] != NOTHING]
-        first, second = _ROWS
-        players = (tuple(self._chefs[first]), tuple(self._chefs[second]))
+        players = tuple([(x, y, facing, held) for x, y, facing, held in (self._chefs[row] for row in _ROWS)])
         return KitchenState(self.timestep, players, tuple(counters), tuple(pots), self.score, self.soups)
 
 
