@@ -15,6 +15,7 @@ from models.networks.policy import build_network, save_agent
 from models.networks.predictor import PredictorNetwork, predictor_network
 from models.protocols import Mode
 from overcooked.layout import load_layout
+from training import compute
 from training.collect import TEST, CollectionPlan, Partner, Target, collect, read_manifest
 from training.dataset import load_episodes
 from training.evaluate_predictor import calibration_error, evaluate, fitted_temperature, logits
@@ -42,6 +43,15 @@ def games(tmp_path_factory):
     others.append(Partner("sp_9_100", "sp_9", "sp", load_agent("random", RING).policy))
     collect(folder, RING, target(), others, CollectionPlan(trajectories=1, timesteps=200))
     return folder
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_number_format():
+    """Each run measures which format is the fastest: two runs have the same weights only with the same one."""
+    before = compute.requested()
+    compute.request(precision="float32")
+    yield
+    compute.request(before.device, before.precision)
 
 
 @pytest.fixture(autouse=True)
