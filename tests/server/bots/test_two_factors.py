@@ -69,4 +69,6 @@ def test_bots_meet_the_levels_within_people_in_blocks_and_the_report_compares_wi
     asked = export.answers.join(export.episodes, on="episode").filter(question="predictor_satisfaction")
     assert set(asked["factor_prediction"]) == {"tom"}, "asked in the blocks with marks"
     assert run("report", str(tmp_path / "data"), "--out", str(tmp_path / "report")).returncode == 0
-    assert "People met the levels of prediction in blocks" in (tmp_path / "report" / "report.html").read_text("utf-8")
+    assert "Simulated participants met the levels of prediction in blocks" in (
+        tmp_path / "report" / "report.html"
+    ).read_text("utf-8")

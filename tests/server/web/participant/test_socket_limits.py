@@ -62,15 +62,23 @@ async def test_binary_frames_close_with_1003(served: Served) -> None:
         assert await close_code(socket) == 1003
 
 
-@pytest.mark.parametrize(("then", "code"), [(b"", 1007), (bytes([0x88]) + NOTHING, 1005)], ids=["goes on", "closes"])
+WRONG = bytes([0x81, 0x80 | 2, 0, 0, 0, 0, 0xFF, 0xFE])
+LONG_WRONG = bytes([0x81, 0x80 | 126, 0, 130, 0, 0, 0, 0]) + b"\xff" * 130
+CLOSE = bytes([0x88]) + NOTHING
+
+
+@pytest.mark.parametrize(
+    ("sent", "code"),
+    [(WRONG, 1007), (WRONG + CLOSE, 1007), (LONG_WRONG, 1007), (LONG_WRONG + CLOSE, 1005)],
+    ids=["short", "short, then a close", "long", "long, then a close"],
+)
 async def test_a_text_frame_that_is_not_utf8_closes_with_1007_without_a_traceback_in_the_log(
-    served: Served, caplog: pytest.LogCaptureFixture, then: bytes, code: int
+    served: Served, caplog: pytest.LogCaptureFixture, sent: bytes, code: int
 ) -> None:
-    """A peer that closes in the same moment gets its own close back."""
+    """The websocket library reads long frames, together with a close behind them, which is then answered instead."""
     caplog.set_level(logging.DEBUG)
     async with served.connect() as socket:
-        wrong = bytes([0x81, 0x80 | 2, 0, 0, 0, 0, 0xFF, 0xFE])
-        socket.transport.write(wrong + then)  # past the library, which would refuse
+        socket.transport.write(sent)  # past the library, which would refuse
         async with asyncio.timeout(10):
             await socket.wait_closed()
         assert socket.close_code == code
