@@ -34,9 +34,7 @@ _CONNECTING: Final = {
     "keepalives_count": 3,
     "tcp_user_timeout": 10_000,
 }
-# 256 MB. A checkpoint takes 20 to 40 ms of a core, so it should come seldom: with a thousand games every nine seconds.
-# With 64 MB, one batch in forty had to wait for it.
-CHECKPOINT_PAGES = 64_000
+CHECKPOINT_PAGES = 16_000  # 64 MB: a checkpoint delays commits, so it should be rare
 CACHE_KIB = 64 * 1024
 _ADVISORY_LOCK = 0x6B69_7463_6865_6E01  # any constant will do, as long as it never changes
 TURN_LOCK = 0x6B69_7463_6865_6E02
