@@ -12,6 +12,7 @@ const AT_MOST_MS = 1500; // however much is typed
 const RETRY_MS = 2000;
 const TAKE_IN_AFTER_MS = 200;
 const LARGEST_LAST = 60_000; // bytes that a request may send after its page was closed
+export const SAVING = 'Saving …';
 const WITH_OTHERS = 'Saved, with changes that somebody else has made';
 
 export class DraftSaving {
@@ -73,7 +74,7 @@ export class DraftSaving {
     }
     this.keep();
     if (this.isStopped) return;
-    this.on.state('Saving …', true);
+    this.on.state(SAVING, true);
     this.waitingSinceMs ||= performance.now();
     const left = AT_MOST_MS - (performance.now() - this.waitingSinceMs);
     this.schedule(Math.max(0, Math.min(AFTER_MS, left)));

@@ -7,7 +7,7 @@ import { keyOf } from './builder-fields.js';
 import { DraftForm } from './builder-form.js';
 import { KitchenDialog } from './builder-kitchens.js';
 import { DraftRequests } from './builder-requests.js';
-import { DraftSaving } from './builder-saving.js';
+import { DraftSaving, SAVING } from './builder-saving.js';
 import { DraftSession } from './builder-session.js';
 import { YamlPane } from './builder-yaml.js';
 import { make } from './elements.js';
@@ -19,12 +19,15 @@ const requests = new DraftRequests(about.id);
 const state = find('#save-state', HTMLElement);
 const pane = new YamlPane((text) => session.typed(text));
 
+/** @type {(words: string, isGood: boolean) => void} */
+function showState(words, isGood) {
+  if (state.textContent !== words) state.textContent = words;
+  state.className = isGood ? '' : 'warn';
+  find('#open', HTMLButtonElement).disabled = !words.startsWith('Saved'); // only the saved text can be opened
+}
+
 const saving = new DraftSaving(requests, about, {
-  state(words, isGood) {
-    if (state.textContent !== words) state.textContent = words;
-    state.className = isGood ? '' : 'warn';
-    find('#open', HTMLButtonElement).disabled = !words.startsWith('Saved'); // only the saved text can be opened
-  },
+  state: showState,
   saved(revision) {
     find('#open-revision', HTMLInputElement).value = String(revision);
   },
@@ -49,6 +52,7 @@ const session = new DraftSession(requests, about.source, {
     form.show(view.values, view.problems);
     pane.mark(view.problems);
     list(view.problems);
+    if (state.textContent === SAVING && session.operations.length === 0) saving.put(saving.text);
     document.body.dataset.checked = 'yes';
   },
   refused(words) {
@@ -58,8 +62,14 @@ const session = new DraftSession(requests, about.source, {
   },
 });
 
+/** @param {import('./builder-session.js').Operation} operation */
+function change(operation) {
+  if (state.textContent?.startsWith('Saved')) showState(SAVING, true); // it is not in the text yet
+  session.change(operation);
+}
+
 const form = new DraftForm(about.schema, {
-  change: (operation) => session.change(operation),
+  change,
   waits: (path) => session.waits(path),
   suggestions,
   draw: (path, kitchen) => kitchens.open(kitchen, (name) => useKitchen(path, kitchen, name)),
@@ -82,12 +92,12 @@ function useKitchen(path, kitchen, name) {
     const value = { name, title: Object.fromEntries(form.languages.map((language) => [language, name])) };
     const list = form.valueAt(path);
     form.focusNext = keyOf([...path, list?.length ?? 0]);
-    if (Array.isArray(list)) session.change({ do: 'insert', path, index: list.length, value });
-    else session.change({ do: 'put', path, value: [value] });
+    if (Array.isArray(list)) change({ do: 'insert', path, index: list.length, value });
+    else change({ do: 'put', path, value: [value] });
     return;
   }
-  if (kitchen.name !== name) session.change({ do: 'put', path: [...path, 'name'], value: name });
-  if (kitchen.grid !== undefined) session.change({ do: 'remove', path: [...path, 'grid'] });
+  if (kitchen.name !== name) change({ do: 'put', path: [...path, 'name'], value: name });
+  if (kitchen.grid !== undefined) change({ do: 'remove', path: [...path, 'grid'] });
   session.look(); // the same name may be another grid now
 }
 
