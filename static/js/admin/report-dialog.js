@@ -70,3 +70,4 @@ form.addEventListener('submit', (event) => {
   });
 });
 find('[data-ask="report"]', HTMLElement).addEventListener('click', look);
+look(); // on a slow network, the dialog can be opened before this script is here
