@@ -16,7 +16,7 @@ os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolve() != ROOT / "benchmarks")]
 
-from benchmarks.support import kept_figures  # noqa: E402
+from benchmarks.support.kept_figures import KeptTable  # noqa: E402
 from models.agents.catalogue import WEIGHTS, agent_sha256  # noqa: E402
 from overcooked.layout import load_layout  # noqa: E402
 
@@ -48,12 +48,7 @@ PUBLISHED = {
 
 
 def main() -> None:
-    arguments = kept_figures.parsed(__doc__)
-    figures = measured(arguments.quick)
-    print(rendered(figures))
-    if arguments.write:
-        kept_figures.keep(figures, FIGURES)
-        kept_figures.put(rendered(figures), DOCUMENT, BEGIN, END)
+    KeptTable(FIGURES, DOCUMENT, BEGIN, END).measure_and_print(__doc__, measured, rendered)
 
 
 def measured(quick: bool = False) -> dict[str, Any]:

@@ -19,27 +19,21 @@ os.environ["OMP_NUM_THREADS"] = "1"  # before numpy asks
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:] = [str(ROOT), *(folder for folder in sys.path if Path(folder).resolve() != ROOT / "benchmarks")]
 
-from benchmarks.support import kept_figures  # noqa: E402
+from benchmarks.classic_kitchens import HUMAN, LAYOUTS  # noqa: E402
+from benchmarks.support.kept_figures import KeptTable  # noqa: E402
 from models.agents.catalogue import WEIGHTS, agent_sha256  # noqa: E402
 from models.protocols import STEPS  # noqa: E402
 from overcooked.layout import load_layout  # noqa: E402
 
 FIGURES, DOCUMENT = Path(__file__).with_suffix(".json"), ROOT / "docs" / "explanation" / "results.md"
 BEGIN, END = "<!-- table of benchmarks/classic_predictors.py -->", "<!-- end of the predictors' table -->"
-LAYOUTS = ("cramped_room", "asymmetric_advantages", "coordination_ring", "forced_coordination", "counter_circuit")
-HUMAN = "human_bc"
 KINDS = (("sp", "stream"), ("fcp", "stream"), ("sp", "window"), ("fcp", "window"))
 TRAJECTORIES = 20  # with five, another seed moves a figure by two points
 STATES = 6000
 
 
 def main() -> None:
-    arguments = kept_figures.parsed(__doc__)
-    figures = measured(arguments.quick)
-    print(rendered(figures))
-    if arguments.write:
-        kept_figures.keep(figures, FIGURES)
-        kept_figures.put(rendered(figures), DOCUMENT, BEGIN, END)
+    KeptTable(FIGURES, DOCUMENT, BEGIN, END).measure_and_print(__doc__, measured, rendered)
 
 
 def measured(quick: bool = False) -> dict[str, Any]:

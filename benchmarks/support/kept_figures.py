@@ -2,8 +2,34 @@
 
 import argparse
 import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+
+@dataclass(frozen=True)
+class KeptTable:
+    """A table of a document whose figures are kept in a file. `begin` and `end`: the marks around it."""
+
+    figures: Path
+    document: Path
+    begin: str
+    end: str
+
+    def measure_and_print(
+        self,
+        description: str | None,
+        measured: Callable[[bool], dict[str, Any]],
+        rendered: Callable[[Mapping[str, Any]], str],
+    ) -> None:
+        """Run a benchmark's command line: measure, print, and with --write also keep figures and table."""
+        arguments = parsed(description)
+        figures = measured(arguments.quick)
+        print(rendered(figures))
+        if arguments.write:
+            keep(figures, self.figures)
+            put(rendered(figures), self.document, self.begin, self.end)
 
 
 def parsed(description: str | None) -> argparse.Namespace:

@@ -1,4 +1,4 @@
-"""Processes of the dashboard that leave the processor to the games: exports and reports."""
+"""Start processes of the dashboard at low priority: exports, reports, files of recorded games."""
 
 import os
 import subprocess
@@ -9,19 +9,27 @@ from server.settings import ROOT
 
 
 def start_module(
-    module: str, *words: str, database: str, output: int, errors: int | IO[bytes]
+    module: str,
+    *words: str,
+    database: str = "",
+    standard_input: int = subprocess.DEVNULL,
+    output: int,
+    errors: int | IO[bytes],
 ) -> subprocess.Popen[bytes]:
-    """Start `python -m module words`, which calls `give_way` first. Call it in a thread.
+    """Start `python -m module words`, which lowers its own priority first. Call it in a thread.
 
-    The address of the database goes by the environment: it may hold a password. The event loop's own way to start a
-    process forks: that copies the page tables of a large process and stopped all games for 30 ms. In a thread it is
-    started without a copy (vfork).
+    The address of the database is passed in the environment, because it may hold a password. The event loop's own way
+    to start a process is a fork, which copies the page tables of a large process and stopped all games for 30 ms. In a
+    thread, the process is started without a copy (vfork).
     """
-    path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    environment = dict(os.environ)
+    environment["PYTHONPATH"] = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    if database:
+        environment["KITCHENMIND_DATABASE"] = database
     return subprocess.Popen(  # noqa: S603
         [sys.executable, "-W", "ignore", "-m", module, *words],
-        env={**os.environ, "PYTHONPATH": path, "KITCHENMIND_DATABASE": database},
-        stdin=subprocess.DEVNULL,
+        env=environment,
+        stdin=standard_input,
         stdout=output,
         stderr=errors,
     )

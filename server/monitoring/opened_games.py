@@ -12,12 +12,12 @@ import os
 import subprocess
 import sys
 import zlib
-from pathlib import Path
 from typing import Any, Final
 
 from overcooked.constants import STAY
 from overcooked.replay import RecordedEpisode, ReplayError, episodes_in
 from overcooked.trajectory import TrajectoryError
+from server.monitoring.low_priority import start_module
 from server.play.simulation import SimulatedStep, Simulation
 
 LARGEST_BYTES: Final = 32 * 1024 * 1024  # of a file, packed or not
@@ -25,7 +25,7 @@ MOST_TIMESTEPS: Final = 30_000
 TICK_MS: Final = 200  # how fast they are shown; files do not say how fast they were played
 _WITHIN_S: Final = 60.0
 _NICE: Final = 10
-_ROOT: Final = Path(__file__).parents[2]
+_PROGRAM: Final = "server.monitoring.opened_games"
 _LONGEST_WORDS: Final = 2000
 
 
@@ -34,11 +34,9 @@ class UnreadableGamesError(ValueError):
 
 
 async def opened(data: bytes, name: str) -> bytes:
-    """Return the records of the file's episodes as a JSON list. Raises UnreadableGamesError.
-
-    The process is started in a thread: the event loop's own way forks, for which all games would wait.
-    """
-    process = await asyncio.to_thread(_start, name)
+    """Return the records of the file's episodes as a JSON list. Raises UnreadableGamesError."""
+    pipe = subprocess.PIPE
+    process = await asyncio.to_thread(start_module, _PROGRAM, name, standard_input=pipe, output=pipe, errors=pipe)
     try:
         records, words = await asyncio.to_thread(process.communicate, data, _WITHIN_S)
     except subprocess.TimeoutExpired:
@@ -51,17 +49,6 @@ async def opened(data: bytes, name: str) -> bytes:
         said = words.decode(errors="replace").strip()[-_LONGEST_WORDS:]
         raise UnreadableGamesError(said or f"{name}: it cannot be read")
     return records
-
-
-def _start(name: str) -> "subprocess.Popen[bytes]":
-    path = os.pathsep.join(filter(None, (str(_ROOT), os.environ.get("PYTHONPATH"))))
-    return subprocess.Popen(  # noqa: S603
-        ["nice", "-n", str(_NICE), sys.executable, "-m", "server.monitoring.opened_games", name],  # noqa: S607
-        env={**os.environ, "PYTHONPATH": path},
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
 
 
 def records_of(data: bytes, name: str) -> list[dict[str, Any]]:
@@ -135,6 +122,7 @@ def _row(simulation: Simulation, step: SimulatedStep | None) -> dict[str, Any]:
 
 def main() -> int:
     """Return exit status 2 with the reason for a file that cannot be shown."""
+    os.nice(_NICE)
     try:
         records = records_of(sys.stdin.buffer.read(), sys.argv[1])
     except UnreadableGamesError as error:

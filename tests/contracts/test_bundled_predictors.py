@@ -1,4 +1,4 @@
-"""Every bundled predictor belongs to the agent beside it."""
+"""Every bundled predictor predicts the bundled agent of its kitchen."""
 
 import json
 from pathlib import Path
