@@ -66,7 +66,7 @@ def _lines() -> Iterator[str]:
 
 def _type(column: "Column[object]") -> str:
     if isinstance(column.type, LargeBinary):
-        return f"{column.type.length} bytes at most"
+        return "bytes" if column.type.length is None else f"{column.type.length} bytes at most"
     name = next(name for kind, name in _TYPES if isinstance(column.type, kind))
     return f"{name}, may be empty" if column.nullable else name
 
