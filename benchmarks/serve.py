@@ -66,6 +66,7 @@ class Figures:
     bytes_per_s: float  # to one game's browser
     late_share: float  # of ticks whose partner had to wait
     unpredicted_share: float
+    bots_cpu: float  # cores: near 1, the bots are what limits the games
 
 
 class Server:
@@ -146,13 +147,13 @@ async def to_the_game(bot: Bot) -> None:
 async def measure(server: Server, players: list[Player], window_s: float) -> Figures:
     """Measure the next `window_s` seconds."""
     workers = server.workers()
-    before = [cpu_s(pid) for pid in (server.process.pid, *workers)]
+    pids = (server.process.pid, *workers, os.getpid())
+    before = [cpu_s(pid) for pid in pids]
     counts = [(player.bytes, player.ticks, player.late, player.unpredicted) for player in players]
     began = time.monotonic()
     await asyncio.sleep(window_s)
     took_s = time.monotonic() - began
-    after = [cpu_s(pid) for pid in (server.process.pid, *workers)]
-    used = [(end - start) / took_s for start, end in zip(before, after, strict=True)]
+    *used, bots = [(cpu_s(pid) - start) / took_s for pid, start in zip(pids, before, strict=True)]
     now = [(player.bytes, player.ticks, player.late, player.unpredicted) for player in players]
     byte_count, ticks, late, unpredicted = (
         sum(b[k] - a[k] for a, b in zip(counts, now, strict=True)) for k in range(4)
@@ -170,6 +171,7 @@ async def measure(server: Server, players: list[Player], window_s: float) -> Fig
         bytes_per_s=round(byte_count / took_s / len(players)),
         late_share=round(late / max(1, ticks), 5),
         unpredicted_share=round(unpredicted / max(1, ticks), 5),
+        bots_cpu=round(bots, 3),
     )
 
 
