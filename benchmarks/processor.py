@@ -7,6 +7,13 @@ import platform
 import re
 from pathlib import Path
 
+_AVX2 = "avx avx2 bmi bmi2 cx16 f16c fma fxsr lzcnt movbe pclmul popcnt sse sse2 sse3 sse4.1 sse4.2 ssse3"
+AVX2_ONLY = {  # environment of a process that computes as on a processor without AVX-512: OpenBLAS, numba, numpy
+    "OPENBLAS_CORETYPE": "Haswell",
+    "NUMBA_CPU_NAME": "haswell",
+    "NUMBA_CPU_FEATURES": ",".join(f"+{name}" for name in ("64bit", *_AVX2.split())),
+    "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR X86_V4",
+}
 _DECIDING = ("avx2", "avx512f", "avx512_bf16", "amx_bf16", "neon", "asimd", "bf16")  # of the processor's flags
 
 

@@ -25,7 +25,9 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
+
+from processor import AVX2_ONLY  # noqa: E402
 
 from server.bots.participant import Bot  # noqa: E402
 
@@ -81,7 +83,11 @@ class Server:
         words += ["--database", f"sqlite:///{self.database}"]
         with self.log.open("w") as log:
             self.process = subprocess.Popen(
-                [sys.executable, str(ROOT / "kitchenmind"), *words], stdout=log, stderr=log, cwd=ROOT
+                [sys.executable, str(ROOT / "kitchenmind"), *words],
+                stdout=log,
+                stderr=log,
+                cwd=ROOT,
+                env=os.environ | (AVX2_ONLY if arguments.avx2 else {}),
             )
         os.sched_setaffinity(self.process.pid, set(arguments.server_cores))
         while not (found := re.search(r"http://\S+:\d+", self.log.read_text())):
@@ -232,6 +238,7 @@ def main() -> None:
     parser.add_argument("--form", default="stream", choices=["window", "stream"])
     parser.add_argument("--server-cores", type=int, nargs="+", default=[1])
     parser.add_argument("--bot-cores", type=int, nargs="+", default=[0])
+    parser.add_argument("--avx2", action="store_true", help="the server uses no AVX-512 instructions")
     parser.add_argument("--json", action="store_true", help="print one list for programs")
     arguments = parser.parse_args()
     os.sched_setaffinity(0, set(arguments.bot_cores))
