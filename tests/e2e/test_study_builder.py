@@ -4,41 +4,39 @@ import os
 import re
 import signal
 import sqlite3
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
 
 from server.study.loader import parse_study
+from tests.support import command_line
 from tests.support.browser.chromium import CHROMIUM_ARGUMENTS, installed_chromium
-from tests.support.real_server import ROOT, RealServer
+from tests.support.browser.game_page import draw_less_often, violations
+from tests.support.live_server import LiveServer
+from tests.support.real_server import ROOT
 
 PATIENCE_MS = 60_000
 NewPage = Callable[[], Page]
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealServer]:
-    with RealServer(tmp_path_factory.mktemp("builder")) as running:
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
+    with LiveServer(tmp_path_factory.mktemp("builder")) as running:
         yield running
 
 
 @pytest.fixture(scope="module")
-def password(server: RealServer) -> str:
-    words = ["admin", "--database", server.database, "create", "mara", "--role", "own"]
-    line = [sys.executable, str(ROOT / "kitchenmind"), *words]
-    made = subprocess.run(line, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL)
+def password(server: LiveServer) -> str:
+    made = command_line.run("admin", "--database", server.database, "create", "mara", "--role", "own")
     found = re.search(r"password: (\S+)", made.stdout)
     assert found, made.stdout
     return found.group(1)
 
 
-def signed_in(context: BrowserContext, server: RealServer, password: str, errors: list[str]) -> Page:
+def signed_in(context: BrowserContext, server: LiveServer, password: str, errors: list[str]) -> Page:
     page = context.new_page()
     page.set_default_timeout(PATIENCE_MS)
     expect.set_options(timeout=PATIENCE_MS)
@@ -53,13 +51,13 @@ def signed_in(context: BrowserContext, server: RealServer, password: str, errors
 
 
 @pytest.fixture
-def new_page(chromium: Browser, server: RealServer, password: str) -> Iterator[NewPage]:
+def new_page(chromium: Browser, server: LiveServer, password: str) -> Iterator[NewPage]:
     """Each page is of a browser of its own; errors of a script fail the test."""
     contexts: list[BrowserContext] = []
     errors: list[str] = []
 
     def opened() -> Page:
-        contexts.append(chromium.new_context(viewport={"width": 1366, "height": 768}))
+        contexts.append(draw_less_often(chromium.new_context(viewport={"width": 1366, "height": 768})))
         return signed_in(contexts[-1], server, password, errors)
 
     yield opened
@@ -94,23 +92,22 @@ def yaml_of(page: Page) -> Locator:
 
 
 def is_accessible(page: Page) -> None:
-    found = Axe().run(page).response["violations"]
-    assert [(one["id"], [node["html"][:200] for node in one["nodes"]]) for one in found] == []
+    assert violations(page) == []
 
 
-def stored(server: RealServer, draft: int) -> str:
+def stored(server: LiveServer, draft: int) -> str:
     (text,) = rows(server, "select source from study_drafts where id = ?", draft)
     return text
 
 
-def rows(server: RealServer, query: str, draft: int) -> list[str]:
+def rows(server: LiveServer, query: str, draft: int) -> list[str]:
     """Texts in the database, which the server has open."""
     with closing(sqlite3.connect(server.database.removeprefix("sqlite:///"))) as connection:
         return [text for (text,) in connection.execute(query, (draft,))]
 
 
 def test_a_study_of_two_conditions_is_made_opened_and_taken_part_in_without_yaml(
-    new_page: NewPage, server: RealServer
+    new_page: NewPage, server: LiveServer
 ) -> None:
     page = new_page()
     draft = begin(page, "pilot")
@@ -171,7 +168,7 @@ def test_both_sides_follow_each_other_and_say_what_is_wrong_at_the_field_and_at_
     expect(page.locator("#form")).not_to_have_attribute("inert", "")
 
 
-def test_of_two_sessions_the_second_chooses_and_no_text_is_lost(new_page: NewPage, server: RealServer) -> None:
+def test_of_two_sessions_the_second_chooses_and_no_text_is_lost(new_page: NewPage, server: LiveServer) -> None:
     mara, ben = new_page(), new_page()
     draft = begin(mara, "shared")
     ben.goto(mara.url)
@@ -222,7 +219,7 @@ def chromium_pids(profile: Path) -> list[int]:
 
 
 def test_what_was_typed_is_there_after_the_browser_was_killed(
-    chromium: Browser, server: RealServer, password: str, tmp_path: Path
+    chromium: Browser, server: LiveServer, password: str, tmp_path: Path
 ) -> None:
     kind, errors = chromium.browser_type, []  # type: ignore[var-annotated]
     profile = tmp_path / "profile"
@@ -240,7 +237,7 @@ def test_what_was_typed_is_there_after_the_browser_was_killed(
     assert errors == []
 
 
-def test_without_a_connection_the_text_is_kept_in_the_browser(new_page: NewPage, server: RealServer) -> None:
+def test_without_a_connection_the_text_is_kept_in_the_browser(new_page: NewPage, server: LiveServer) -> None:
     page = new_page()
     draft = begin(page, "offline")
     page.route("**/save", lambda route: route.abort())
@@ -350,7 +347,7 @@ def test_levels_of_factors_are_changed_in_the_form_and_their_mistakes_shown_at_t
     expect(at(page, "factors", "opacity", "faded", "confidence_opacity")).to_be_attached()
 
 
-def test_every_page_of_a_preview_is_shown_and_nothing_is_stored(new_page: NewPage, server: RealServer) -> None:
+def test_every_page_of_a_preview_is_shown_and_nothing_is_stored(new_page: NewPage, server: LiveServer) -> None:
     page = new_page()
     draft = begin(page, "previewed")
     page.goto(f"{page.url}/preview")
@@ -399,7 +396,7 @@ def test_languages_stand_side_by_side_and_missing_texts_are_found(new_page: NewP
         page.screenshot(path=os.environ["KITCHENMIND_PICTURES"])
 
 
-def test_a_kitchen_is_drawn_by_keyboard_inside_the_form(new_page: NewPage, server: RealServer) -> None:
+def test_a_kitchen_is_drawn_by_keyboard_inside_the_form(new_page: NewPage, server: LiveServer) -> None:
     page = new_page()
     page.set_viewport_size({"width": 1366, "height": 768})
     draft = begin(page, "drawn")
@@ -447,7 +444,7 @@ STORED = """select (select count(*) from participants) || ' ' || (select count(*
     (select count(*) from ticks) || ' ' || (select count(*) from studies) where ? > 0"""
 
 
-def test_a_round_of_a_preview_is_played_and_nothing_of_it_is_stored(new_page: NewPage, server: RealServer) -> None:
+def test_a_round_of_a_preview_is_played_and_nothing_of_it_is_stored(new_page: NewPage, server: LiveServer) -> None:
     page = new_page()
     draft = begin(page, "tried")
     before = rows(server, STORED, draft)
