@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import pytest
 from PIL import Image
@@ -16,7 +17,7 @@ from server.store import kitchens
 from server.store.database import Database
 from server.store.tables import episodes
 from tests.support import command_line
-from tests.support.browser.game_page import draw_less_often, violations
+from tests.support.browser.game_page import DESKTOP, draw_less_often, violations
 from tests.support.live_server import LiveServer
 from tests.support.real_server import SHORT_STUDY
 
@@ -41,20 +42,30 @@ def password(server: LiveServer) -> str:
     return found.group(1)
 
 
-@pytest.fixture
-def page(chromium: Browser, server: LiveServer, password: str) -> Iterator[Page]:
-    """Signed in, at an empty kitchen; errors on the console fail the test."""
-    context = draw_less_often(chromium.new_context(viewport={"width": 1366, "height": 768}))
+@pytest.fixture(scope="module")
+def session(chromium: Browser, server: LiveServer, password: str) -> Any:
+    """What a browser keeps of a researcher who has signed in."""
+    context = chromium.new_context()
     opened = context.new_page()
-    opened.set_default_timeout(PATIENCE_MS)
-    expect.set_options(timeout=PATIENCE_MS)
-    errors: list[str] = []
-    opened.on("pageerror", lambda error: errors.append(str(error)))
     opened.goto(f"{server.url}/admin")
     opened.fill("[name=name]", "mara")
     opened.fill("[name=password]", password)
     opened.click("form button")
     opened.wait_for_url("**/admin")
+    kept = context.storage_state()
+    context.close()
+    return kept
+
+
+@pytest.fixture
+def page(chromium: Browser, server: LiveServer, session: Any) -> Iterator[Page]:
+    """Signed in, at an empty kitchen; errors on the console fail the test."""
+    context = draw_less_often(chromium.new_context(viewport=DESKTOP, storage_state=session))
+    opened = context.new_page()
+    opened.set_default_timeout(PATIENCE_MS)
+    expect.set_options(timeout=PATIENCE_MS)
+    errors: list[str] = []
+    opened.on("pageerror", lambda error: errors.append(str(error)))
     open_editor(opened, f"{server.url}/admin/kitchens/new")
     yield opened
     context.close()

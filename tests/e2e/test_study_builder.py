@@ -7,6 +7,7 @@ import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
@@ -14,7 +15,7 @@ from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
 from server.study.loader import parse_study
 from tests.support import command_line
 from tests.support.browser.chromium import CHROMIUM_ARGUMENTS, installed_chromium
-from tests.support.browser.game_page import draw_less_often, violations
+from tests.support.browser.game_page import DESKTOP, draw_less_often, violations
 from tests.support.live_server import LiveServer
 from tests.support.real_server import ROOT
 
@@ -36,6 +37,16 @@ def password(server: LiveServer) -> str:
     return found.group(1)
 
 
+@pytest.fixture(scope="module")
+def session(chromium: Browser, server: LiveServer, password: str) -> Any:
+    """What a browser keeps of a researcher who has signed in: doing it again for every page takes half a second."""
+    context = chromium.new_context()
+    signed_in(context, server, password, [])
+    kept = context.storage_state()
+    context.close()
+    return kept
+
+
 def signed_in(context: BrowserContext, server: LiveServer, password: str, errors: list[str]) -> Page:
     page = context.new_page()
     page.set_default_timeout(PATIENCE_MS)
@@ -51,13 +62,13 @@ def signed_in(context: BrowserContext, server: LiveServer, password: str, errors
 
 
 @pytest.fixture
-def new_page(chromium: Browser, server: LiveServer, password: str) -> Iterator[NewPage]:
+def new_page(chromium: Browser, server: LiveServer, password: str, session: Any) -> Iterator[NewPage]:
     """Each page is of a browser of its own; errors of a script fail the test."""
     contexts: list[BrowserContext] = []
     errors: list[str] = []
 
     def opened() -> Page:
-        contexts.append(draw_less_often(chromium.new_context(viewport={"width": 1366, "height": 768})))
+        contexts.append(draw_less_often(chromium.new_context(viewport=DESKTOP, storage_state=session)))
         return signed_in(contexts[-1], server, password, errors)
 
     yield opened
