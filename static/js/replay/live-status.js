@@ -1,4 +1,4 @@
-// What a running game does now, beside its replay.
+// What a running game does now, as shown with its replay.
 
 /**
  * Show whether the game is played or paused, for how long, and the round trip time.
