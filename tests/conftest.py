@@ -45,6 +45,7 @@ http_transport.create_ssl_context = lambda *given, **named: _certificates(
 LONG_FIRST = (
     "test_game_browser_looks.py",
     "test_study_builder.py",
+    "test_study_builder_parts.py",
     "test_runner.py",
     "test_report_edges.py",
     "test_game_browser_real.py",

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect
 
@@ -16,7 +16,10 @@ from server.bots.participant import Bot
 from server.store import kitchens
 from server.store.database import Database
 from server.store.tables import episodes
-from tests.support.real_server import SHORT_STUDY, RealServer
+from tests.support import command_line
+from tests.support.browser.game_page import DESKTOP, draw_less_often, violations
+from tests.support.live_server import LiveServer
+from tests.support.real_server import SHORT_STUDY
 
 PATIENCE_MS = 60_000
 STUDY = SHORT_STUDY.replace("predictor: sp_predictor_stream", "predictor: random").replace(
@@ -26,33 +29,43 @@ DICTIONARY = '{"grid": """XXPXX\n              O1 2O\n              XDXSX""", "s
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealServer]:
-    with RealServer(tmp_path_factory.mktemp("editor"), study=STUDY) as running:
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
+    with LiveServer(tmp_path_factory.mktemp("editor"), study=STUDY) as running:
         yield running
 
 
 @pytest.fixture(scope="module")
-def password(server: RealServer) -> str:
-    made = server.command("admin", "create", "mara", "--role", "own")
+def password(server: LiveServer) -> str:
+    made = command_line.run("admin", "--database", server.database, "create", "mara", "--role", "own")
     found = re.search(r"password: (\S+)", made.stdout)
     assert found, made.stdout + made.stderr
     return found.group(1)
 
 
-@pytest.fixture
-def page(chromium: Browser, server: RealServer, password: str) -> Iterator[Page]:
-    """Signed in, at an empty kitchen; errors on the console fail the test."""
-    context = chromium.new_context(viewport={"width": 1366, "height": 768})
+@pytest.fixture(scope="module")
+def session(chromium: Browser, server: LiveServer, password: str) -> Any:
+    """What a browser keeps of a researcher who has signed in."""
+    context = chromium.new_context()
     opened = context.new_page()
-    opened.set_default_timeout(PATIENCE_MS)
-    expect.set_options(timeout=PATIENCE_MS)
-    errors: list[str] = []
-    opened.on("pageerror", lambda error: errors.append(str(error)))
     opened.goto(f"{server.url}/admin")
     opened.fill("[name=name]", "mara")
     opened.fill("[name=password]", password)
     opened.click("form button")
     opened.wait_for_url("**/admin")
+    kept = context.storage_state()
+    context.close()
+    return kept
+
+
+@pytest.fixture
+def page(chromium: Browser, server: LiveServer, session: Any) -> Iterator[Page]:
+    """Signed in, at an empty kitchen; errors on the console fail the test."""
+    context = draw_less_often(chromium.new_context(viewport=DESKTOP, storage_state=session))
+    opened = context.new_page()
+    opened.set_default_timeout(PATIENCE_MS)
+    expect.set_options(timeout=PATIENCE_MS)
+    errors: list[str] = []
+    opened.on("pageerror", lambda error: errors.append(str(error)))
     open_editor(opened, f"{server.url}/admin/kitchens/new")
     yield opened
     context.close()
@@ -77,11 +90,10 @@ def grid(page: Page) -> list[str]:
 
 
 def is_accessible(page: Page) -> None:
-    found = Axe().run(page).response["violations"]
-    assert [(one["id"], [node["html"][:200] for node in one["nodes"]]) for one in found] == []
+    assert violations(page) == []
 
 
-def test_a_kitchen_is_drawn_by_keyboard_mended_saved_and_played(page: Page, server: RealServer) -> None:
+def test_a_kitchen_is_drawn_by_keyboard_mended_saved_and_played(page: Page, server: LiveServer) -> None:
     expect(page.locator("#problems")).to_contain_text("There is no pot.")
     page.focus("#drawing")
     press(page, "ArrowUp", "p", "ArrowRight", "o", "ArrowRight", "d", "ArrowRight", "Space")  # opens the border
@@ -119,10 +131,11 @@ def test_a_kitchen_is_drawn_by_keyboard_mended_saved_and_played(page: Page, serv
     expect(page.locator("#note")).to_contain_text("The study short is served with the kitchen nook.")
 
 
-def serve_with_nook(page: Page, server: RealServer) -> None:
+def serve_with_nook(page: Page, server: LiveServer) -> None:
     """Name the kitchen in the study file and serve that version."""
-    text = server.study.read_text("utf-8")
-    server.study.write_text(text.replace("name: coordination_ring, title: {en: Ring}", "name: nook, title: {en: Nook}"))
+    (file,) = server.settings.studies
+    text = file.read_text("utf-8")
+    file.write_text(text.replace("name: coordination_ring, title: {en: Ring}", "name: nook, title: {en: Nook}"))
     page.goto(f"{server.url}/admin/s/short")
     for _ in range(60):  # the server looks at its files every few seconds
         if page.locator("[data-ask=version]").count():
@@ -156,7 +169,7 @@ def test_a_kitchen_is_drawn_by_pointer_and_touch_and_one_stroke_is_taken_back_at
     assert {len(row) for row in grid(page)} == {9}
 
 
-def test_what_was_not_saved_comes_back_and_a_file_is_imported(page: Page, server: RealServer, tmp_path: Path) -> None:
+def test_what_was_not_saved_comes_back_and_a_file_is_imported(page: Page, server: LiveServer, tmp_path: Path) -> None:
     file = tmp_path / "attic.layout"
     file.write_text(DICTIONARY, encoding="utf-8")
     page.click("summary")

@@ -18,7 +18,8 @@ from tests.support.real_server import ROOT, SHORT_STUDY, RealServer
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealServer]:
-    with RealServer(tmp_path_factory.mktemp("served")) as running:
+    study = SHORT_STUDY.replace("horizon: 60", "horizon: 30")
+    with RealServer(tmp_path_factory.mktemp("served"), study=study) as running:
         yield running
 
 

@@ -6,18 +6,20 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, expect
 
-from tests.support.browser.game_page import screenshot, violations
-from tests.support.real_server import SHORT_STUDY, RealServer
+from tests.support import command_line
+from tests.support.browser.game_page import draw_less_often, screenshot, violations
+from tests.support.live_server import LiveServer
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(180)]
 PEOPLE = Path(__file__).parents[1] / "data" / "cramped_room_train.jsonl.gz"
 
 
 def test_games_of_people_are_opened_watched_and_not_stored(chromium: Browser, tmp_path: Path) -> None:
-    with RealServer(tmp_path, study=SHORT_STUDY) as server:
-        made = re.search(r"password: (\S+)", server.command("admin", "create", "mara", "--role", "watch").stdout)
+    with LiveServer(tmp_path) as server:
+        words = ("admin", "--database", server.database, "create", "mara", "--role", "watch")
+        made = re.search(r"password: (\S+)", command_line.run(*words).stdout)
         assert made
-        context = chromium.new_context(viewport={"width": 1366, "height": 768})
+        context = draw_less_often(chromium.new_context(viewport={"width": 1366, "height": 768}))
         page = context.new_page()
         page.set_default_timeout(60_000)
         errors: list[str] = []

@@ -62,18 +62,18 @@ class Game:
         return Question(self.name, self.layout, 0, timestep, agent, predictor, uniform, stuck, self.history)
 
 
+async def start(started, agents=(), predictors=(), **settings):
+    server = ModelServer([(LAYOUT, name) for name in agents], [(LAYOUT, name) for name in predictors], **settings)
+    started.append(server)
+    await server.start()
+    return server
+
+
 @pytest.fixture
 async def serving():
     """Start model servers and end them."""
     started = []
-
-    async def start(agents=(), predictors=(), **settings):
-        server = ModelServer([(LAYOUT, name) for name in agents], [(LAYOUT, name) for name in predictors], **settings)
-        started.append(server)
-        await server.start()
-        return server
-
-    yield start
+    yield partial(start, started)
     for server in started:
         await server.close()
 
@@ -86,6 +86,24 @@ async def shared():
     await server.start()
     yield server
     await server.close()
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def undisturbed():
+    """Published weights behind processes that nobody stops, to compare with."""
+    server = ModelServer([(LAYOUT, "sp")], [(LAYOUT, "sp_predictor_stream")])
+    await server.start()
+    yield server
+    await server.close()
+
+
+@pytest_asyncio.fixture(loop_scope="module")
+async def serving_beside():
+    """As `serving`, for tests `in_one_loop`."""
+    started = []
+    yield partial(start, started)
+    for server in started:
+        await server.close()
 
 
 async def until(condition):
@@ -153,9 +171,9 @@ def new_workers(server, count, killed):
     return len(server.worker_pids()) == count and killed.isdisjoint(server.worker_pids())
 
 
-async def test_a_killed_worker_comes_back_and_answers_as_if_nothing_had_happened(serving):
-    models = ([EVEN], [REMEMBERING])
-    server, undisturbed = await serving(*models, hang_s=NEVER_S), await serving(*models, hang_s=NEVER_S)
+@in_one_loop
+async def test_a_killed_worker_comes_back_and_answers_as_if_nothing_had_happened(serving_beside, shared):
+    server = await serving_beside([EVEN], [REMEMBERING], hang_s=NEVER_S)
     game = Game("a", seed=3)
     for timestep in range(30):
         question = game.play().question(EVEN, REMEMBERING, uniform=timestep / 30)
@@ -166,7 +184,7 @@ async def test_a_killed_worker_comes_back_and_answers_as_if_nothing_had_happened
             assert await server.ask([question], 200) == [None]
             await until(partial(new_workers, server, 2, killed))
             continue
-        assert await server.ask([question], PATIENT_MS) == await undisturbed.ask([question], PATIENT_MS)
+        assert await server.ask([question], PATIENT_MS) == await shared.ask([question], PATIENT_MS)
     assert server.statistics().restarts == 2
 
 
@@ -314,9 +332,9 @@ def same(one, other):
     )
 
 
-async def test_after_late_answers_a_game_is_predicted_as_if_nothing_had_happened(serving):
-    models = (["sp"], ["sp_predictor_stream"])
-    server, undisturbed = await serving(*models), await serving(*models)
+@in_one_loop
+async def test_after_late_answers_a_game_is_predicted_as_if_nothing_had_happened(serving_beside, undisturbed):
+    server = await serving_beside(["sp"], ["sp_predictor_stream"])
     game, other = Game("a", seed=4), Game("b", seed=5)
     for timestep in range(24):
         asked = [each.play().question("sp", "sp_predictor_stream") for each in (game, other)]
@@ -333,9 +351,9 @@ async def test_after_late_answers_a_game_is_predicted_as_if_nothing_had_happened
     assert (server.statistics().late, server.statistics().restarts) == (6, 0)
 
 
-async def test_what_waits_at_a_worker_is_answered_together_and_as_alone(serving):
-    models = (["sp", NORTHWARD], ["sp_predictor_stream"])
-    server, alone = await serving(*models), await serving(*models)
+@in_one_loop
+async def test_what_waits_at_a_worker_is_answered_together_and_as_alone(serving_beside, undisturbed):
+    server = await serving_beside(["sp", NORTHWARD], ["sp_predictor_stream"])
     games = [Game(f"g{k}", seed=k).play(k) for k in range(12)]
     for _ in range(3):
         asked = [game.play().question("sp", "sp_predictor_stream", uniform=0.3) for game in games]
@@ -345,7 +363,7 @@ async def test_what_waits_at_a_worker_is_answered_together_and_as_alone(serving)
         await asyncio.sleep(0.05)
         os.kill(pid, signal.SIGCONT)
         for question, answer in zip(asked, await asyncio.gather(*waiting), strict=True):
-            assert same(answer[0], (await alone.ask([question], PATIENT_MS))[0])
+            assert same(answer[0], (await undisturbed.ask([question], PATIENT_MS))[0])
 
 
 async def test_a_worker_that_owes_old_answers_is_asked_nothing_more(serving):

@@ -8,6 +8,7 @@ import pytest
 
 from server.store.database import Database
 from tests.support.databases import with_tables
+from tests.support.postgres_pool import PostgresPool
 from tests.support.postgres_server import PostgresServer
 from tests.support.study_data import fill
 
@@ -32,6 +33,18 @@ def filled_postgres(postgres: PostgresServer, postgres_template: str) -> str:
     return name
 
 
+@pytest.fixture(scope="session")
+def postgres_pool(postgres: PostgresServer, postgres_template: str) -> PostgresPool:
+    """Databases with the tables."""
+    return PostgresPool(postgres, postgres_template)
+
+
+@pytest.fixture(scope="session")
+def filled_postgres_pool(postgres: PostgresServer, filled_postgres: str) -> PostgresPool:
+    """Databases with a played study."""
+    return PostgresPool(postgres, filled_postgres)
+
+
 @pytest.fixture(params=KINDS)
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
     """The address of a fresh database with the tables; with a played study where the test asks for `filled` too."""
@@ -42,10 +55,9 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
             shutil.copyfile(request.getfixturevalue("filled_sqlite"), file)
         yield f"sqlite:///{file}" if is_filled else with_tables(file)
         return
-    server: PostgresServer = request.getfixturevalue("postgres")
-    name = server.new_database(request.getfixturevalue("filled_postgres" if is_filled else "postgres_template"))
-    yield server.url(name)
-    server.drop_database(name)
+    pool: PostgresPool = request.getfixturevalue("filled_postgres_pool" if is_filled else "postgres_pool")
+    with pool.one() as address:
+        yield address
 
 
 @pytest.fixture

@@ -4,7 +4,9 @@ import { find, findAll } from '../browser/dom.js';
 import { fieldOf, helpOf, keyOf, show } from './builder-fields.js';
 import { listOf, mapOf } from './builder-items.js';
 import { drawButton, isKitchen } from './builder-kitchens.js';
+import { openAfter } from './builder-open-blocks.js';
 import { blank, planOf, shapeOf } from './builder-plan.js';
+import { blockAt, showProblems } from './builder-problems.js';
 import { MissingTexts } from './builder-translations.js';
 import { make } from './elements.js';
 
@@ -75,7 +77,7 @@ export class DraftForm {
     this.added?.select(); // typing replaces the name that a new item was given
     this.added = null;
     this.missing.show(plan, this.languages, (path) => this.controls.get(keyOf(path)));
-    this.tell(problems);
+    showProblems(this.place, problems);
   }
 
   /** @param {PlanNode} plan */
@@ -186,7 +188,11 @@ export class DraftForm {
       languages: this.languages,
       act: (/** @type {Operation} */ operation, focus = '') => {
         this.focusNext = focus;
-        this.follow(operation);
+        const moved = openAfter(this.opened, operation);
+        if (moved) {
+          this.opened = moved;
+          this.shape = ''; // build it again
+        }
         this.on.change(operation);
       },
       elementOf: (/** @type {PlanNode} */ node) => this.elementOf(node),
@@ -212,29 +218,6 @@ export class DraftForm {
     }
     if (node.schema.isOptional) inside.append(this.removerOf(node));
     return details;
-  }
-
-  /**
-   * Keep open what is open when the items of a list get other places.
-   * @param {Operation} operation
-   */
-  follow(operation) {
-    const isRemoved = operation.do === 'remove';
-    if (operation.do !== 'move' && !isRemoved) return;
-    const list = isRemoved ? operation.path.slice(0, -1) : operation.path;
-    const from = isRemoved ? Number(operation.path.at(-1)) : operation.index;
-    const to = isRemoved ? Infinity : operation.to;
-    if (Number.isNaN(from)) return;
-    const after = [...this.opened].flatMap((key) => {
-      const path = key.startsWith('[') ? JSON.parse(key) : [];
-      const at = path[list.length];
-      if (typeof at !== 'number' || keyOf(path.slice(0, list.length)) !== keyOf(list)) return [key];
-      if (at === from && isRemoved) return [];
-      const place = at === from ? to : at > from && at <= to ? at - 1 : at < from && at >= to ? at + 1 : at;
-      return [keyOf([...list, place, ...path.slice(list.length + 1)])];
-    });
-    this.opened = new Set(after);
-    this.shape = ''; // build it again
   }
 
   /** @param {PlanNode} node */
@@ -271,7 +254,7 @@ export class DraftForm {
     }
     if (node.kind !== 'words' || typeof node.value === 'string') this.fillOne(node.path, node, node.value);
     const isItem = typeof node.path.at(-1) === 'number';
-    const title = isItem ? this.at(node.path)?.querySelector(':scope > summary > .title') : null;
+    const title = isItem ? blockAt(this.place, node.path)?.querySelector(':scope > summary > .title') : null;
     if (title) title.textContent = titleOf(node);
     node.children.forEach((child) => this.fill(child));
   }
@@ -285,44 +268,6 @@ export class DraftForm {
     const control = this.controls.get(keyOf(path));
     if (control) show(control, node, value, this.on.waits(path) || this.on.waits(node.path));
   }
-
-  /**
-   * @param {(string | number)[]} path
-   * @returns {Element | null}
-   */
-  at(path) {
-    return findAll('[data-path]', HTMLElement, this.place).find((one) => one.dataset.path === keyOf(path)) ?? null;
-  }
-
-  /**
-   * Say at the fields what is wrong; a section says how much is wrong in it.
-   * @param {Problem[]} problems
-   */
-  tell(problems) {
-    for (const words of findAll('.wrong', HTMLElement, this.place)) words.hidden = true;
-    for (const badge of findAll('summary .badge', HTMLElement, this.place)) badge.hidden = true;
-    for (const control of findAll('[aria-invalid]', HTMLElement, this.place)) control.removeAttribute('aria-invalid');
-    for (const problem of [...problems].reverse()) {
-      const found = problem.path.map((_, index) => this.at(problem.path.slice(0, problem.path.length - index)));
-      const place = found.find(Boolean);
-      const words = place?.querySelector(':scope > .wrong, :scope > .inside > .wrong');
-      if (!(place instanceof HTMLElement) || !(words instanceof HTMLElement)) continue;
-      words.textContent = problem.text;
-      words.className = `wrong${problem.warning ? ' warn' : ''}`;
-      words.hidden = false;
-      if (problem.warning) continue;
-      if (place.matches('.field')) place.querySelector('[data-control]')?.setAttribute('aria-invalid', 'true');
-      for (let up = place.closest('details'); up; up = up.parentElement?.closest('details') ?? null) count(up);
-    }
-  }
-}
-
-/** @param {HTMLDetailsElement} details */
-function count(details) {
-  const badge = details.querySelector(':scope > summary > .badge');
-  if (!(badge instanceof HTMLElement)) return;
-  badge.textContent = String(badge.hidden ? 1 : Number(badge.textContent) + 1);
-  badge.hidden = false;
 }
 
 /**

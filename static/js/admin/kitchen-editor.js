@@ -6,30 +6,31 @@
 import { STEP } from '../board/kitchen.js';
 import { Sprites } from '../board/sprites.js';
 import { SPRITES, root } from '../browser/addresses.js';
-import { find, findAll } from '../browser/dom.js';
-import { local, readJson } from '../browser/storage.js';
+import { find } from '../browser/dom.js';
 import { make } from './elements.js';
 import { KitchenDrawing } from './kitchen-drawing.js';
-import { showModels, showProblems, showReach, showTrial } from './kitchen-findings.js';
-import { TILES, TILE_NAMES, UndoList, between, drawn, filledUp, resized } from './kitchen-grid.js';
+import { showModels, showProblems, showReach, showTrial, showUse } from './kitchen-findings.js';
+import { TILES, TILE_NAMES, UndoList, drawn, filledUp, resized } from './kitchen-grid.js';
+import { ARROWS, FIRST_TILE, listenToPalette } from './kitchen-palette.js';
+import { newerVersion, note, offer, onFile, post, reasonOf } from './kitchen-requests.js';
+import { listenToStrokes } from './kitchen-strokes.js';
+import { UnsavedDrawing } from './kitchen-unsaved.js';
 
 const CHECK_AFTER_MS = 150;
 const TRY_AFTER_MS = 1000;
 const RETRY_MS = 2000;
-/** @type {Record<string, number>} */
-const ARROWS = { ArrowUp: 0, ArrowDown: 1, ArrowRight: 2, ArrowLeft: 3 };
 
 /** @type {{ name: string, rows: Grid, version: number, token: string, embedded: boolean }} */
 const start = JSON.parse(find('#editor', HTMLElement).dataset.start ?? '');
 const nameField = find('#name', HTMLInputElement);
 const surface = find('#drawing', HTMLElement);
-const draftKey = `kitchen-draft/${start.name}`;
 
+const unsaved = new UnsavedDrawing(start.name);
 let list = new UndoList(start.rows);
 let version = start.version;
 /** @type {Cell} */
 let cursor = [1, 1];
-let tile = 'X';
+let tile = FIRST_TILE;
 /** @type {Findings | null} */
 let found = null;
 let checks = 0;
@@ -37,47 +38,8 @@ let checks = 0;
 let checkTimer;
 /** @type {ReturnType<typeof setTimeout> | undefined} */
 let trialTimer;
-/** @type {Cell | null} where the pointer was that draws */
-let pen = null;
 /** @type {KitchenDrawing} */
 let drawing;
-
-/**
- * Send a form; return the answer's status and JSON. Status 0: no answer came.
- * @param {string} path below /admin/
- * @param {Record<string, string>} fields
- * @returns {Promise<{ status: number, data: any }>}
- */
-async function post(path, fields) {
-  const body = new URLSearchParams({ form_token: start.token, ...fields });
-  try {
-    const headers = { accept: 'application/json' };
-    const answer = await fetch(`${root}/admin/${path}`, { method: 'POST', body, headers });
-    return { status: answer.status, data: await answer.json() };
-  } catch {
-    return { status: 0, data: { detail: 'The server does not answer. Your drawing is kept in this browser' } };
-  }
-}
-
-/**
- * Show what the researcher should know; '' hides it.
- * @param {string} text
- * @param {boolean} bad
- * @param {Node[]} more
- */
-function note(text, bad = false, ...more) {
-  const place = find('#note', HTMLElement);
-  place.hidden = !text;
-  place.className = bad ? 'note bad' : 'note';
-  place.replaceChildren(text, ...more);
-}
-
-/** @param {number} status @param {any} data */
-function reasonOf(status, data) {
-  if (status === 401 || status === 403) return 'You are signed out. Sign in in another tab, then reload this page.';
-  const detail = typeof data.detail === 'string' ? data.detail : 'That did not work';
-  return detail.endsWith('.') ? detail : `${detail}.`;
-}
 
 function redraw() {
   drawing.show(list.now);
@@ -116,9 +78,9 @@ function changed() {
 }
 
 function keep() {
-  local.setItem(draftKey, JSON.stringify({ rows: list.now, name: nameField.value, version }));
+  unsaved.keep({ rows: list.now, name: nameField.value, version });
   find('#saved', HTMLElement).textContent = 'Not saved';
-  showUse();
+  showUse(nameField.value);
 }
 
 function check() {
@@ -126,7 +88,10 @@ function check() {
   clearTimeout(trialTimer);
   const number = ++checks;
   checkTimer = setTimeout(async () => {
-    const { status, data } = await post('kitchens/check', { grid: list.now.join('\n'), name: nameField.value });
+    const { status, data } = await post(start.token, 'kitchens/check', {
+      grid: list.now.join('\n'),
+      name: nameField.value,
+    });
     if (number !== checks) return;
     if (status !== 200) return note(reasonOf(status, data), true);
     found = data;
@@ -149,7 +114,7 @@ function showFindings({ problems, reach, models, trial }) {
 
 /** @param {number} number of the check that found no errors */
 async function tryOut(number) {
-  const { status, data } = await post('kitchens/trial', { grid: list.now.join('\n') });
+  const { status, data } = await post(start.token, 'kitchens/trial', { grid: list.now.join('\n') });
   if (number !== checks) return;
   if (status === 200) showTrial(/** @type {Trial} */ (data), '');
   else if (status === 503) trialTimer = setTimeout(() => tryOut(number), RETRY_MS);
@@ -159,16 +124,6 @@ async function tryOut(number) {
 /** @param {Cell[]} cells @param {string} what */
 function put(cells, what) {
   if (list.add(drawn(list.now, cells, what))) changed();
-}
-
-/** @param {string} chosen */
-function choose(chosen) {
-  tile = chosen;
-  for (const button of findAll('#palette button', HTMLElement)) {
-    const isChosen = button.dataset.tile === chosen;
-    button.setAttribute('aria-checked', String(isChosen));
-    button.tabIndex = isChosen ? 0 : -1;
-  }
 }
 
 /** @param {KeyboardEvent} event */
@@ -200,43 +155,22 @@ function onKey(event) {
 function listenToPointer() {
   /** @type {Grid} */
   let before = list.now;
-  surface.addEventListener('pointerdown', (event) => {
-    if (event.button !== 0 || pen) return;
-    surface.setPointerCapture(event.pointerId);
-    before = list.now;
-    pen = drawing.cellAt(event);
-    moveTo(pen);
-    stroke([pen]);
+  listenToStrokes(surface, (event) => drawing.cellAt(event), {
+    begin: () => {
+      before = list.now;
+    },
+    draw: (cells, last) => {
+      moveTo(last);
+      list.now = drawn(list.now, cells, tile);
+      drawing.show(list.now);
+      mark();
+    },
+    end: () => {
+      const after = list.now;
+      list.now = before;
+      if (list.add(after)) changed();
+    },
   });
-  surface.addEventListener('pointermove', (event) => {
-    if (!pen) return;
-    const cell = drawing.cellAt(event);
-    const cells = between(pen, cell);
-    pen = cell;
-    moveTo(cell);
-    stroke(cells);
-  });
-  const end = () => {
-    if (!pen) return;
-    pen = null;
-    const after = list.now;
-    list.now = before;
-    if (list.add(after)) changed();
-  };
-  surface.addEventListener('pointerup', end);
-  surface.addEventListener('pointercancel', end);
-}
-
-/** @param {Cell[]} cells */
-function stroke(cells) {
-  list.now = drawn(list.now, cells, tile);
-  drawing.show(list.now);
-  mark();
-}
-
-function showUse() {
-  const name = nameField.value || 'NAME';
-  find('#use', HTMLElement).textContent = `layouts:\n  - {name: ${name}, title: {en: "${name}"}}`;
 }
 
 async function save() {
@@ -245,7 +179,7 @@ async function save() {
   const rows = list.now.join('\n');
   button.disabled = true;
   const opened = name === start.name ? version : 0;
-  const { status, data } = await post('kitchens/save', { name, grid: rows, version: String(opened) });
+  const { status, data } = await post(start.token, 'kitchens/save', { name, grid: rows, version: String(opened) });
   button.disabled = false;
   if (status === 200) {
     const isNewName = name !== start.name;
@@ -255,37 +189,26 @@ async function save() {
       start.name = name; // drawn while it was saved: the next version of the same kitchen
       return keep();
     }
-    local.removeItem(draftKey);
+    unsaved.forget();
     if (start.embedded) return window.parent.postMessage({ kitchen: name }, window.location.origin);
     if (isNewName) return window.location.assign(`${root}/admin/kitchen/${name}`);
     find('#saved', HTMLElement).textContent = `Saved as version ${version}`;
   } else if (status === 409 && data.newest) {
-    const other = make('a', { text: `Look at version ${data.newest}`, href: `${root}/admin/kitchen/${name}` });
-    other.target = '_blank';
-    const replace = make('button', { className: 'btn tiny', type: 'button', text: 'Save mine as the newest' });
-    replace.addEventListener('click', () => {
+    const choices = newerVersion(name, data.newest, () => {
       start.name = name;
       version = data.newest;
       save();
     });
-    note(`${reasonOf(status, data)} Your drawing is kept. `, true, other, replace);
+    note(`${reasonOf(status, data)} Your drawing is kept. `, true, ...choices);
   } else {
     note(reasonOf(status, data), true);
     if (status === 400) nameField.focus();
   }
 }
 
-/** @param {Blob | null} blob @param {string} name */
-function offer(blob, name) {
-  if (!blob) return note('The file could not be made.', true);
-  const link = make('a', { href: URL.createObjectURL(blob), download: name });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
-}
-
 /** @param {string} text @param {string} name of the file */
 async function take(text, name = '') {
-  const { status, data } = await post('kitchens/check', { grid: text, name: '' });
+  const { status, data } = await post(start.token, 'kitchens/check', { grid: text, name: '' });
   if (status !== 200) return note(reasonOf(status, data), true);
   /** @type {Findings} */
   const findings = data;
@@ -307,16 +230,6 @@ function listen() {
   }
   surface.addEventListener('keydown', onKey);
   listenToPointer();
-  for (const button of findAll('#palette button', HTMLElement)) {
-    button.addEventListener('click', () => choose(button.dataset.tile ?? 'X'));
-  }
-  find('#palette', HTMLElement).addEventListener('keydown', (event) => {
-    if (!(event.key in ARROWS)) return;
-    event.preventDefault();
-    const step = event.key === 'ArrowRight' || event.key === 'ArrowDown' ? 1 : TILES.length - 1;
-    choose(TILES[(TILES.indexOf(tile) + step) % TILES.length]);
-    find('#palette [aria-checked=true]', HTMLElement).focus();
-  });
   find('#undo', HTMLElement).addEventListener('click', () => list.undo() && changed());
   find('#redo', HTMLElement).addEventListener('click', () => list.redo() && changed());
   for (const id of ['#columns', '#rows']) {
@@ -340,12 +253,7 @@ function listen() {
     offer(await drawing.picture(), `${nameField.value || 'kitchen'}.png`);
   });
   find('#import', HTMLElement).addEventListener('click', () => take(find('#pasted', HTMLTextAreaElement).value));
-  find('#file', HTMLInputElement).addEventListener('change', async (event) => {
-    const field = /** @type {HTMLInputElement} */ (event.currentTarget);
-    const [file] = field.files ?? [];
-    if (file) await take(await file.text(), file.name);
-    field.value = '';
-  });
+  onFile(find('#file', HTMLInputElement), take);
   let width = 0;
   new ResizeObserver(([{ contentRect }]) => {
     if (contentRect.width !== width) redraw();
@@ -355,18 +263,14 @@ function listen() {
 
 /** Restore an unsaved drawing after the browser was closed. */
 function restore() {
-  const draft = readJson(local, draftKey, null);
-  const isGrid =
-    Array.isArray(draft?.rows) && draft.rows.every((/** @type {unknown} */ row) => typeof row === 'string');
-  const given = new URLSearchParams(window.location.search);
-  if (['copy', 'grid', 'version'].some((name) => given.has(name))) return;
-  if (!isGrid || draft.rows.join('\n') === start.rows.join('\n')) return;
+  const draft = unsaved.read(start.rows);
+  if (!draft) return;
   list.add(filledUp(draft.rows));
   if (!start.name && typeof draft.name === 'string') nameField.value = draft.name;
   if (Number.isInteger(draft.version)) version = draft.version;
   const discard = make('button', { className: 'btn tiny', type: 'button', text: 'Discard it' });
   discard.addEventListener('click', () => {
-    local.removeItem(draftKey);
+    unsaved.forget();
     window.location.reload();
   });
   note('This is what you drew in this browser and did not save. ', false, discard);
@@ -378,10 +282,12 @@ async function begin() {
   const canvas = find('#kitchen', HTMLCanvasElement);
   drawing = new KitchenDrawing(find('#board', HTMLElement), canvas, find('#overlay', SVGSVGElement), sprites);
   restore();
-  choose(tile);
+  listenToPalette((chosen) => {
+    tile = chosen;
+  });
   redraw();
   listen();
-  showUse();
+  showUse(nameField.value);
   check();
   find('#editor', HTMLElement).dataset.ready = 'yes';
 }

@@ -126,3 +126,12 @@ export function showModels(models, name) {
     make('pre', { text: models.commands.join('\n'), tabindex: 0, 'aria-label': 'Commands that train' }),
   );
 }
+
+/**
+ * Show how a study file names the kitchen.
+ * @param {string} name '' if it has none yet
+ */
+export function showUse(name) {
+  const shown = name || 'NAME';
+  find('#use', HTMLElement).textContent = `layouts:\n  - {name: ${shown}, title: {en: "${shown}"}}`;
+}

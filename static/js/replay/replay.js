@@ -12,6 +12,8 @@ import { SPRITES } from '../browser/addresses.js';
 import { find, findAll } from '../browser/dom.js';
 import { catalogue, jsonBlock } from '../browser/texts.js';
 import { frameOf, showAccuracy, showInputs, showIntentions, showPrediction, showVerification } from './details.js';
+import { onKeys } from './keys.js';
+import { showStatus } from './live-status.js';
 import { Player } from './player.js';
 import { TimeLine } from './timeline.js';
 import { VideoExport, canRecordVideo } from './video.js';
@@ -173,17 +175,10 @@ function listenToGame() {
   listen(`${base}/live`, {
     message: (/** @type {Researcher.Replay} */ message) => {
       if (message.type === 'tick') grow(message.row, message.inputs ?? []);
-      if (message.type === 'status') showStatus(message);
+      if (message.type === 'status') showStatus(place('now'), place('rtt'), message);
       if (message.type === 'over') over();
     },
   });
-}
-
-/** @param {Researcher.Card} card */
-function showStatus({ flag, since_s: since, rtt_ms: rtt, level }) {
-  place('now').textContent = level && since !== null ? `${flag}, ${since} s` : flag;
-  place('now').className = ['', 'flag warn', 'flag bad'][level];
-  place('rtt').textContent = rtt === null ? '–' : `${rtt} ms`;
 }
 
 function over() {
@@ -246,26 +241,6 @@ async function copyLink() {
   }, COPIED_MS);
 }
 
-/** @type {Record<string, () => void>} */
-const KEYS = {
-  ' ': togglePlay,
-  ArrowLeft: () => go(player.t - 1),
-  ArrowRight: () => go(player.t + 1),
-  Home: () => go(0),
-  End: () => go(lastTimestep()),
-};
-
-/** @param {KeyboardEvent} event */
-function keyPressed(event) {
-  const inControl =
-    event.target instanceof Element && event.target.closest('input:not(#scrub), textarea, select, dialog, button, a');
-  if (inControl || event.ctrlKey || event.metaKey || event.altKey) return;
-  const action = KEYS[event.key];
-  if (!action) return;
-  event.preventDefault();
-  action();
-}
-
 function timestepInAddress() {
   const found = /^#t=(\d+)$/.exec(location.hash);
   return found ? Number(found[1]) : null;
@@ -274,7 +249,13 @@ function timestepInAddress() {
 function begin() {
   connectTransport();
   connectDownloads();
-  document.addEventListener('keydown', keyPressed);
+  onKeys({
+    ' ': togglePlay,
+    ArrowLeft: () => go(player.t - 1),
+    ArrowRight: () => go(player.t + 1),
+    Home: () => go(0),
+    End: () => go(lastTimestep()),
+  });
   window.addEventListener('hashchange', () => go(timestepInAddress() ?? player.t));
   new ResizeObserver(() => {
     fit();

@@ -284,7 +284,7 @@ def test_bots_come_with_ids_that_look_like_the_recruiter_s(recruitment: dict[str
 def test_participants_of_whom_some_give_up_violate_nothing(
     tmp_path: Path, file: Path, people: int, least: int, most: int
 ) -> None:
-    study = shortened(file, tmp_path, 60)
+    study = shortened(file, tmp_path)
     status, outcome = simulated(str(people), "--study", str(study), "--fast", "--dropout", "0.3", "--seed", "7")
     assert outcome["violations"] == []
     assert status == 0

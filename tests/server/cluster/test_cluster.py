@@ -33,7 +33,7 @@ from server.store.study_drafts import DraftText
 from server.study.loader import StudyError
 from server.web.passwords import hashed
 from tests.support.live_server import LiveServer
-from tests.support.postgres_server import PostgresServer
+from tests.support.postgres_pool import PostgresPool
 from tests.support.real_server import SHORT_STUDY
 from tests.support.redis_server import RedisServer
 
@@ -50,12 +50,11 @@ def redis() -> Iterator[RedisServer]:
 
 
 @pytest.fixture
-def pair(tmp_path: Path, postgres: PostgresServer, redis: RedisServer) -> Iterator[Pair]:
-    name = postgres.new_database()
-    shared: dict[str, Any] = {"database": postgres.url(name), "redis": redis.url}
-    with LiveServer(tmp_path, 2.0, STUDY, **shared) as one, LiveServer(tmp_path, 2.0, STUDY, **shared) as other:
-        yield one, other
-    postgres.drop_database(name)
+def pair(tmp_path: Path, postgres_pool: PostgresPool, redis: RedisServer) -> Iterator[Pair]:
+    with postgres_pool.one() as address:
+        shared: dict[str, Any] = {"database": address, "redis": redis.url}
+        with LiveServer(tmp_path, 2.0, STUDY, **shared) as one, LiveServer(tmp_path, 2.0, STUDY, **shared) as other:
+            yield one, other
 
 
 async def until(condition: Any, seconds: float = 20.0) -> Any:
@@ -383,14 +382,13 @@ async def test_a_process_leaves_the_others_in_whatever_moment_it_is_told_to(redi
 
 
 def test_people_who_play_with_people_need_one_process(
-    tmp_path: Path, postgres: PostgresServer, redis: RedisServer
+    tmp_path: Path, postgres_pool: PostgresPool, redis: RedisServer
 ) -> None:
-    name = postgres.new_database()
     study = STUDY.replace(
         "{name: planner, predictor: sp_predictor_stream}", "{name: other, human: true, predictor: random}"
     )
     study = study.replace("conditions:", "order: {rule: fixed}\nconditions:")
-    live = LiveServer(tmp_path, study=study, database=postgres.url(name), redis=redis.url)
-    with pytest.raises(StudyError, match="must reach the same process"):
-        live.start()
-    postgres.drop_database(name)
+    with postgres_pool.one() as address:
+        live = LiveServer(tmp_path, study=study, database=address, redis=redis.url)
+        with pytest.raises(StudyError, match="must reach the same process"):
+            live.start()

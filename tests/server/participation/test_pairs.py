@@ -31,10 +31,11 @@ conditions: [{name: tom, predictor: tom}]
 agents: [{name: person, human: true, predictor: random}]
 layouts: [{name: coordination_ring, title: {en: Ring}}, {name: matrix, title: {en: Matrix}}]
 game: {horizon: 60, deadline_ms: 190, pause: {each_s: 12, episode_s: 24}}
-waiting_room: {limit_s: 20, fallback: FALLBACK}
+waiting_room: {limit_s: 20, fallback: agent}
 flow: [episodes, thanks]
 """
 )
+PAID = STUDY.replace("name: pairs", "name: paid", 1).replace("fallback: agent", "fallback: leave")
 decoder = msgspec.json.Decoder(messages.Outgoing)
 
 
@@ -84,9 +85,9 @@ async def at_the_game(bot: Bot, tab: str = "tab-of-this-person") -> Any:
         yield person
 
 
-async def somebody(server: OwnServer, seed: int) -> Bot:
+async def somebody(server: OwnServer, seed: int, study: str = "pairs") -> Bot:
     """A participant at the page of the first round."""
-    bot = Bot(server.url, "pairs", seed, Habits(reloads=False))
+    bot = Bot(server.url, study, seed, Habits(reloads=False))
     page = await bot.consent()
     while not page.is_game:
         page = await bot.submit(page)
@@ -109,12 +110,16 @@ async def together(server: OwnServer, do: Callable[[Person, Person], Awaitable[N
     return first, second
 
 
-@pytest.fixture(scope="module", params=["agent"])
-def server(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnServer]:
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnServer]:
+    """Serves both studies."""
     folder = tmp_path_factory.mktemp("pairs")
-    study = folder / "pairs.yaml"
-    study.write_text(STUDY.replace("FALLBACK", request.param), encoding="utf-8")
-    with OwnServer(f"sqlite:///{folder / 'pairs.sqlite3'}", study, {"KITCHENMIND_SPEED": "8"}) as running:
+    study, paid = folder / "pairs.yaml", folder / "paid.yaml"
+    study.write_text(STUDY, encoding="utf-8")
+    paid.write_text(PAID, encoding="utf-8")
+    running = OwnServer(f"sqlite:///{folder / 'pairs.sqlite3'}", study, {"KITCHENMIND_SPEED": "8"})
+    running.add_study(paid)
+    with running:
         yield running
 
 
@@ -249,10 +254,9 @@ def test_without_a_partner_a_participant_plays_with_the_fallback_agent(server: O
     assert [row.agent_1 for row in kept.episodes] == ["planner"]
 
 
-@pytest.mark.parametrize("server", ["leave"], indirect=True)
 def test_without_a_partner_a_participant_is_paid_if_the_study_says_so(server: OwnServer) -> None:
     async def wait() -> Pair:
-        bot = await somebody(server, 1)
+        bot = await somebody(server, 1, "paid")
         assert await bot.game().play() is None
         bot.journal.code = (await bot._get(bot.now)).code
         await bot.close()

@@ -13,7 +13,7 @@ from server.store import episodes, fences, ticks
 from server.store.database import Database
 from server.store.engines import DatabaseInUse
 from server.store.fences import FencedRecorder
-from tests.support.postgres_server import PostgresServer
+from tests.support.postgres_pool import PostgresPool
 from tests.support.study_data import SPEC, played
 
 pytestmark = pytest.mark.postgres
@@ -25,10 +25,9 @@ def a_tick(episode: str, timestep: int) -> TickRecord:
 
 
 @pytest.fixture
-def address(postgres: PostgresServer, postgres_template: str) -> Iterator[str]:
-    name = postgres.new_database(postgres_template)
-    yield postgres.url(name)
-    postgres.drop_database(name)
+def address(postgres_pool: PostgresPool) -> Iterator[str]:
+    with postgres_pool.one() as address:
+        yield address
 
 
 @pytest.fixture

@@ -4,11 +4,13 @@ data.
 
 import json
 import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
-from sqlalchemy import select
+from sqlalchemy import Connection, select
 from sqlalchemy import text as sql
 
 import kitchenmind
@@ -16,52 +18,88 @@ from server.store import answers, audit, participants, studies, tombstones
 from server.store.database import Database
 from server.store.tables import episodes, metadata
 from server.store.withdrawal import Deletion, withdraw
+from tests.server.conftest import KINDS
+from tests.support.postgres_pool import PostgresPool
+from tests.support.postgres_server import PostgresServer
 from tests.support.study_data import fill
 
 # The command refuses what it was given before it asks a database of whatever kind.
 of_any_kind = pytest.mark.parametrize("url", ["sqlite"], indirect=True)
 
 
+@dataclass
 class Before:
-    """A database of two studies, an export of it, and one person who is deleted after that."""
+    """A database of two studies, an export of it, and one person who was deleted after that. The deleted one and the
+    mate shared a round, about which the mate answered too."""
 
-    def __init__(self, url: str, folder: Path) -> None:
-        self.url, self.export = url, folder / "before"
-        with Database(url) as database:
-            number = database.read_now(studies.every)[0].id
-            database.write_now(lambda connection: fill(connection, people=1, per_person=1, key="other"))
-            self.person, self.mate = (one.id for one in database.read_now(participants.of_study, number)[:2])
-            database.write_now(self._play_together)
-        assert kitchenmind.main(["export", "--database", url, "--out", str(self.export)]) == 0
+    url: str
+    export: Path
+    person: str
+    mate: str
+    shared: str
 
-    def _play_together(self, connection) -> None:  # type: ignore[no-untyped-def]
-        """The two share a round, about which the other one answers too."""
-        query = select(episodes.c.id).where(episodes.c.participant_0 == self.person).order_by(episodes.c.number)
-        self.shared = connection.execute(query).scalars().first()
-        connection.execute(
-            episodes.update()
-            .where(episodes.c.id == self.shared)
-            .values(participant_1=self.mate, agent_1=None, step_key="shared")
-        )
-        answers.save(connection, answers.SubmittedPage(self.mate, "after", {"partner": 5}, self.shared))
 
-    def delete(self) -> None:
-        with Database(self.url) as database:
-            assert database.write_now(withdraw, self.person)
+def made(url: str, export: Path) -> Before:
+    """Fill a database that has one study, export it and delete somebody."""
+    with Database(url) as database:
+        number = database.read_now(studies.every)[0].id
+        database.write_now(lambda connection: fill(connection, people=1, per_person=1, key="other"))
+        person, mate = (one.id for one in database.read_now(participants.of_study, number)[:2])
+        shared = database.write_now(play_together, person, mate)
+    assert kitchenmind.main(["export", "--database", url, "--out", str(export)]) == 0
+    with Database(url) as database:
+        assert database.write_now(withdraw, person)
+    return Before(url, export, person, mate, shared)
+
+
+def play_together(connection: Connection, person: str, mate: str) -> str:
+    query = select(episodes.c.id).where(episodes.c.participant_0 == person).order_by(episodes.c.number)
+    shared: str = connection.execute(query).scalars().first() or ""
+    connection.execute(
+        episodes.update().where(episodes.c.id == shared).values(participant_1=mate, agent_1=None, step_key="shared")
+    )
+    answers.save(connection, answers.SubmittedPage(mate, "after", {"partner": 5}, shared))
+    return shared
+
+
+@pytest.fixture(scope="module")
+def made_in_sqlite(filled_sqlite: Path, tmp_path_factory: pytest.TempPathFactory) -> Before:
+    folder = tmp_path_factory.mktemp("before")
+    file = Path(shutil.copy(filled_sqlite, folder / "study.db"))
+    return made(f"sqlite:///{file}", folder / "export")
+
+
+@pytest.fixture(scope="module")
+def made_in_postgres(
+    postgres: PostgresServer, filled_postgres: str, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Before, PostgresPool]:
+    name = postgres.new_database(filled_postgres)
+    before = made(postgres.url(name), tmp_path_factory.mktemp("before") / "export")
+    return before, PostgresPool(postgres, name)
+
+
+@pytest.fixture(params=KINDS)
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+    """The address of a copy of the database; see `before`."""
+    if request.param == "sqlite":
+        original: Before = request.getfixturevalue("made_in_sqlite")
+        yield f"sqlite:///{shutil.copy(original.url.removeprefix('sqlite:///'), tmp_path / 'study.db')}"
+        return
+    _, pool = request.getfixturevalue("made_in_postgres")
+    with pool.one() as address:
+        yield address
 
 
 @pytest.fixture
-def filled(url: str) -> str:
-    """A database with a played study, which nobody has open; see `url` of conftest.py."""
-    return url
-
-
-@pytest.fixture
-def before(filled: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Before:
+def before(request: pytest.FixtureRequest, url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Before:
+    """Copies that a test may change."""
     monkeypatch.setenv("KITCHENMIND_DATABASE", f"sqlite:///{tmp_path}/no server here.db")
-    made = Before(filled, tmp_path)
-    made.delete()
-    return made
+    original: Before
+    if url.startswith("sqlite"):
+        original = request.getfixturevalue("made_in_sqlite")
+    else:
+        original, _ = request.getfixturevalue("made_in_postgres")
+    return replace(original, url=url, export=Path(shutil.copytree(original.export, tmp_path / "before")))
 
 
 def everything(url: str) -> str:
