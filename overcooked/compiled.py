@@ -1,12 +1,33 @@
 """The decorator of all compiled kernels, and the maintenance of their cache."""
 
+import atexit
+import gc
 import importlib
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from numba import njit
+
+@contextmanager
+def collector_off() -> Iterator[None]:
+    """Switch Python's garbage collector off, for imports: they make many objects and no garbage."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
+with collector_off():
+    from numba import njit as njit
+    from numba.core.registry import cpu_target
+
+# At its end, Python looks at every object of numba once more, which takes as long as importing it. Frozen ones are left
+# out: the memory goes with the process.
+atexit.register(gc.freeze)
 
 # Compiled on first use, then kept next to the sources (`__pycache__/*.nbi`), so that the next process starts at once.
 kernel = njit(cache=True, error_model="numpy")
@@ -14,7 +35,7 @@ threaded_kernel = njit(cache=True, error_model="numpy", nogil=True)  # other thr
 inlined_kernel = njit(cache=True, error_model="numpy", inline="always")
 
 _FOLDER = Path(__file__).parent
-_KERNEL_SOURCES = ("compiled.py", "constants.py", "observe.py", "rules.py", "score.py", "vector_env.py")
+_KERNEL_SOURCES = ("compiled.py", "constants.py", "observe.py", "planes.py", "rules.py", "score.py", "vector_env.py")
 
 
 def forget_stale_code(folder: Path = _FOLDER) -> int:
@@ -39,21 +60,24 @@ def forget_code_older_than(sources: Iterable[Path], folder: Path) -> int:
 
 
 @contextmanager
-def only_our_kernels() -> Iterator[None]:
-    """Hide scipy.linalg and cffi from numba, which imports them for kernels that call BLAS or C. Ours do neither."""
-    unneeded = {"scipy.linalg", "cffi"} - sys.modules.keys()
-    sys.modules.update(dict.fromkeys(unneeded))  # type: ignore[arg-type] # None: as if it were not installed
+def without_linear_algebra() -> Iterator[None]:
+    """Hide scipy.linalg from numba. Loading it takes a third of the time to a process's first step."""
+    is_loaded = "scipy.linalg" in sys.modules
+    if not is_loaded:
+        sys.modules["scipy.linalg"] = None  # type: ignore[assignment] # as if it were not installed
     try:
         yield
     finally:
-        for name in unneeded:
-            del sys.modules[name]
+        if not is_loaded:
+            del sys.modules["scipy.linalg"]
 
 
-# Loading scipy.linalg takes a third of the time to a process's first step. numba asks for it once, here, to make
-# `np.convolve` and `np.correlate` of compiled code faster; all else that needs BLAS asks again when it is compiled.
-with only_our_kernels():
-    importlib.import_module("numba.np.arraymath")
+with collector_off():
+    # numba asks for it once, here, to make `np.convolve` and `np.correlate` of compiled code faster. All else that
+    # needs BLAS asks again when it is compiled.
+    with without_linear_algebra():
+        importlib.import_module("numba.np.arraymath")
+    cpu_target.target_context.refresh()  # what numba would otherwise load at the first call of a kernel
 
 with suppress(OSError):  # installed in a read-only folder, where the sources do not change either
     forget_stale_code()

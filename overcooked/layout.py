@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from overcooked.constants import COUNTER, FLOOR, PLAYERS, POT, STEP_X, STEP_Y, TILE_CHARACTERS
 from overcooked.layout_file import LayoutError as LayoutError
 from overcooked.layout_file import grid_rows, read_text
-from overcooked.observe import PLANES, static_planes
 from overcooked.other_names import bundled_name
+from overcooked.planes import static_planes
 
 LAYOUT_FOLDER = Path(__file__).parent / "layouts"
 _REQUIRED = {"O": "onion dispenser", "D": "dish dispenser", "P": "pot", "S": "serving station"}
@@ -53,9 +53,7 @@ class Layout:
     @cached_property
     def static_planes(self) -> NDArray[np.int8]:
         """The part of the encoding that never changes: (width, height, 26)."""
-        planes = np.zeros((self.width, self.height, PLANES), np.int8)
-        static_planes(self.tiles, planes)
-        return planes
+        return static_planes(self.tiles)
 
     @cached_property
     def static_views(self) -> NDArray[np.int8]:

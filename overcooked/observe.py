@@ -1,4 +1,4 @@
-"""Encode a state as planes: overcooked_ai's lossless encoding. The meaning of each plane is defined here only."""
+"""Encode a state as planes: overcooked_ai's lossless encoding. The meaning of each plane is in `planes`."""
 
 import numpy as np
 
@@ -6,70 +6,58 @@ from overcooked.compiled import inlined_kernel, kernel
 from overcooked.constants import (
     COOK_TIME,
     COOKING,
-    COUNTER,
     DISH,
-    DISH_DISPENSER,
-    EXIT,
     FACING,
     HELD,
     NOTHING,
     ONION,
-    ONION_DISPENSER,
     ONIONS_PER_SOUP,
-    POT,
     READY,
     SOUP,
     X,
     Y,
 )
+from overcooked.planes import (
+    CONTENT,
+    CONTENT_PLANES,
+    COOKING_LEFT,
+    LYING_DISH,
+    LYING_ONION,
+    ME,
+    MY_FACING,
+    ONIONS_IN_POT,
+    ONIONS_IN_SOUP,
+    OTHER,
+    OTHER_FACING,
+    PLANES,
+    SOUP_READY,
+    URGENT,
+)
 
-PLANES = 26
 URGENT_TIMESTEPS = 40
-_POT, _COUNTER, _ONIONS, _DISHES, _EXIT = 10, 11, 12, 14, 15
-_ONIONS_IN_POT, _ONIONS_IN_SOUP, _COOKING_LEFT, _SOUP_READY, _DISH, _ONION = 16, 18, 20, 21, 22, 23
-_CONTENT, _CONTENT_PLANES = 16, 8  # what lies in a cell or is held there
 # Unsigned, as they are added to unsigned cells: numba makes a float of a sum of uint64 and int64. And an unsigned index
 # is not looked at for being negative.
-_ME, _OTHER, _URGENT = np.uint64(0), np.uint64(1), np.uint64(25)
-_MY_FACING, _OTHER_FACING = np.uint64(2), np.uint64(6)
+_ME, _OTHER, _URGENT = np.uint64(ME), np.uint64(OTHER), np.uint64(URGENT)
+_MY_FACING, _OTHER_FACING = np.uint64(MY_FACING), np.uint64(OTHER_FACING)
 
 
 def _packed(planes: dict[int, int]) -> int:
     """The planes 16 to 23 of one cell as one integer, the first in the lowest byte."""
-    return sum(value << 8 * (plane - _CONTENT) for plane, value in planes.items())
+    return sum(value << 8 * (plane - CONTENT) for plane, value in planes.items())
 
 
 def _pot(inside: int) -> int:
     if inside < COOKING:
-        return _packed({_ONIONS_IN_POT: inside})
+        return _packed({ONIONS_IN_POT: inside})
     ready = int(inside == READY)
     left = COOK_TIME - (inside - COOKING)
-    return _packed({_ONIONS_IN_SOUP: ONIONS_PER_SOUP, _COOKING_LEFT: left, _SOUP_READY: ready})
+    return _packed({ONIONS_IN_SOUP: ONIONS_PER_SOUP, COOKING_LEFT: left, SOUP_READY: ready})
 
 
-_SOUP_PLANES = {_ONIONS_IN_SOUP: ONIONS_PER_SOUP, _SOUP_READY: 1}
-_ITEM_PLANES = {NOTHING: {}, ONION: {_ONION: 1}, DISH: {_DISH: 1}, SOUP: _SOUP_PLANES}
+_SOUP_PLANES = {ONIONS_IN_SOUP: ONIONS_PER_SOUP, SOUP_READY: 1}
+_ITEM_PLANES = {NOTHING: {}, ONION: {LYING_ONION: 1}, DISH: {LYING_DISH: 1}, SOUP: _SOUP_PLANES}
 _POTS = np.array([_pot(inside) for inside in range(READY + 1)], np.uint64)  # by what is in the pot
 _ITEMS = np.array([_packed(_ITEM_PLANES[item]) for item in range(len(_ITEM_PLANES))], np.uint64)
-
-
-@kernel
-def static_planes(tiles, out):
-    """Write the planes that never change in a layout into `out` (width, height, 26) and clear the others."""
-    out[:] = 0
-    for x in range(tiles.shape[0]):
-        for y in range(tiles.shape[1]):
-            tile = tiles[x, y]
-            if tile == POT:
-                out[x, y, _POT] = 1
-            elif tile == COUNTER:
-                out[x, y, _COUNTER] = 1
-            elif tile == ONION_DISPENSER:
-                out[x, y, _ONIONS] = 1
-            elif tile == DISH_DISPENSER:
-                out[x, y, _DISHES] = 1
-            elif tile == EXIT:
-                out[x, y, _EXIT] = 1
 
 
 @inlined_kernel
@@ -81,8 +69,8 @@ def _cell(x, y, contents):
 @inlined_kernel
 def _draw(out, cell, planes):
     """Write eight planes of a cell. The compiler makes one store of the eight."""
-    for k in range(_CONTENT_PLANES):
-        out[cell + np.uint64(_CONTENT + k)] = (planes >> np.uint64(8 * k)) & np.uint64(0xFF)
+    for k in range(CONTENT_PLANES):
+        out[cell + np.uint64(CONTENT + k)] = (planes >> np.uint64(8 * k)) & np.uint64(0xFF)
 
 
 @inlined_kernel

@@ -9,7 +9,7 @@ from pettingzoo import ParallelEnv
 
 from overcooked.constants import ACTIONS, EVENT_NAMES, FACING, FLOOR, HELD, HORIZON, PLAYERS, TILE_CHARACTERS, X, Y
 from overcooked.layout import Layout, load_layout
-from overcooked.observe import PLANES
+from overcooked.planes import PLANES
 from overcooked.score import shaped_reward, sparse_reward
 from overcooked.state import Kitchens
 

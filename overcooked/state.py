@@ -23,6 +23,7 @@ from overcooked.constants import (
     STEP_X,
 )
 from overcooked.layout import Layout
+from overcooked.planes import PLANES
 
 Record = dict[str, Any]
 
@@ -58,7 +59,7 @@ class Kitchens:
     def encode(self, out: NDArray[Any] | None = None, horizon: int = HORIZON) -> NDArray[Any]:
         """Encode what each chef sees: (games, 2, width, height, 26). Raises ValueError for an unsuitable `out`."""
         layout = self.layout
-        shape = (self.games, PLAYERS, layout.width, layout.height, observe.PLANES)
+        shape = (self.games, PLAYERS, layout.width, layout.height, PLANES)
         if out is None:
             out = np.empty(shape, np.int8)
         elif out.shape != shape or not out.flags.c_contiguous:

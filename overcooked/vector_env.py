@@ -9,12 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from overcooked.compiled import kernel, threaded_kernel
+from overcooked import score
+from overcooked.compiled import inlined_kernel, kernel, threaded_kernel
 from overcooked.constants import COOKING, FACING, FLOOR, HELD, HORIZON, ONIONS_PER_SOUP, PLAYERS, READY, STEP_X, X, Y
 from overcooked.layout import Layout
-from overcooked.observe import PLANES, encode_game
+from overcooked.observe import encode_game
+from overcooked.planes import PLANES
 from overcooked.rules import step_game
-from overcooked.score import shaped_reward, sparse_reward
 from overcooked.state import Kitchens
 
 _DIRECTIONS = len(STEP_X)
@@ -22,6 +23,7 @@ _ITEMS = 4
 _ONE_IN = 1 << 24  # probabilities are compared in 24 bits
 # Columns of an episode's running sums and of a finished episode.
 _SPARSE, _SHAPED_FIRST, _SHAPED_SECOND, _LENGTH, _STANDARD = 0, 1, 2, 3, 4
+_sparse_reward, _shaped_reward = inlined_kernel(score.sparse_reward), inlined_kernel(score.shaped_reward)
 
 
 class Finished(NamedTuple):
@@ -213,8 +215,8 @@ def _step(
             sparse[game, k] = 0
             shaped[game, k] = 0
             if events[game, k] != 0:  # in most timesteps there is no event
-                points = sparse_reward(events[game, k])
-                shaping = shaped_reward(events[game, k])
+                points = _sparse_reward(events[game, k])
+                shaping = _shaped_reward(events[game, k])
                 sparse[game, k] = points
                 shaped[game, k] = shaping
                 sums[game, _SPARSE] += points

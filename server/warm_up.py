@@ -4,9 +4,7 @@ from collections.abc import Sequence
 
 from fastapi import FastAPI
 
-from overcooked.compiled import only_our_kernels
 from overcooked.constants import STAY
-from overcooked.score import shaped_reward, sparse_reward
 from server.participation.episode_specs import layout_of
 from server.play.simulation import Simulation
 from server.study.loader import StudyFile
@@ -16,12 +14,9 @@ from server.web.dependencies import compile_templates
 def compile_all(files: Sequence[StudyFile], root: str = "") -> None:
     """Compile every page and the kernels of every study's first kitchen. `root`: see `CsrfProtection.root`."""
     compile_templates(root)
-    with only_our_kernels():
-        for file in files:
-            simulation = Simulation(layout_of(file.study.layouts[0]), horizon=1)
-            simulation.step((STAY, STAY))
-        sparse_reward(0)
-        shaped_reward(0)
+    for file in files:
+        simulation = Simulation(layout_of(file.study.layouts[0]), horizon=1)
+        simulation.step((STAY, STAY))
 
 
 def prepare_routes(app: FastAPI) -> None:

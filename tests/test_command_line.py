@@ -26,6 +26,13 @@ def test_help_names_every_verb_and_imports_nothing_heavy() -> None:
     assert not [name for name in ("numpy", "numba", "torch", "fastapi", "sqlalchemy") if f"'{name}'" in loaded]
 
 
+def test_a_command_leaves_its_objects_out_of_the_last_collection() -> None:
+    told = "import atexit, gc, sys, kitchenmind\natexit.register(lambda: print(gc.get_freeze_count() > 0))\n"
+    command = "sys.argv[1:] = ['--help']\nkitchenmind.main()"
+    done = subprocess.run([sys.executable, "-c", told + command], capture_output=True, text=True, cwd=ROOT)
+    assert done.stdout.split()[-1] == "True"
+
+
 @pytest.mark.parametrize("verb", kitchenmind.VERBS)
 def test_verb_is_there_and_explains_itself(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     module = importlib.import_module(kitchenmind.VERBS[verb][0])

@@ -17,7 +17,7 @@ from models.networks.columns import varying_columns
 from models.networks.config import LEAK, NetworkConfig
 from models.networks.policy import CnnPolicy, Head, MlpPolicy, Network, build_network
 from overcooked.layout import Layout, parse_layout
-from overcooked.observe import PLANES
+from overcooked.planes import PLANES
 from training.compute import Compute, Request, autocast, quickest, requested
 from training.lane_convolutions import LaneConvolutions
 from training.sparse_layer import ColumnPlaces, SparseConvolution, SparseLinear, linear_forward

@@ -22,7 +22,7 @@ from models.agents.given_agents import GivenAgent, loader_of
 from models.inference.checked_output import checked_probabilities
 from models.protocols import Observations
 from overcooked.layout import Layout, LayoutError, load_layout, parse_layout
-from overcooked.observe import PLANES
+from overcooked.planes import PLANES
 from overcooked.state import Kitchens
 
 PORT: Final = 9000

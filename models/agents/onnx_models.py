@@ -10,7 +10,7 @@ from models.agents.onnx_weights import external_files
 from models.protocols import HISTORY, STEPS, BlackBoxError, Observations, Predictions, Probabilities
 from overcooked.constants import ACTIONS
 from overcooked.layout import Layout
-from overcooked.observe import PLANES
+from overcooked.planes import PLANES
 
 _TYPES: Final[dict[str, Any]] = {
     "tensor(float)": np.float32,

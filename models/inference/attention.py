@@ -5,7 +5,8 @@ Arrays are float32 and C-contiguous.
 import math
 
 import numpy as np
-from numba import njit
+
+from overcooked.compiled import njit
 
 # Sums may be reordered, so that they can be vectorised; NaN and infinity keep their meaning.
 _kernel = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "arcp", "nsz"})

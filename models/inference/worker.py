@@ -3,6 +3,7 @@
 Started by `models.inference.runner` as `python -m models.inference.worker FD`.
 """
 
+import gc
 import signal
 import socket
 import sys
@@ -86,7 +87,8 @@ class Worker:
             self._agents[name] = _refusing(self._load_agent, name)
         for name in load.predictors:
             self._predictors[name] = (_refusing(self._load_predictor, name), Slots())
-        self.memory = max((_memory(predictor) for predictor, _ in self._predictors.values()), default=1)
+        memories = (getattr(predictor, "memory", HISTORY) for predictor, _ in self._predictors.values())
+        self.memory = max(map(int, memories), default=1)
 
     def _layout(self, name: str) -> Layout:
         if name not in self._layouts:
@@ -250,10 +252,6 @@ def _start_states(layout: Layout) -> Iterator[Observations]:
         yield Kitchens.start(layout, games).encode(horizon=HORIZON)[:, 0].copy()
 
 
-def _memory(predictor: Predictor) -> int:
-    return int(getattr(predictor, "memory", HISTORY))
-
-
 def _warm() -> None:
     """The compiled code that every study needs."""
     for _ in _start_states(load_layout("practice")):
@@ -276,6 +274,7 @@ def main(descriptor: int) -> None:
     except ModelRefused as refused:
         connection.sendall(frame(Failed(str(refused))))
         return
+    gc.freeze()  # what is loaded stays: no collection needs to look at it while games wait
     connection.sendall(frame(Loaded(worker.memory, worker.hashes)))
     while bodies := inbox.wait():
         waiting: list[ModelRequest] = []

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from overcooked.constants import COOKING, DISH, FLOOR, HORIZON, ONION, ONIONS_PER_SOUP, READY, SOUP
 from overcooked.layout import Layout, parse_layout
-from overcooked.observe import PLANES
+from overcooked.planes import PLANES
 from overcooked.state import Kitchens
 
 

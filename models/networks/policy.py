@@ -18,7 +18,7 @@ from models.networks.config import LEAK, NetworkConfig
 from models.protocols import Mode, Observations, Probabilities
 from overcooked.constants import ACTIONS
 from overcooked.layout import Layout, parse_layout
-from overcooked.observe import PLANES
+from overcooked.planes import PLANES
 
 
 class Head(nn.Module):

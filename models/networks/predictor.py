@@ -26,7 +26,7 @@ from models.protocols import HISTORY, STEPS
 from overcooked.constants import ACTIONS, PLAYERS
 from overcooked.interactions import possible_interactions
 from overcooked.layout import Layout, parse_layout
-from overcooked.observe import PLANES
+from overcooked.planes import PLANES
 
 JOINT = PLAYERS * ACTIONS  # a joint action, one-hot
 

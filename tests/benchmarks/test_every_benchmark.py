@@ -32,6 +32,7 @@ QUICK = {
     "predictor": ["--seconds", "0.1", "--json"],
     "processor": [],
     "serve": ["--games", "1", "4", "--window-s", "3", "--json"],
+    "startup": ["--turns", "1", "--json"],
     "store": ["--quick", "--json"],
     "training": ["--seeds", "1", "--seconds", "1", "--json"],
     "write_path": ["--games", "40", "--processes", "2", "--timesteps", "10", "--json"],

@@ -5,7 +5,7 @@ import pytest
 
 from overcooked.constants import COOKING, COUNTER, FLOOR, NOTHING, ONIONS_PER_SOUP, POT, READY
 from overcooked.layout import Layout, layout_names, load_layout
-from overcooked.observe import PLANES
+from overcooked.planes import PLANES
 from overcooked.state import Kitchens
 
 GAMES, TIMESTEPS = 64, 400

@@ -28,6 +28,21 @@ def test_neither_loading_nor_simulating_needs_torch_or_the_server() -> None:
     assert loaded_by(program) & {"torch", "fastapi", "sqlalchemy", "pettingzoo"} == set()
 
 
+NEVER = {"torch", "scipy.linalg", "polars", "onnxruntime", "matplotlib", "alembic"}
+UNUSED = {
+    "from overcooked.layout import load_layout; load_layout('matrix').static_views": {"numba", "pydantic"},
+    "import overcooked.state": {"pydantic", "sqlalchemy", "fastapi", "asyncio"},
+    "sys.argv += ['0']; import models.inference.worker": {"pydantic", "sqlalchemy", "fastapi", "asyncio"},
+    "import server.store.migrate, server.web.passwords": {"numba", "fastapi", "httpx"},  # kitchenmind admin
+    "import server.main": {"httpx", "websockets", "redis", "psycopg"},
+}
+
+
+@pytest.mark.parametrize("program", UNUSED)
+def test_a_process_starts_without_what_it_does_not_use(program: str) -> None:
+    assert loaded_by(program) & (UNUSED[program] | NEVER) == set()
+
+
 @pytest.mark.parametrize("words", [["-m", "kitchenmind"], [str(ROOT / "kitchenmind")]])
 def test_the_package_is_the_command_line_from_any_folder(words: list[str], tmp_path: Path) -> None:
     (tmp_path / "client.py").write_text("raise SystemExit('a file of the current folder was imported')")

@@ -18,7 +18,7 @@ from models.inference.runner import ModelsDown, ModelServer
 from models.protocols import History, Intention, Question
 from overcooked.constants import EAST, NORTH, SOUP, STAY
 from overcooked.layout import load_layout
-from overcooked.observe import PLANES
+from overcooked.planes import PLANES
 from overcooked.state import Kitchens
 from tests.support.onnx_files import linear_agent
 

@@ -50,9 +50,9 @@ WRONG = {
     "a placed onion is not shaped": ("score", "PLACEMENT_REWARD = 3", "PLACEMENT_REWARD = 0"),
     "the cooking plane counts up": ("observe", "COOK_TIME - (inside - COOKING)", "inside - COOKING"),
     "the urgent plane comes a timestep early": ("observe", "horizon - timestep[game] < URGENT", "horizon - timestep[game] <= URGENT"),
-    "the two chefs' facings are exchanged": ("observe", "_MY_FACING, _OTHER_FACING = np.uint64(2), np.uint64(6)", "_MY_FACING, _OTHER_FACING = np.uint64(6), np.uint64(2)"),
+    "the two chefs' facings are exchanged": ("observe", "np.uint64(MY_FACING), np.uint64(OTHER_FACING)", "np.uint64(OTHER_FACING), np.uint64(MY_FACING)"),
     "a held object is drawn only for its holder": ("observe", "        _draw(out, others, held)\n", ""),
-    "a soup in hand is not drawn as ready": ("observe", ", _SOUP_READY: 1}", "}"),
+    "a soup in hand is not drawn as ready": ("observe", ", SOUP_READY: 1}", "}"),
 }  # fmt: skip
 
 

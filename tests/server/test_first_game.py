@@ -11,6 +11,7 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 from overcooked.layout import layout_names, load_layout, parse_layout
+from overcooked.state import Kitchens
 from server.bots.participant import Bot
 from tests.support.live_server import LiveServer
 from tests.support.real_server import RealServer
@@ -31,6 +32,7 @@ def signatures() -> dict[str, set[str]]:
 
 
 async def test_a_game_compiles_nothing_that_the_start_has_not(tmp_path: Path) -> None:
+    Kitchens.start(load_layout("coordination_ring")).encode()  # as the bot does, in this process
     with LiveServer(tmp_path) as live:
         before = signatures()
         assert before["step"]
