@@ -1,7 +1,5 @@
 """Dependencies of routes: the server's services, the requesting participant, templates and texts."""
 
-import os
-import sys
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -24,6 +22,7 @@ from server.store.participants import Participant
 from server.study.definition import Study
 from server.study.locale import Locale, best_language, languages, locale
 from server.web.auth import FORM_FIELD, CsrfProtection, session_of, token_for, token_of
+from server.web.compiled_templates import compiled_templates
 from server.web.forms import Form, first, read_form
 from server.web.participant.step_json import step_page, wants_json
 from server.web.rate_limits import NewPlaces
@@ -31,7 +30,6 @@ from server.web.security_headers import policy
 from server.web.services import services_of
 
 TEMPLATES = Path(__file__).parents[2] / "templates"
-_COMPILED = Path(__file__).parent / "__pycache__"  # where Python keeps the compiled code of this module, too
 _markdown = MarkdownIt("commonmark", {"html": False}).enable("table")
 
 
@@ -55,7 +53,7 @@ def templates(root: str = "") -> jinja2.Environment:
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
-        bytecode_cache=_compiled_templates(),
+        bytecode_cache=compiled_templates(),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
@@ -64,14 +62,6 @@ def templates(root: str = "") -> jinja2.Environment:
     environment.globals["root"] = root
     environment.filters["markdown"] = lambda words: Markup(_markdown.render(words))  # noqa: S704 - HTML in it is escaped
     return environment
-
-
-def _compiled_templates() -> jinja2.FileSystemBytecodeCache | None:
-    """Keep compiled templates between processes: compiling all takes a fifth of a server's start. A changed template is
-    compiled again; if the options of the environment change, change the pattern."""
-    if sys.dont_write_bytecode or not os.access(_COMPILED, os.W_OK):
-        return None
-    return jinja2.FileSystemBytecodeCache(str(_COMPILED), "templates.1.%s.pyc")
 
 
 def compile_templates(root: str) -> None:
