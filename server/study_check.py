@@ -91,10 +91,10 @@ def _remedy(place: Path, layout: str, model: str, required: RequiredModels, agen
     if place[-1] == "predictor":
         ready = f"Write `predictor: NAME` for this agent; there are: {', '.join(known)}"
         return f"{guess}{ready}. Or {training_words(layout, agent)}"
-    command = "kitchenmind train --help"
     if layout not in layout_names():
-        command = f"kitchenmind train agent --layout {layout}.layout --out {layout}_agent"
-    return f"{guess}Train it (`{command}`), or name one that is there: {', '.join(known)}."
+        train = f"`kitchenmind train agent --layout {layout}.layout --out {layout}_agent`"
+        return f"{guess}Name an agent that can play every kitchen ({', '.join(known)}), or train one for it: {train}."
+    return f"{guess}Train it (`kitchenmind train --help`), or name one that is there: {', '.join(known)}."
 
 
 def _model_problems(file: StudyFile, layouts: dict[str, Layout], loads: bool) -> Iterator[Problem]:
