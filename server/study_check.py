@@ -8,13 +8,14 @@ from pathlib import Path as FilePath
 
 from models.agents.blackbox import is_foreign
 from models.agents.model_paths import is_class, without_variant
-from overcooked.layout import Layout, LayoutError
+from overcooked.layout import Layout, LayoutError, layout_names
 from server.participation.episode_specs import layout_of, models_of, predictor_of
-from server.required_models import WEIGHTS, WITHOUT_WEIGHTS, RequiredModels, fingerprint, folder_of, required_models
+from server.required_models import WEIGHTS, WITHOUT_WEIGHTS, RequiredModels, folder_of, required_models
 from server.study.checks import Path, Problem
 from server.study.definition import KitchenChoice, PartnerSettings, Study
 from server.study.factor_checks import in_factors
 from server.study.loader import StudyFile
+from server.study_doubts import partner_at, shown_words, training_words
 
 
 def stage_problems(file: StudyFile, loads: bool = True) -> Iterator[Problem]:
@@ -58,7 +59,10 @@ def missing_problems(file: StudyFile, required: RequiredModels) -> Iterator[Prob
         reason = required.lacks(layout, model)
         if reason is not None and reason not in told:
             told.add(reason)
-            yield Problem(place, reason, _remedy(place, layout, model, required))
+            remedy = _remedy(place, layout, model, required, partner_at(file.study, place).catalogue_name)
+            if place[-1] == "predictor" and (shown := shown_words(file.study)):
+                remedy += f" {shown[:1].upper()}{shown[1:]} its predictions."
+            yield Problem(place, reason, remedy)
 
 
 def models_named(study: Study) -> Iterator[tuple[Path, str, str]]:
@@ -74,7 +78,7 @@ def models_named(study: Study) -> Iterator[tuple[Path, str, str]]:
             yield from (((*place, key), layout, model) for key, name in names if name == model)
 
 
-def _remedy(place: Path, layout: str, model: str, required: RequiredModels) -> str:
+def _remedy(place: Path, layout: str, model: str, required: RequiredModels, agent: str) -> str:
     base = without_variant(model)
     if is_class(base):
         return f"Correct the name. Modules are looked for in {', '.join(required.paths.folders)} and in PYTHONPATH."
@@ -86,7 +90,10 @@ def _remedy(place: Path, layout: str, model: str, required: RequiredModels) -> s
     guess = f"Did you mean {near[0]!r}? " if near else ""
     if place[-1] == "predictor":
         ready = f"Write `predictor: NAME` for this agent; there are: {', '.join(known)}"
-        return f"{guess}{ready}. Or train one: `kitchenmind train predictor --help`."
+        return f"{guess}{ready}. Or {training_words(layout, agent)}"
+    if layout not in layout_names():
+        train = f"`kitchenmind train agent --layout {layout}.layout --out {layout}_agent`"
+        return f"{guess}Name an agent that can play every kitchen ({', '.join(known)}), or train one for it: {train}."
     return f"{guess}Train it (`kitchenmind train --help`), or name one that is there: {', '.join(known)}."
 
 
@@ -155,50 +162,6 @@ def _unfit(place: Path, layout: Layout, model: str, required: RequiredModels) ->
     except (ValueError, OSError) as error:
         return Problem(place, f"{model!r} cannot be used on {layout.name}: {error}".rstrip("."), "Name another.")
     return None
-
-
-def doubts(file: StudyFile) -> Iterator[Problem]:
-    """Yield warnings about settings that are probably unintended: predictions are shown that have no relation to the
-    participants' partner."""
-    study, required = file.study, required_models([file])
-    if not any(condition.predictor in ("tom", "degraded", "misleading") for condition in study.displays):
-        return
-    yield from _practice_doubts(study)
-    for index, agent in enumerate(study.agents):
-        place: Path = ("agents", index, "predictor")
-        if agent.predictor in WITHOUT_WEIGHTS and agent.predictor != agent.catalogue_name:
-            scripted = f"knows the scripted {agent.predictor} only"
-            what = "guesses at random" if agent.predictor == "random" else scripted
-            reason = f"a condition shows predictions, and `{agent.predictor}` {what}"
-            yield Problem(place, reason, "Is that intended? Name a predictor that was trained for it.", warning=True)
-        names = {without_variant(predictor_of(study, agent, arm) or "") for arm in study.displays}
-        for layout, name in product(study.layouts, sorted(names)) if not agent.human else ():
-            base = required.paths.located(name)
-            config = folder_of(layout.name, base) / "config.json"
-            if is_foreign(base) or base in WITHOUT_WEIGHTS or not config.is_file():
-                continue
-            watched = json.loads(config.read_text("utf-8")).get("agent_sha256")
-            played = _identity(layout.name, required.paths.located(without_variant(agent.catalogue_name)), required)
-            if watched and played and watched != played:
-                reason = f"{name} was trained to predict another agent than {agent.name} on {layout.name}"
-                yield Problem(place, reason, "Is that intended? Train one for this agent.", warning=True)
-
-
-def _practice_doubts(study: Study) -> Iterator[Problem]:
-    """Yield a warning about a practice game that should teach intentions with an agent that has none: the guide only
-    walks."""
-    has_intentions = any(study.drawn(arm) in ("intention", "both") for arm in study.conditions)
-    is_taught = "tutorial" in study.flow and "marks" in study.tutorial.lessons
-    if has_intentions and is_taught and study.tutorial.agent.predictor == "guide":
-        reason = "the practice shows no intention: the guide never uses a station"
-        remedy = "Add `agent: {name: carrier, predictor: carrier}` to `tutorial`."
-        place: Path = ("tutorial", "agent") if "agent" in study.tutorial.model_fields_set else ("tutorial",)
-        yield Problem(place, reason, remedy, warning=True)
-
-
-def _identity(layout: str, model: str, required: RequiredModels) -> str | None:
-    """Return a predictor's identifier of the agent that it was trained for."""
-    return None if model in WITHOUT_WEIGHTS else fingerprint(layout, model, required.paths.folders)
 
 
 def _degraded_problems(required: RequiredModels) -> Iterator[Problem]:

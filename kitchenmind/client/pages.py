@@ -32,6 +32,7 @@ class ParsedPage(HTMLParser):
         self.faults: frozenset[str] = frozenset()  # questions whose answers came back
         self.is_game = False
         self.code: str | None = None
+        self.has_ended_early = False  # screened out, withdrawn or out of time
         self._in_code = False
         self.feed(text)
 
@@ -39,6 +40,7 @@ class ParsedPage(HTMLParser):
         values = {name: value or "" for name, value in attrs}
         if values.get("id") == "game-config":
             self.is_game = True
+        self.has_ended_early |= "data-ended" in values
         self._in_code = tag == "output" and values.get("id") == "code"
         self._own_code = values.get("data-own", "") if self._in_code else ""
         if tag == "fieldset" and "missing" in values.get("class", "").split():
@@ -70,6 +72,7 @@ def page_of_json(text: str | bytes) -> ParsedPage:
     step = msgspec.json.decode(text, type=StepPage)
     page = ParsedPage("")
     page.is_game = step.game is not None
+    page.has_ended_early = step.page == "ended"
     if step.end is not None:
         page.code = step.end.own_code or step.end.code or None
     if step.form is not None:

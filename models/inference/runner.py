@@ -80,6 +80,10 @@ class ModelServer:
             await self.close()
             raise errors[0]
 
+    def has(self, agents: Sequence[Name], predictors: Sequence[Name]) -> bool:
+        """Return whether all of these are loaded."""
+        return self._agents.issuperset(agents) and self._predictors.issuperset(predictors)
+
     async def add(
         self, agents: Sequence[Name], predictors: Sequence[Name], grids: Mapping[str, str], paths: ModelPaths
     ) -> None:

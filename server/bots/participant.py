@@ -70,8 +70,11 @@ class Bot:
             return await self.walk_from(await self.consent())
 
     async def walk_from(self, page: ParsedPage) -> Journal:
-        """Continue from this page to the code, or until the participant drops out."""
+        """Continue from this page to the code, or until the participant drops out or is screened out."""
         for count in range(MOST_PAGES):
+            if page.has_ended_early:
+                self.dropped = True
+                return self.journal
             if page.code is not None:
                 self.journal.code = page.code
                 return self.journal

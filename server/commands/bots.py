@@ -17,6 +17,7 @@ from urllib.parse import urlsplit
 if TYPE_CHECKING:
     from server.bots.group import BotGroup, GroupOutcome
     from server.bots.participant import Bot
+    from server.store.database import Database
 
 MOST = 2000
 
@@ -232,21 +233,30 @@ def _walk(arguments: argparse.Namespace, group: "BotGroup", url: str, database_u
 
     import uvloop
 
-    from server.bots.group import judge, simulate
+    from server.bots.group import judge
     from server.commands.databases import open_stored
 
     with ExitStack() as stack:
         database = stack.enter_context(open_stored(database_url)) if database_url else None
         began = time.monotonic()
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-            bots: list[Bot] = runner.run(simulate(group, url, database, lambda *done: _progress(arguments, *done)))
-        _say(arguments, f"\n{len(bots)} participants in {time.monotonic() - began:.0f} s; checking what they leave ...")
+            bots = runner.run(_simulated(arguments, group, url, database))
+        _say(arguments, f"{len(bots)} participants in {time.monotonic() - began:.0f} s; checking what they leave ...")
         return judge(bots, database, group.study)
 
 
-def _progress(arguments: argparse.Namespace, done: int, number: int) -> None:
-    if not arguments.json and sys.stderr.isatty():
-        sys.stderr.write(f"\r{done} of {number} are through")
+async def _simulated(
+    arguments: argparse.Namespace, group: "BotGroup", url: str, database: "Database | None"
+) -> "list[Bot]":
+    """Simulate the participants, and say how far they are."""
+    from server.bots.group import simulate
+    from server.bots.group_progress import GroupProgress, reported
+
+    if arguments.json:
+        return await simulate(group, url, database)
+    progress = GroupProgress(group.number)
+    async with reported(progress, sys.stderr):
+        return await simulate(group, url, database, progress.finish, progress.bots.extend)
 
 
 def _say(arguments: argparse.Namespace, words: str) -> None:

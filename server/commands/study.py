@@ -62,7 +62,8 @@ def _check(path: Path) -> int:
     from server.commands.databases import stored_kitchens
     from server.participation.own_kitchens import load_with_kitchens
     from server.study.loader import StudyError
-    from server.study_check import doubts, stage_problems
+    from server.study_check import stage_problems
+    from server.study_doubts import doubts
 
     try:
         file = load_with_kitchens(path, stored_kitchens)

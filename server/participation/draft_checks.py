@@ -9,7 +9,8 @@ from overcooked.layout import layout_names
 from server.required_models import WEIGHTS, WITHOUT_WEIGHTS
 from server.study.checks import Problem
 from server.study.loader import PlacedProblem, StudyError, StudyFile
-from server.study_check import doubts, models_named, stage_problems
+from server.study_check import models_named, stage_problems
+from server.study_doubts import doubts
 
 
 def draft_problems(file: StudyFile, served: Sequence[StudyFile], loads: bool = False) -> list[PlacedProblem]:
@@ -20,11 +21,16 @@ def draft_problems(file: StudyFile, served: Sequence[StudyFile], loads: bool = F
         return [*file.doubts, *map(file.places.placed, foreign)]
     try:
         found = list(stage_problems(file, loads))
-        if loads and all(problem.warning for problem in found):
+        if all(problem.warning for problem in found):
             found += doubts(file)
     except StudyError as error:
         return list(error.placed) or [PlacedProblem(1, (), str(error))]
     return [*file.doubts, *map(file.places.placed, found)]
+
+
+def warnings_of(file: StudyFile) -> list[str]:
+    """Return what is probably unintended in a study that is served, in sentences."""
+    return [f"{one.reason[:1].upper()}{one.reason[1:]}. {one.remedy}" for one in doubts(file)]
 
 
 def known_names(kitchens: Sequence[str] = ()) -> dict[str, list[str]]:

@@ -1,5 +1,6 @@
 """The models of a draft's preview. Those of a kitchen that a draft draws are separate from all others: another kitchen
-of the same name may be in use by participants, and the grid changes while it is drawn.
+of the same name may be in use by participants, and the grid changes while it is drawn. So are those that no study of
+this server has loaded: they end after the preview.
 """
 
 import asyncio
@@ -12,11 +13,12 @@ from typing import Final
 from models.inference.runner import ModelServer
 from models.inference.supervised_worker import ModelsDown
 from models.inference.wire import APART
+from server.participation.episode_specs import layout_of
 from server.required_models import required_models
 from server.study.definition import KitchenChoice
 from server.study.loader import StudyError, StudyFile
 
-IDLE_S: Final = 300.0  # after which the models of a kitchen that nobody plays in end
+IDLE_S: Final = 300.0  # after which the separate models of a kitchen that nobody plays in end
 
 
 class PreviewModels:
@@ -33,21 +35,19 @@ class PreviewModels:
         """Load the study's models for one of its kitchens; return the name under which that kitchen's models are
         called. Raises StudyError."""
         required = required_models([file])
-        own = kitchen.grid is not None
-        layout = f"{kitchen.name}{APART}{_digest(required.grids[kitchen.name])}" if own else kitchen.name
-        agents, predictors = (
-            [(layout, model) for name, model in names if name == kitchen.name]
-            for names in (required.agents, required.predictors)
-        )
-        grids = {layout: required.grids[kitchen.name]} if own else {}
+        here = [[one for one in names if one[0] == kitchen.name] for names in (required.agents, required.predictors)]
+        if kitchen.grid is None and self._models.has(*here):
+            return kitchen.name
+        grid = layout_of(kitchen).text
+        layout = f"{kitchen.name}{APART}{_digest(grid)}"
+        agents, predictors = ([(layout, model) for _, model in names] for names in here)
         async with self._loading:
-            if own:
-                await self._drop(*(other for other in self._idle if other != layout))
+            await self._drop(*(other for other in self._idle if other != layout))
             try:
-                await self._models.add(agents, predictors, grids, required.paths)
+                await self._models.add(agents, predictors, {layout: grid}, required.paths)
             except ModelsDown as error:
                 raise StudyError([f"{file.source}: {error}"]) from error
-            if own and not self._games[layout]:
+            if not self._games[layout]:
                 self._wait(layout)
         return layout
 
@@ -55,7 +55,7 @@ class PreviewModels:
     async def playing(self, file: StudyFile, kitchen: KitchenChoice) -> AsyncIterator[str]:
         """Keep the models of a kitchen loaded while a round is played in it, like `load`."""
         layout = await self.load(file, kitchen)
-        if kitchen.grid is None:
+        if layout == kitchen.name:
             yield layout
             return
         self._games[layout] += 1

@@ -77,6 +77,10 @@ class Versions(Protocol):
         """The studies that are served from files."""
         ...
 
+    def file_of(self, name: str) -> StudyFile | None:
+        """The version of a study that new participants get."""
+        ...
+
     async def prepare_draft(self, database: Database, file: StudyFile) -> tuple[ServedVersion, int]:
         """Store a study that was written in the dashboard as a version, and load its models; return the version to open
         and its number. Raises StudyError, DatabaseDown."""

@@ -204,6 +204,10 @@ class StudyVersions:
         """The studies that are served from files."""
         return tuple(self._served[name] for name in self._from_files)
 
+    def file_of(self, name: str) -> StudyFile | None:
+        """The version of a study that new participants get."""
+        return self._served.get(name)
+
     async def prepare_draft(self, database: Database, file: StudyFile) -> tuple[ServedVersion, int]:
         """Store a study that was written in the dashboard as a version, and load its models; return the version to open
         and its number. Raises StudyError, DatabaseDown."""

@@ -11,6 +11,7 @@ from server.store.tables import study_draft_versions, study_drafts
 
 ONE_SITTING: Final = timedelta(minutes=5)  # what one author saves within it is one line of the history
 EDITED: Final = "edited"
+MERGED: Final = "merged"
 SET_ASIDE: Final = "set aside"
 
 
@@ -145,23 +146,42 @@ def version(connection: Connection, draft: int, number: int) -> DraftVersion | N
 
 
 def _keep(connection: Connection, draft: int, revision: int, text: DraftText) -> None:
-    """Add a text to the history: to the author's last line of it if that is of the same sitting, else as a new line,
-    which the audit log has too."""
+    """Add a text to the history: to the author's line of the same sitting if there is one, else as a new line, which
+    the audit log has too."""
     now, here = datetime.now(UTC), study_draft_versions.c
-    last = connection.execute(
-        select(here.id, here.author, here.note, here.source, here.began_at)
-        .where(here.draft_id == draft, here.note == SET_ASIDE if text.note == SET_ASIDE else here.note != SET_ASIDE)
-        .order_by(here.id.desc())
-        .limit(1)
-    ).first()
-    same = last is not None and (last.author, last.note) == (text.author, text.note)
-    if last is not None and same and text.note == SET_ASIDE and last.source == text.source:
-        return
-    if last is not None and same and text.note == EDITED and now - last.began_at < ONE_SITTING:
+    line = None if text.note == SET_ASIDE else _line_of_sitting(connection, draft, text, now - ONE_SITTING)
+    if line is not None:
         values = {"revision": revision, "source": text.source, "saved_at": now}
-        connection.execute(update(study_draft_versions).where(here.id == last.id).values(values))
+        connection.execute(update(study_draft_versions).where(here.id == line).values(values))
+        return
+    if text.note == SET_ASIDE and _is_aside(connection, draft, text):
         return
     row = {"draft_id": draft, "revision": revision, "source": text.source, "author": text.author, "note": text.note}
     connection.execute(study_draft_versions.insert().values(row | {"began_at": now, "saved_at": now}))
     detail = {"draft": draft, "study": text.name, "revision": revision}
     audit.add(connection, text.author, f"study draft {text.note}", detail)
+
+
+def _line_of_sitting(connection: Connection, draft: int, text: DraftText, since: datetime) -> int | None:
+    """The line that a text continues: the author's own, also if others edit at the same time, unless somebody has
+    restored an earlier text since."""
+    here = study_draft_versions.c
+    lines = connection.execute(
+        select(here.id, here.author, here.note)
+        .where(here.draft_id == draft, here.note != SET_ASIDE, here.began_at > since)
+        .order_by(here.id.desc())
+    )
+    for line in lines:
+        if line.note not in (EDITED, MERGED):
+            return None
+        if (line.author, line.note) == (text.author, text.note):
+            return int(line.id)
+    return None
+
+
+def _is_aside(connection: Connection, draft: int, text: DraftText) -> bool:
+    """Whether the text that was set aside last is this one."""
+    here = study_draft_versions.c
+    query = select(here.author, here.source).where(here.draft_id == draft, here.note == SET_ASIDE)
+    last = connection.execute(query.order_by(here.id.desc()).limit(1)).first()
+    return last is not None and (last.author, last.source) == (text.author, text.source)

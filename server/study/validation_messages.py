@@ -21,7 +21,7 @@ _WORDS = {
     "dict_type": ("this is not a block", "Write a block of `key: value` lines."),
     "model_type": ("this is not a block", "Write a block of `key: value` lines."),
     "model_attributes_type": ("this is not a block", "Write a block of `key: value` lines."),
-    "string_pattern_mismatch": ("{input} is not possible here", "It must look like {pattern}"),
+    "string_pattern_mismatch": ("{input} is not possible here", "It must look like {pattern}."),
     "greater_than": ("{input} is too small", "Write more than {gt}."),
     "greater_than_equal": ("{input} is too small", "Write {ge} or more."),
     "less_than": ("{input} is too large", "Write less than {lt}."),
@@ -34,6 +34,10 @@ _WORDS = {
         "Add `type:`, one of scale, choice, multiple, text, number, ranking, published.",
     ),
     "literal_error": ("{input} is not possible here", "Use {expected}."),
+}
+_PATTERNS = {
+    r"^[a-z][a-z0-9_]{0,39}$": "Use up to 40 small letters, digits and _, a letter first.",
+    r"^[a-z][a-z0-9_-]{0,39}$": "Use up to 40 small letters, digits, - and _, a letter first.",
 }
 _LONGEST_INPUT = 40
 
@@ -68,7 +72,7 @@ def _problem(error: Any, nearest: Callable[[Path], Path]) -> Problem:
         is_out_of_range = kind.startswith(("greater_than", "less_than"))
         numbers = context | {"input": str(error["input"]) if is_out_of_range else _shortened(error["input"])}
         reason, remedy = (words.format_map(numbers) for words in _WORDS[kind])
-        return Problem(nearest(path), reason, remedy)
+        return Problem(nearest(path), reason, _PATTERNS.get(context.get("pattern"), remedy))
     return Problem(nearest(path), message[0].lower() + message[1:], "")
 
 

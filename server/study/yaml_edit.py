@@ -38,6 +38,8 @@ def put(text: str, path: Path, value: Any, *, plain: bool = False) -> str:
     given as the text to write. Raises StudyError for a text that cannot be read, YamlEditError."""
     root = _compose(text)
     known, rest = _deepest(root, path)
+    if plain and len(rest) > 1:
+        value = _unquoted(value)  # it stands in a block that is written whole
     if rest:
         parent = _at(root, known)
         if isinstance(parent, yaml.SequenceNode):
@@ -54,6 +56,15 @@ def put(text: str, path: Path, value: Any, *, plain: bool = False) -> str:
     if isinstance(value, list) and isinstance(node, yaml.SequenceNode) and node.value and value:
         return _put_items(text, path, len(node.value), value)
     return _checked(root, _replaced(text, root, path, value, plain), lambda old: yaml_values.put(old, path, value))
+
+
+def _unquoted(value: Any) -> Any:
+    """The number, or true or false, that a text stands for; any other text as it is."""
+    try:
+        read = yaml.safe_load(value) if isinstance(value, str) else value
+    except yaml.YAMLError:
+        return value
+    return read if isinstance(read, bool | int | float) else value
 
 
 def has(text: str, path: Path) -> bool:

@@ -281,3 +281,21 @@ def test_the_kept_report_opens_in_a_sandbox_and_can_be_downloaded(page: Page, se
     with page.expect_download() as saved:
         page.click("#report-kept form button")
     assert saved.value.suggested_filename == "short-report.zip"
+
+
+def test_a_report_dialog_that_opens_before_its_script_is_filled_when_the_script_comes(
+    page: Page, server: LiveServer
+) -> None:
+    kept_report(server)
+    if page.locator("[data-ask=report]").is_disabled():
+        page.click("text=Blind mode")
+        expect(page.locator("[data-ask=report]")).to_be_enabled()
+    held: list[Route] = []
+    page.route("**/report-dialog.js", lambda route: held.append(route))
+    page.reload(wait_until="commit")
+    expect(page.locator("#k-games")).to_have_text(re.compile(r"\d"))  # the other scripts are there
+    page.click("[data-ask=report]")
+    expect(page.locator("#ask-report")).to_be_visible()
+    expect(page.locator("#report-kept")).to_be_hidden()
+    held[0].continue_()
+    expect(page.locator("#report-kept")).to_contain_text("by mara: 12 simulated participants analysed.")

@@ -48,6 +48,11 @@ class QuickModels(RuleModels):
 
     async def add(self, *_: Any) -> None: ...
 
+    async def drop(self, _: str) -> None: ...
+
+    def has(self, *_: Any) -> bool:
+        return True
+
     ready = True
 
     def statistics(self) -> ModelStatistics:

@@ -15,13 +15,13 @@ from server.monitoring.commands import OpenVersion, PrepareVersion
 from server.participation.draft_checks import draft_problems
 from server.participation.own_kitchens import with_own_kitchens
 from server.store import audit, study_drafts, study_openings
-from server.store.study_drafts import DraftText, StudyDraft
+from server.store.study_drafts import MERGED, DraftText, StudyDraft
 from server.study import drafting
 from server.study.loader import PlacedProblem, StudyError, StudyFile
 from server.study.yaml_edit import YamlEditError
 from server.web.admin.actions import OPEN_WITHIN_S, VERSION_WITHIN_S
 from server.web.admin.draft_pages import DraftDep, DraftFormDep, GridsDep
-from server.web.admin.draft_saving import MERGED, MergeConflict, base_of, save_merged
+from server.web.admin.draft_saving import MergeConflict, base_of, save_merged
 from server.web.admin.rendering import back_to
 from server.web.admin.researcher_auth import AdminFormDep, OwnDep
 from server.web.forms import first, whole_number

@@ -7,10 +7,9 @@ from typing import Final
 
 from server.store import study_drafts
 from server.store.database import Database
-from server.store.study_drafts import DraftConflict, DraftText, StudyDraft
+from server.store.study_drafts import MERGED, DraftConflict, DraftText, StudyDraft
 from server.study.text_merge import TextConflict, merged
 
-MERGED: Final = "merged"
 _TRIES: Final = 5  # others may save again while two texts are merged
 
 

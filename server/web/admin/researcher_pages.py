@@ -1,5 +1,6 @@
 """A researcher's pages: signing in and out, studies, one study's dashboard, people, the audit log, accounts. Thin."""
 
+import asyncio
 from typing import Any
 
 from fastapi import APIRouter, HTTPException, Request, Response
@@ -9,6 +10,7 @@ from server.monitoring.arms import arm_names
 from server.monitoring.dashboard import step_name, way_of
 from server.monitoring.enrolment_flow import arms_of, flow_of, stock
 from server.monitoring.live_games import who
+from server.participation.draft_checks import warnings_of
 from server.store import admins, answers, attempts, audit, decisions, overview, participants, study_openings
 from server.store.overview import Played
 from server.study.definition import Study
@@ -148,7 +150,9 @@ async def dashboard(request: Request, name: str, admin: WatchDep, services: Serv
     page = AdminPage(request, admin)
     changed = versions.changed.get(name)
     new = changed if changed is not None and not changed.problem and admin.may("act") else None
+    served = None if stops["closed"] else versions.file_of(name)
     context: dict[str, Any] = stops | {"versions": len(study_ids), "new": new, "address": page.study_address(name)}
+    context["doubts"] = [] if served is None else await asyncio.to_thread(warnings_of, served)
     return page.render("dashboard.html", tab="live", study=study, **context)
 
 

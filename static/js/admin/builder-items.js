@@ -204,17 +204,30 @@ function renamer(child, context) {
 }
 
 /**
+ * What the field and the button say that add an entry with a key.
+ * @param {PlanNode} node
+ */
+function wordsOfNew({ path, label }) {
+  if (path[0] === 'factors' && path.length === 1)
+    return { example: 'a name, such as prediction', label: 'Name of a new factor', add: 'Add a factor' };
+  if (path[0] === 'factors' && path.length === 2)
+    return {
+      example: 'a name, such as none',
+      label: `Name of a new level of ${label}; a factor has at least two`,
+      add: 'Add a level (at least two)',
+    };
+  return { example: 'new_key', label: `Key of a new entry of ${label}`, add: `Add to ${label.toLowerCase()}` };
+}
+
+/**
  * @param {PlanNode} node
  * @param {ItemContext} context
  */
 function keyAdder(node, context) {
-  const input = make('input', {
-    type: 'text',
-    placeholder: 'new_key',
-    'aria-label': `Key of a new entry of ${node.label}`,
-  });
+  const words = wordsOfNew(node);
+  const input = make('input', { type: 'text', placeholder: words.example, 'aria-label': words.label });
   input.className = 'key-of-new';
-  const button = make('button', { className: 'btn tiny', type: 'button', text: `Add to ${node.label.toLowerCase()}` });
+  const button = make('button', { className: 'btn tiny', type: 'button', text: words.add });
   button.dataset.control = `add ${keyOf(node.path)}`;
   const add = () => {
     const key = input.value.trim() || `new_${node.children.length + 1}`;

@@ -134,7 +134,8 @@ async function settle(theirs, mine) {
 /** @param {Problem[]} problems */
 function list(problems) {
   const wrong = problems.filter((one) => !one.warning).length;
-  const words = problems.length === 0 ? 'none' : `${wrong} to correct, ${problems.length - wrong} warnings`;
+  const warnings = problems.length - wrong;
+  const words = problems.length === 0 ? 'none' : `${wrong} to correct, ${warnings} warning${warnings === 1 ? '' : 's'}`;
   find('#problem-count', HTMLElement).textContent = words;
   find('[data-count]', HTMLElement).textContent = problems.length ? `(${problems.length})` : '';
   const items = problems.map((one) => {

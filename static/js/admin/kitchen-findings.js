@@ -121,6 +121,12 @@ export function showModels(models, name) {
     const text = `The trained ones belong to the bundled kitchen ${models.layout}, which has the same grid.`;
     place.append(make('p', { className: 'soft small', text: `${text} Name that kitchen in the study to use them.` }));
   }
+  if (!trained) {
+    const text =
+      'No agent and no predictor knows this kitchen yet. In a study, choose planner as the agent and random as its ' +
+      'predictor (it guesses), or train your own.';
+    place.append(make('p', { className: 'warn', text }));
+  }
   place.append(
     make('p', { text: 'Save the .layout file. These commands train an agent, partners for it, and a predictor:' }),
     make('pre', { text: models.commands.join('\n'), tabindex: 0, 'aria-label': 'Commands that train' }),

@@ -23,6 +23,9 @@ class LoadedModels:
         self.names: set[Name] = set()
         self.down = False
 
+    def has(self, agents: Sequence[Name], predictors: Sequence[Name]) -> bool:
+        return self.names.issuperset([*agents, *predictors])
+
     async def add(self, agents: Sequence[Name], predictors: Sequence[Name], grids: Mapping[str, str], _: Any) -> None:
         if self.down:
             raise ModelsDown("no worker starts")
@@ -57,7 +60,10 @@ def previews(loaded: LoadedModels, idle_s: float = 100.0) -> PreviewModels:
 async def test_a_drawn_kitchen_never_shares_its_models_with_one_of_the_same_name(loaded: LoadedModels) -> None:
     models = previews(loaded)
     bundled = parse_study(SMALL_STUDY, "draft")
+    served = {("coordination_ring", name) for name in ("planner", "stay", "random")}
+    loaded.names |= served
     assert await models.load(bundled, bundled.study.layouts[0]) == "coordination_ring"
+    assert loaded.names == served, "the models of a study that is served are used"
     layout = await models.load(ONE, ONE.study.layouts[0])
     assert layout.startswith("coordination_ring#")
     assert loaded.grids == {layout: ONE.study.layouts[0].grid}
@@ -74,9 +80,13 @@ async def test_a_kitchen_that_was_drawn_again_replaces_the_one_that_nobody_plays
     assert (third, set(loaded.grids)) == (second, {second})
 
 
-async def test_models_end_when_nobody_plays_for_a_while(loaded: LoadedModels) -> None:
+BUNDLED = parse_study(SMALL_STUDY, "draft")
+
+
+@pytest.mark.parametrize("file", [ONE, BUNDLED], ids=["drawn", "bundled, of no study"])
+async def test_models_end_when_nobody_plays_for_a_while(loaded: LoadedModels, file: StudyFile) -> None:
     models = previews(loaded, idle_s=0.0)
-    async with models.playing(ONE, ONE.study.layouts[0]) as layout:
+    async with models.playing(file, file.study.layouts[0]) as layout:
         await asyncio.sleep(0.01)
         assert set(loaded.grids) == {layout}
     for _ in range(100):

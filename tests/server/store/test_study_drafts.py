@@ -85,6 +85,28 @@ def test_a_later_sitting_is_a_line_of_its_own(database: Database, monkeypatch: p
     assert [source for _, _, source in texts(database, draft)] == ["b", "a", "name: one\n"]
 
 
+def test_two_who_write_at_the_same_time_add_a_line_each_and_not_one_with_every_save(database: Database) -> None:
+    draft = begun(database)
+    for revision in range(1, 13):
+        author, note = ("mara", "ben")[revision % 2], ("edited", "merged")[revision // 2 % 2]
+        saved(database, draft, author, f"text {revision}", revision, note)
+    kept = texts(database, draft)
+    assert sorted(set(kept)) == sorted(kept)
+    assert {(author, note) for author, note, _ in kept[:-1]} == {
+        (author, note) for author in ("mara", "ben") for note in ("edited", "merged")
+    }
+    assert len(kept) == 5
+    assert kept[0][2] == "text 12"
+
+
+def test_an_edit_after_a_restored_text_is_a_line_of_its_own(database: Database) -> None:
+    draft = begun(database)
+    saved(database, draft, "mara", "a", 1)
+    saved(database, draft, "ben", "old", 2, "restored")
+    saved(database, draft, "mara", "old, changed", 3)
+    assert [source for _, _, source in texts(database, draft)] == ["old, changed", "old", "a", "name: one\n"]
+
+
 def test_a_deleted_draft_is_gone_and_its_history_is_not(database: Database) -> None:
     draft = begun(database)
     assert database.write_now(study_drafts.delete, draft)

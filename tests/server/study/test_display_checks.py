@@ -5,7 +5,8 @@ import pytest
 from server.participation.episode_specs import episode_spec, lessons
 from server.study.loader import StudyError, parse_study
 from server.study.steps import steps
-from server.study_check import doubts, stage_problems
+from server.study_check import stage_problems
+from server.study_doubts import doubts
 from tests.support.study_text import SMALL_STUDY, study_head
 
 START, END = SMALL_STUDY.index("conditions:\n"), SMALL_STUDY.index("agents:\n")

@@ -47,7 +47,7 @@ WRONG = [
     ("horizon: 20", "horizon: 20, deadline_ms: 300", "game:", "beyond the tick"),
     ("seed: 11\n", "seed: 11\nseed: 12\n", "seed: 12", "the key 'seed' is there twice"),
     ("seed: 11\n", "", "name: small", "'seed' is missing here. Add `seed: ...`"),
-    ("name: small", "name: Small One", "name: ", "'Small One' is not possible here. It must look like ^[a-z]"),
+    ("name: small", "name: Small One", "name: ", "'Small One' is not possible here. Use up to 40 small"),
     ("seed: 11\n", "seed: 11\n  wrong: [\n", "  wrong", "this is no YAML"),
     ("seed: 11\n", "seed: !!python/object/apply:os.system [ls]\n", "seed: !!", "['ls'] is not a whole number"),
     ("seed: 11\n", "seed: !!binary aGk=\n", "seed: !!", "is not allowed"),

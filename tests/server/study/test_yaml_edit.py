@@ -172,3 +172,9 @@ def test_a_path_that_is_gone_is_refused() -> None:
         remove(SMALL, ("conditions", 7))
     with pytest.raises(YamlEditError, match="not a list"):
         insert(SMALL, ("title",), 0, "x")
+
+
+@pytest.mark.parametrize(("words", "kept"), [("3", "3"), ("0.5", "0.5"), ("true", "true"), ("tea", "tea")])
+def test_a_number_is_not_quoted_in_a_block_that_is_made_for_it(words: str, kept: str) -> None:
+    changed = put(SMALL, ("attention", "screen_out_after"), words, plain=True)
+    assert changed.splitlines()[-1] == f"attention: {{screen_out_after: {kept}}}"

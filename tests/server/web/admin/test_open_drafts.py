@@ -64,7 +64,7 @@ def test_a_draft_may_name_a_kitchen_of_the_dashboard_and_is_opened_with_its_grid
     assert "nook" in text
     assert any("nook" in one["text"] for one in asked(researcher, draft, "look", text=text)[1]["problems"])
     site.database.write_now(kitchens.save, "nook", grid, "ada", 0)
-    assert asked(researcher, draft, "look", text=text)[1]["problems"] == []
+    assert [one for one in asked(researcher, draft, "look", text=text)[1]["problems"] if not one["warning"]] == []
     assert asked(researcher, draft, "save", text=text, revision="2")[0] == 200
     assert '"nook"' in researcher.get(f"/admin/drafts/{draft}").text, "the form suggests it"
     assert researcher.get(f"/admin/drafts/{draft}/preview").status_code == 200
@@ -73,6 +73,29 @@ def test_a_draft_may_name_a_kitchen_of_the_dashboard_and_is_opened_with_its_grid
     assert "Open, changed since" not in researcher.get("/admin/drafts").text
     (version,) = (one for one in site.database.read_now(studies.every, "pilot"))
     assert grid.splitlines()[1] in version.source
+
+
+def test_untrained_kitchens_and_predictions_that_guess_are_warnings_here_and_on_the_study_s_page(
+    site: Site,
+) -> None:
+    researcher = signed_in(site, "own")
+    draft = begun(site, researcher)
+    site.database.write_now(kitchens.save, "nook", "XXPXX\nO1 2O\nX   X\nXDXSX", "ada", 0)
+    text = source(site, draft).replace("{name: coordination_ring,", "{name: nook,")
+    asked(researcher, draft, "save", text=text, revision="2")
+    kitchen, first, *_ = asked(researcher, draft, "look", text=text)[1]["problems"]
+    assert (kitchen["warning"], kitchen["path"]) == (True, ["layouts", 0, "name"])
+    assert "only scripted agents play in nook, which was drawn by hand" in kitchen["text"]
+    assert "kitchenmind train agent --layout nook.layout --out nook_agent" in kitchen["text"]
+    assert (first["warning"], first["path"]) == (True, ["agents", 0, "predictor"])
+    words = "ondition `with` shows predictions of planner in nook, matrix, and `random` guesses at random"
+    command = "kitchenmind train predictor --layout nook.layout --agent planner"
+    assert words in first["text"]
+    assert command in first["text"]
+    opened(researcher, draft, 3)
+    page = researcher.get("/admin/s/pilot").text
+    assert words in page
+    assert command in page
 
 
 def test_an_open_study_is_served_after_a_restart_and_by_another_process(site: Site, file: Path) -> None:

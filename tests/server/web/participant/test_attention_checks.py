@@ -1,5 +1,6 @@
 """Attention checks: accepted and flagged, counted in export and dashboard, and ending the study if it says so."""
 
+import asyncio
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -8,6 +9,8 @@ import pytest
 
 from analysis import data_quality, measures
 from analysis.tables import read_export
+from kitchenmind.client.pages import ParsedPage
+from server.bots.participant import Bot
 from server.export.writer import export
 from server.monitoring.enrolment_flow import arms_of, flow_of, stock
 from server.store import answers, events, overview, participants
@@ -64,6 +67,9 @@ def test_failing_as_many_checks_as_the_study_allows_screens_out(site: Site) -> N
     page = twice.get("/s/strict/now").text
     assert "Some questions asked you to choose a certain answer" in page
     assert "KM-OUT" in page
+    bot = Bot("http://127.0.0.1", "strict", 1)
+    journal = asyncio.run(bot.walk_from(ParsedPage(page)))
+    assert (bot.dropped, journal.code, journal.violations) == (True, None, []), "no fault of the server, no completion"
     said = site.database.read_now(answers.of_participant, me.id)
     assert said["after-01"]["awake"] == 7, "the answers stay"
     (noted,) = site.database.read_now(events.of_participant, me.id, events.ATTENTION_SCREENED_OUT)

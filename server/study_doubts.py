@@ -1,0 +1,109 @@
+"""Warnings about settings of a study that are probably unintended: predictions without relation to the partner."""
+
+import json
+from collections.abc import Iterator
+from itertools import product
+
+from models.agents.blackbox import is_foreign
+from models.agents.model_paths import without_variant
+from overcooked.layout import layout_names
+from server.participation.episode_specs import predictor_of
+from server.required_models import WITHOUT_WEIGHTS, RequiredModels, fingerprint, folder_of, required_models
+from server.study.checks import Path, Problem
+from server.study.definition import PartnerSettings, Study
+from server.study.loader import StudyFile
+
+
+def doubts(file: StudyFile) -> Iterator[Problem]:
+    """Yield warnings about predictions that are shown and have no relation to the participants' partner. Loads no
+    model."""
+    study, required = file.study, required_models([file])
+    yield from _untrained(study)
+    if not shown_words(study):
+        return
+    yield from _practice_doubts(study)
+    for index, agent in enumerate(study.agents):
+        place: Path = ("agents", index, "predictor")
+        if agent.predictor in WITHOUT_WEIGHTS and agent.predictor != agent.catalogue_name:
+            yield _guessing(study, agent, place, required)
+        names = {without_variant(predictor_of(study, agent, arm) or "") for arm in study.displays}
+        for layout, name in product(study.layouts, sorted(names)) if not agent.human else ():
+            base = required.paths.located(name)
+            config = folder_of(layout.name, base) / "config.json"
+            if is_foreign(base) or base in WITHOUT_WEIGHTS or not config.is_file():
+                continue
+            watched = json.loads(config.read_text("utf-8")).get("agent_sha256")
+            played = _identity(layout.name, required.paths.located(without_variant(agent.catalogue_name)), required)
+            if watched and played and watched != played:
+                reason = f"{name} was trained to predict another agent than {agent.name} on {layout.name}"
+                yield Problem(place, reason, "Is that intended? Train one for this agent.", warning=True)
+
+
+def _untrained(study: Study) -> Iterator[Problem]:
+    """Yield a warning about each kitchen drawn by hand in which no trained agent plays."""
+    if any(agent.human or agent.catalogue_name not in WITHOUT_WEIGHTS for agent in study.agents):
+        return
+    for index, kitchen in enumerate(study.layouts):
+        if kitchen.grid is not None:
+            reason = f"only scripted agents play in {kitchen.name}, which was drawn by hand"
+            train = f"`kitchenmind train agent --layout {kitchen.name}.layout --out {kitchen.name}_agent`"
+            remedy = (
+                f"They can cook in every kitchen. To train one for it: {train}; the kitchen's page has all commands."
+            )
+            yield Problem(("layouts", index, "name"), reason, remedy, warning=True)
+
+
+def shown_words(study: Study) -> str:
+    """Say which conditions show predictions of the partner; "" if none does."""
+    of_partner = ("tom", "degraded", "misleading")
+    shown = (arm for arm in study.displays if arm.predictor in of_partner and study.shows_predictions(arm))
+    names = [f"`{arm.name}`" for arm in shown]
+    if not names:
+        return ""
+    return f"condition {names[0]} shows" if len(names) == 1 else f"conditions {', '.join(names)} show"
+
+
+def training_words(layout: str, agent: str) -> str:
+    """Say how to train a predictor of an agent on a layout."""
+    is_bundled = layout in layout_names()
+    command = f"kitchenmind train predictor --layout {layout if is_bundled else f'{layout}.layout'} --agent {agent}"
+    where = "" if is_bundled else " (the commands before it are on the kitchen's page in the dashboard)"
+    return f"train one: `{command} --out {layout}_predictor`{where}."
+
+
+def partner_at(study: Study, place: Path) -> PartnerSettings:
+    """Return the agent whose setting has this place in the file."""
+    if place[0] == "agents":
+        return study.agents[int(place[1])]
+    return study.waiting_room.agent if place[0] == "waiting_room" else study.tutorial.agent
+
+
+def _guessing(study: Study, agent: PartnerSettings, place: Path, required: RequiredModels) -> Problem:
+    """The warning about an agent whose predictor knows nothing of it."""
+    trained = f"{agent.model or agent.name}_predictor_{study.predictor.form}"
+    lacking = [one.name for one in study.layouts if required.lacks(one.name, trained) is not None]
+    what = "guesses at random" if agent.predictor == "random" else f"knows the scripted {agent.predictor} only"
+    kitchens = ", ".join(lacking or [one.name for one in study.layouts])
+    reason = f"{shown_words(study)} predictions of {agent.name} in {kitchens}, and `{agent.predictor}` {what}"
+    if lacking:
+        remedy = training_words(lacking[0], agent.catalogue_name)
+    else:
+        remedy = f"leave `predictor` empty: {trained} is there."
+    return Problem(place, reason, f"Is that intended? If not, {remedy}", warning=True)
+
+
+def _practice_doubts(study: Study) -> Iterator[Problem]:
+    """Yield a warning about a practice game that should teach intentions with an agent that has none: the guide only
+    walks."""
+    has_intentions = any(study.drawn(arm) in ("intention", "both") for arm in study.conditions)
+    is_taught = "tutorial" in study.flow and "marks" in study.tutorial.lessons
+    if has_intentions and is_taught and study.tutorial.agent.predictor == "guide":
+        reason = "the practice shows no intention: the guide never uses a station"
+        remedy = "Add `agent: {name: carrier, predictor: carrier}` to `tutorial`."
+        place: Path = ("tutorial", "agent") if "agent" in study.tutorial.model_fields_set else ("tutorial",)
+        yield Problem(place, reason, remedy, warning=True)
+
+
+def _identity(layout: str, model: str, required: RequiredModels) -> str | None:
+    """Return a predictor's identifier of the agent that it was trained for."""
+    return None if model in WITHOUT_WEIGHTS else fingerprint(layout, model, required.paths.folders)
