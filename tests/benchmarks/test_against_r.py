@@ -42,7 +42,7 @@ def allowed(each) -> float:
 def test_every_number_is_that_of_r(name: str) -> None:
     found = [each for each in benchmark.compared(CASES[name], KEPT) if not each.field.startswith("satterthwaite")]
     assert len(found) > 500
-    missing = [each for each in found if math.isnan(each.ours)]
+    missing = [each for each in found if math.isnan(each.ours) and not (each.field == "df" and each.of_r == 0)]
     assert {each.key[:2] for each in missing} <= (WITHOUT_OURS if name == "separated" else set())
     assert [each for each in found if each.difference > allowed(each)] == []
 

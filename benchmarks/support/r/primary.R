@@ -64,7 +64,7 @@ tables <- list(
 put_declared <- function(section, test, table) {
   if (within) {
     row <- tryCatch(blocks(table)$anova_table["level", ], error = function(error) NULL)
-    if (is.null(row)) return()
+    if (is.null(row) || row$`den Df` == 0) return()
     if (row$`num Df` != 1) return(put_effect(row$F, row$`num Df`, row$`den Df`, "prediction", "", section, test))
     return(put(section, test, c(statistic = sqrt(row$F), df = row$`den Df`, p = row$`Pr(>F)`), "all", "all",
       contrast = "prediction"))  # the difference is positive
