@@ -7,6 +7,7 @@ paths that have crossed no boundary is carried from look to look on a grid (Armi
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy import optimize, special, stats
@@ -51,13 +52,20 @@ def boundaries(information: Sequence[float], spending: Sequence[float], two_side
         cut = _cut(grid, mass, step, sides * (total - last), two_sided, FARTHEST * math.sqrt(now))
         found.append(cut / math.sqrt(now))
         low = -cut if two_sided else -FARTHEST * math.sqrt(now)
-        places, weights = np.polynomial.legendre.leggauss(NODES)
+        places, weights = _nodes()
         half = (cut - low) / 2
         target = low + half * (places + 1)
         density = (stats.norm.pdf((target[:, None] - grid) / step) / step) @ mass
         grid, mass = target, half * weights * density
         before, last = now, total
     return found
+
+
+@cache
+def _nodes() -> tuple[Array, Array]:
+    """Places and weights of Gauss-Legendre quadrature, which take a second to compute."""
+    places, weights = np.polynomial.legendre.leggauss(NODES)
+    return np.asarray(places), np.asarray(weights)
 
 
 def _cut(grid: Array, mass: Array, step: float, target: float, two_sided: bool, farthest: float) -> float:

@@ -16,11 +16,15 @@ FEWEST = 3  # with fewer values, neither test is informative
 def check(
     episodes: pl.DataFrame, measure: str, conditions: Sequence[str], places: Sequence[tuple[str, str]]
 ) -> Iterator[Result]:
-    """A Shapiro-Wilk and a Levene row for every (layout, agent)."""
+    """A Shapiro-Wilk and a Levene row for every (layout, agent), over the conditions with FEWEST values or more; the
+    note names the others."""
     found = Groups(episodes, measure)
     for layout, agent in places:
-        groups = [group for group in found.at(layout, agent, conditions).values() if group.size >= FEWEST]
+        values = found.at(layout, agent, conditions)
+        groups = [group for group in values.values() if group.size >= FEWEST]
+        small = ", ".join(name for name, group in values.items() if group.size < FEWEST)
         base = Result("assumptions", "", layout, agent, n=sum(group.size for group in groups))
+        base = replace(base, note=f"without {small}: fewer than {FEWEST} values") if small else base
         yield computed(_normality, replace(base, test="shapiro_wilk"), groups)
         yield computed(_equal_variance, replace(base, test="levene"), groups)
 

@@ -61,7 +61,8 @@ def repeated_factors(export: Export) -> dict[str, tuple[str, ...]]:
     """Return the levels of each factor in the order of the study file, those within people included."""
     declared = export.about.get("factors") or {}
     names = [name.removeprefix(PREFIX) for name in export.episodes.columns if name.startswith(PREFIX)]
-    known = {name: tuple(declared.get(name, ())) for name in sorted(names, key=lambda name: list(declared).index(name))}
+    names.sort(key=lambda name: list(declared).index(name) if name in declared else len(declared))
+    known = {name: tuple(declared.get(name, ())) for name in names}
     found = {name: tuple(export.episodes[f"{PREFIX}{name}"].drop_nulls().unique().sort().to_list()) for name in known}
     return {name: levels or found[name] for name, levels in known.items()}
 

@@ -14,6 +14,7 @@ from analysis.results import Result
 
 Values = NDArray[np.float64]
 ALL = "all"  # a layout or agent: any of them
+DECIMALS = 9  # of means: values that differ by floating-point rounding alone are tied in rank tests
 
 
 class Groups:
@@ -38,7 +39,7 @@ def person_means(table: pl.DataFrame, measure: str, *apart: str) -> pl.DataFrame
     """One row a person with the mean of the measure, for each value of the columns `apart`; `layout` and `agent` say
     "all" where they are averaged over."""
     keys = ["participant", "condition", *apart]
-    means = table.group_by(keys, maintain_order=True).agg(pl.col(measure).mean())
+    means = table.group_by(keys, maintain_order=True).agg(pl.col(measure).mean().round(DECIMALS))
     return means.with_columns(pl.lit(ALL).alias(name) for name in ("layout", "agent") if name not in apart)
 
 

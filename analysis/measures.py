@@ -6,6 +6,7 @@ predicted step is about row t itself, the second about the next row.
 
 import polars as pl
 
+from analysis.groups import DECIMALS
 from analysis.tables import INTERACT, STAY, STEPS, Export
 
 MOVES = 4  # actions 0-3 are moves
@@ -25,7 +26,8 @@ def episode_measures(export: Export) -> pl.DataFrame:
         interactions=(pl.col("person") == INTERACT).sum(),
         late_share=pl.col("late").mean(),
     )
-    episodes = export.episodes.with_columns(reward=pl.col("score") + pl.col("progress"))
+    reward = (pl.col("score") + pl.col("progress")).round(DECIMALS)
+    episodes = export.episodes.with_columns(reward=reward)
     for table in (of_ticks, longest_idle(ticks), pushing(ticks), lag(ticks), accuracy_of_episodes(ticks)):
         episodes = episodes.join(table, on="episode", how="left")
     hidden = _without_server_failures(export.pauses).filter(pl.col("reason").is_in(["hidden", "blur"]))

@@ -17,6 +17,7 @@ from analysis.results import Result
 from analysis.tables import Export
 
 SECTION = "primary"
+EXACT_BELOW = 50  # people of a condition
 ALTERNATIVES: dict[str, Literal["two-sided", "greater", "less"]] = {  # scipy's names
     "two_sided": "two-sided",
     "greater": "greater",
@@ -167,16 +168,27 @@ def _means(base: Result, declared: DeclaredTest, first: Values, second: Values) 
     )
 
 
+def mann_whitney(first: Values, second: Values, declared: DeclaredTest) -> tuple[Values, Values]:
+    """Return U of `first` and p along the last axis: exact below EXACT_BELOW people in both groups if no two values are
+    equal, otherwise from the normal distribution, corrected for ties and continuity (as R's wilcox.test)."""
+    ordered = np.sort(np.concatenate([first, second], axis=-1), axis=-1)
+    is_exact = max(first.shape[-1], second.shape[-1]) < EXACT_BELOW and bool((np.diff(ordered) > 0).all())
+    method: Literal["exact", "asymptotic"] = "exact" if is_exact else "asymptotic"
+    alternative = ALTERNATIVES[declared.direction]
+    test = stats.mannwhitneyu(first, second, axis=-1, alternative=alternative, method=method)
+    return np.asarray(test.statistic), np.asarray(test.pvalue)
+
+
 def _ranks(base: Result, declared: DeclaredTest, first: Values, second: Values) -> Result:
     """The estimate is the median of all differences between two people (Hodges and Lehmann)."""
-    u, p = stats.mannwhitneyu(first, second, alternative=ALTERNATIVES[declared.direction])
+    u, p = mann_whitney(first, second, declared)
     delta = effects.cliffs_delta(first, second, interval_level(declared, base.n))
     return replace(
         base,
         estimate=float(np.median(first[:, None] - second[None, :])),
         statistic_name="U",
-        statistic=float(u),
-        p=float(p),
+        statistic=float(u[()]),
+        p=float(p[()]),
         effect_name="Cliff delta",
         effect=delta.value,
         ci_low=delta.low,

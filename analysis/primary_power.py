@@ -11,7 +11,7 @@ from analysis import factorial_power
 from analysis.alpha_spending import nominal_levels
 from analysis.declared import DeclaredTest
 from analysis.power import MOST, WANTED, PowerDesign, smallest_size
-from analysis.primary import ALTERNATIVES
+from analysis.primary import ALTERNATIVES, mann_whitney
 from analysis.primary_text import TITLES
 
 Values = NDArray[np.float64]
@@ -37,10 +37,9 @@ class PrimaryDesign:
 
 def p_values(declared: DeclaredTest, first: Values, second: Values) -> Values:
     """Return p of the declared test along the last axis: (studies, participants) -> (studies,)."""
-    alternative = ALTERNATIVES[declared.direction]
     if declared.test == "mann_whitney":
-        return np.asarray(stats.mannwhitneyu(first, second, axis=-1, alternative=alternative).pvalue)
-    pooled = declared.test == "student"
+        return mann_whitney(first, second, declared)[1]
+    alternative, pooled = ALTERNATIVES[declared.direction], declared.test == "student"
     return np.asarray(stats.ttest_ind(first, second, axis=-1, equal_var=pooled, alternative=alternative).pvalue)
 
 

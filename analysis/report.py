@@ -31,6 +31,7 @@ from analysis import (
     scales,
     sensitivity_text,
 )
+from analysis.changed_files import changed_notice
 from analysis.compare import repeats
 from analysis.exclusions import versions_notice
 from analysis.factorial_within import within_of
@@ -165,6 +166,7 @@ def render(analysis: Analysis, drawn: Mapping[str, str], options: Options) -> st
             repeated=repeats(analysis.episodes),
             draws=options.draws,
             versions=versions_notice(analysis.export),
+            changed=changed_notice(analysis.export.folder),
             figures={name: Markup(svg) for name, svg in drawn.items()},  # noqa: S704
             css=Markup((HERE / "report.css").read_text(encoding="utf-8")),  # noqa: S704
             script=Markup((HERE / "report.js").read_text(encoding="utf-8")),  # noqa: S704

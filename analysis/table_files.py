@@ -8,6 +8,8 @@ from typing import Final
 
 import polars as pl
 
+from analysis.table_checks import problem_in, unreadable_cell
+
 # The columns that are read of each table. An export has more columns and tables; codebook.json explains them all.
 COLUMNS = {
     "participants": ("participant", "study", "condition", "status"),
@@ -45,6 +47,11 @@ TICK_COLUMNS = {
     *INTENTIONS,
     *(f"key_{time}_ms_{seat}" for time in ("client", "received") for seat in (0, 1)),
 }
+# What a codebook says of them, for an export that has lost it: most columns of a study's ticks are empty.
+_TICK_TYPES: Final[Mapping[str, type[pl.DataType]]] = {
+    **{column: pl.Float64 if column.startswith("key_") else pl.Int64 for column in TICK_COLUMNS - {"episode"}},
+    **dict.fromkeys(("late", "asked", IN_SIGHT), pl.Boolean),
+}
 OPTIONAL = ("pauses", "reliance", "withdrawals")
 IDENTIFIERS = ("participant", "participant_0", "participant_1", "episode", "study", "condition", "layout", "status")
 # Columns of CSV files that stay text even if every value looks like a number ("007").
@@ -67,25 +74,39 @@ def table_file(folder: Path, name: str) -> Path | None:
 
 
 def read_table(folder: Path, name: str) -> pl.DataFrame:
-    """The table, with the columns that the analysis needs. Raises ExportError."""
+    """The table, with the columns that the analysis needs. Raises ExportError, also for rows that cannot be right."""
     path = table_file(folder, name)
     if path is None and name in OPTIONAL:
         return pl.DataFrame(schema=dict.fromkeys(COLUMNS[name], pl.String))
     if path is None:
         raise ExportError(f"{folder} has no table of {name} ({name}.csv or {name}.parquet). Export the study again.")
+    types, first = _types(folder, name), 1 if path.suffix == ".parquet" else 2
     try:
-        table = _scan(path, name, _types(folder, name)).collect()
+        table = _scan(path, name, types).collect()
     except (pl.exceptions.PolarsError, OSError) as error:
-        why = str(error).splitlines()[0]
+        why = _unreadable(path, types, first) or str(error).splitlines()[0][:120]
         raise ExportError(f"{path} cannot be read as a table: {why}. Export the study again.") from None
     if missing := [column for column in COLUMNS[name] if column not in table.columns]:
         raise ExportError(f"{path} has no column {missing[0]}. Export the study again with this version.")
-    return table.with_columns(pl.col(column).cast(pl.String) for column in IDENTIFIERS if column in table.columns)
+    table = table.with_columns(pl.col(column).cast(pl.String) for column in IDENTIFIERS if column in table.columns)
+    if problem := problem_in(table, name, first):
+        raise ExportError(f"{path}, {problem}. Export the study again.")
+    return table
+
+
+def _unreadable(path: Path, types: Mapping[str, type[pl.DataType]], first: int) -> str:
+    """The first cell of a CSV file that does not have its type; empty if that is not the problem."""
+    try:
+        texts = pl.read_csv(path, infer_schema=False)
+    except (pl.exceptions.PolarsError, OSError):
+        return ""
+    wanted = {column: kind for column, kind in types.items() if column in texts.columns and column not in TEXTS}
+    return unreadable_cell(texts, wanted, first)
 
 
 def _types(folder: Path, name: str) -> dict[str, type[pl.DataType]]:
     """Types of the columns by the codebook, for CSV: a column without any value tells nothing about its own type."""
-    found: dict[str, type[pl.DataType]] = {}
+    found = dict(_TICK_TYPES) if name == "ticks" else {}
     try:
         book = json.loads((folder / "codebook.json").read_text(encoding="utf-8"))
         for column, about in book["tables"][name]["columns"].items():

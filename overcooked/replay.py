@@ -69,12 +69,16 @@ def read_episodes(path: Path) -> Iterator[RecordedEpisode]:
     A line is {"layout": grid with newlines, or a name, "joint_actions": [[a0, a1], ...]}, or belongs to a recorded game
     (`overcooked.recorded_games`), whose states are compared. Raises ReplayError, TrajectoryError, OSError.
     """
-    is_packed = path.suffix == ".gz"
+    is_packed, count = path.suffix == ".gz", 0
     with gzip.open(path, "rb") if is_packed else path.open("rb") as file:
         try:
-            yield from episodes_in(file, str(path))
+            for episode in episodes_in(file, str(path)):
+                yield episode
+                count += 1
         except (EOFError, zlib.error) as error:
             raise ReplayError(f"{path}: this file is not whole ({error}). Copy it again.") from None
+    if not count:
+        raise ReplayError(f"{path}: there are no episodes in this file. Give a file with recorded games.")
 
 
 def episodes_in(file: BufferedIOBase, name: str) -> Iterator[RecordedEpisode]:

@@ -135,8 +135,11 @@ def trajectories_in(data: bytes, path: str) -> Iterator[Played]:
     for number, (states, actions, parameters) in enumerate(episodes):
         try:
             yield _checked_episode(states, actions, parameters)
-        except (KeyError, TypeError, ValueError, IndexError, FileNotFoundError) as error:
+        except (TrajectoryError, LayoutError, FileNotFoundError) as error:
             raise TrajectoryError(f"{path}, episode {number} (from 0): {error}") from None
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+            what = f"a part is missing or damaged ({error!r:.80}). Copy or write the file again."
+            raise TrajectoryError(f"{path}, episode {number} (from 0): {what}") from None
 
 
 def _checked_episode(states: list[Any], actions: list[Any], parameters: dict[str, Any]) -> Played:
@@ -144,7 +147,9 @@ def _checked_episode(states: list[Any], actions: list[Any], parameters: dict[str
     for rule, value in _OLD_RULES.items():
         if parameters.get(rule, value) != value:
             raise TrajectoryError(f"{rule} is {parameters[rule]!r:.40} there and {value} in these rules")
-    joint_actions = [[_ACTIONS.index(_lower(action)) for action in joint_action] for joint_action in actions]
+    if len(states) != len(actions):
+        raise TrajectoryError(f"there are {len(states)} states and {len(actions)} joint actions; it needs one for each")
+    joint_actions = [[_action(action) for action in joint_action] for joint_action in actions]
     if any(len(joint_action) != PLAYERS for joint_action in joint_actions):
         raise TrajectoryError(f"this kitchen has {PLAYERS} chefs")
     for (ours, _), theirs in zip(_play(layout, joint_actions), states, strict=True):
@@ -170,8 +175,11 @@ def _layout_of(parameters: dict[str, Any]) -> Layout:
         raise TrajectoryError(str(error)) from None
 
 
-def _lower(action: Any) -> Any:
-    return action.lower() if isinstance(action, str) else action
+def _action(action: Any) -> int:
+    known = action.lower() if isinstance(action, str) else action
+    if known not in _ACTIONS:
+        raise TrajectoryError(f"{action!r:.40} is not an action; actions are {', '.join(map(str, _ACTIONS))}")
+    return _ACTIONS.index(known)
 
 
 def _onions_and_tick(soup: dict[str, Any]) -> tuple[int, int]:

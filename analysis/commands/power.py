@@ -177,6 +177,8 @@ def _design(arguments: argparse.Namespace) -> "tuple[PowerDesign, StudyPlan, int
             "--person-sd and --residual-sd."
         )
     participants = plan.participants if arguments.participants is None else arguments.participants
+    if arguments.participants is None and participants < 2:
+        raise ValueError("the smallest condition of the data has fewer than two participants. Give --participants.")
     _check(arguments, person_sd, residual_sd, participants)
     return PowerDesign(person_sd, residual_sd, plan.episodes, arguments.alpha), plan, participants
 

@@ -37,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the report; 2 with a reason for a folder that is not an export."""
+    from analysis.changed_files import changed_notice
     from analysis.exclusions import versions_notice
     from analysis.report import write_report
     from analysis.study import Options
@@ -51,7 +52,8 @@ def run(arguments: argparse.Namespace) -> int:
     except ExportError as error:
         print(f"kitchenmind report: {error}", file=sys.stderr)
         return 2
-    if notice := versions_notice(report.analysis.export):
-        print(f"kitchenmind report: {notice}", file=sys.stderr)
+    for notice in (versions_notice(report.analysis.export), changed_notice(arguments.export)):
+        if notice:
+            print(f"kitchenmind report: {notice}", file=sys.stderr)
     print(f"{report.page}: {report.analysis.episodes.height} episodes analysed, {len(report.analysis.rows)} numbers")
     return 0

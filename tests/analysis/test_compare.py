@@ -229,6 +229,14 @@ def test_assumptions_are_checked_within_conditions() -> None:
     assert (levene.statistic, levene.p, levene.df_residual) == (pytest.approx(f), pytest.approx(p), 27)
 
 
+def test_checks_of_assumptions_name_the_conditions_that_they_leave_out() -> None:
+    episodes = study(10)
+    one = episodes.filter(pl.col("condition") == CONDITIONS[-1])["participant"].unique().sort()[:2]
+    few = episodes.filter((pl.col("condition") != CONDITIONS[-1]) | pl.col("participant").is_in(one.implode()))
+    for row in check(few, "reward", CONDITIONS, [("matrix", "sp")]):
+        assert row.note == f"without {CONDITIONS[-1]}: fewer than 3 values"
+
+
 def test_answers_are_compared_per_question_and_agent_on_the_chosen_layouts(planted: Export) -> None:
     episodes = measures.analysed(measures.episode_measures(planted), planted.participants)
     answers = questionnaires.answers_on(planted.answers, episodes, planted.layouts[:4])

@@ -26,6 +26,7 @@ from analysis.power import (
     sizes_for,
     t_test_p,
 )
+from analysis.synthetic import Truth, write_export
 
 DESIGN = PowerDesign(person_sd=8, residual_sd=14)
 SPREAD = ("--person-sd", "8", "--residual-sd", "14")
@@ -199,3 +200,14 @@ def test_power_without_any_effect_is_refused_with_the_remedy(
     (tmp_path / "study.yaml").write_text("layouts: [a, b]\nagents: [c, d]\n")
     assert kitchenmind.main(["power", str(tmp_path / "study.yaml"), *SPREAD]) == 2
     assert "give --effect with the true differences to be found, or --simulated-effect" in capsys.readouterr().err
+
+
+def test_a_pilot_with_one_person_in_a_condition_needs_a_number(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_export(Truth(participants=7, conditions=("none", "tom"), layouts=("matrix",), timesteps=3), tmp_path)
+    people = pl.read_parquet(tmp_path / "participants.parquet")
+    one = people.filter(pl.col("condition") == "tom").head(1)
+    pl.concat([people.filter(pl.col("condition") == "none"), one]).write_parquet(tmp_path / "participants.parquet")
+    assert kitchenmind.main(["power", str(tmp_path), "--effect", "5", "--out", str(tmp_path / "out")]) == 2
+    assert "fewer than two participants. Give --participants." in capsys.readouterr().err

@@ -75,6 +75,29 @@ def test_declared_ranks_are_counted_over_pairs(direction: str) -> None:
     assert row.estimate == np.median(differences)
 
 
+@pytest.mark.parametrize(
+    ("direction", "p"), [("two_sided", 0.00105003355777), ("greater", 0.999637359544), ("less", 0.000525016778887)]
+)
+def test_ranks_without_ties_have_an_exact_p(direction: str, p: float) -> None:
+    """R 4.2.2: wilcox.test(a, b, alternative = ...); from the normal distribution the first would be 0.0022."""
+    first = np.array([52.3, 61.2, 48.9, 70.4, 55.5, 66.1, 59.0, 43.7, 62.8, 50.6])
+    second = np.array([71.9, 66.6, 80.2, 58.1, 75.3, 69.4, 84.5, 77.7, 64.0, 90.3])
+    declared = DeclaredTest("fun", ("a", "b"), "mann_whitney", direction)
+    assert primary.compared(declared, first, second).p == pytest.approx(p, rel=1e-6)
+    simulated = primary_power.p_values(declared, np.stack([first, second]), np.stack([second, second + 0.01]))
+    assert simulated[0] == pytest.approx(p, rel=1e-6)
+
+
+def test_people_whose_means_differ_by_rounding_alone_are_tied() -> None:
+    """0.1 + 0.2 + 0.3 and 0.3 + 0.2 + 0.1 differ in the last digit; so do their means."""
+    rewards = {"a": (0.1, 0.2, 0.3), "b": (0.3, 0.2, 0.1)}
+    assert sum(rewards["a"]) != sum(rewards["b"])
+    rows = [(name, name, "x", "sp", reward) for name, some in rewards.items() for reward in some]
+    table = pl.DataFrame(rows, schema=["participant", "condition", "layout", "agent", "reward"], orient="row")
+    values = primary.values_of_people(DeclaredTest("reward", ("a", "b"), "mann_whitney"), table, pl.DataFrame())
+    assert values["a"][0] == values["b"][0]
+
+
 def by_hand(folder: Path, layouts: set[str], agents: set[str], question: str = "") -> dict[str, list[float]]:
     """Each person's mean by condition, from the tables as they are exported."""
     answers = {

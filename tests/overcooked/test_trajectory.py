@@ -177,3 +177,28 @@ def test_broken_trajectories_leave_exit_status_2_and_no_file(tmp_path: Path) -> 
     (tmp_path / "other.json").write_text("{}")
     assert kitchenmind.main(["replay", str(tmp_path / "other.json"), "--states", str(tmp_path / "out.jsonl")]) == 2
     assert [file.name for file in tmp_path.iterdir()] == ["other.json"]
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (lambda columns: columns["ep_actions"][0].pop(), "states and .* joint actions; it needs one for each"),
+        (lambda columns: columns["ep_states"].__setitem__(0, None), "a part is missing or damaged .* Copy or write"),
+        (lambda columns: columns["ep_actions"][0].__setitem__(3, "up"), "'u' is not an action; actions are "),
+    ],
+)
+def test_damaged_trajectories_are_refused_in_plain_words(written: Path, change, problem: str) -> None:
+    columns = json.loads(written.read_text())
+    change(columns)
+    written.write_text(json.dumps(columns))
+    with pytest.raises(TrajectoryError, match=problem):
+        list(read_trajectories(written))
+
+
+@pytest.mark.parametrize("name", ["empty.jsonl", "only_a_layout.jsonl"])
+def test_a_file_without_episodes_is_refused(tmp_path: Path, name: str) -> None:
+    line = '{"k": "layout", "name": "small", "grid": ["XPXX", "O12O", "XDSX"]}\n'
+    (tmp_path / name).write_text("" if name.startswith("empty") else line)
+    command = ["replay", str(tmp_path / name), "--states", str(tmp_path / "out.jsonl")]
+    assert kitchenmind.main(command) == 2
+    assert not (tmp_path / "out.jsonl").exists()

@@ -1,0 +1,81 @@
+# Mixed models of reward, their checks, and simple effects.
+
+contrast_weights <- function(pair, names, prefix = "condition") {
+  weights <- setNames(numeric(length(names)), names)
+  for (sign in c(1, -1)) {
+    name <- paste0(prefix, pair[if (sign == 1) 1 else 2])
+    if (name %in% names) weights[name] <- sign
+  }
+  weights
+}
+tested <- function(estimate, se, df) {
+  half <- qt(0.975, df) * se
+  c(estimate = estimate, estimate_low = estimate - half, estimate_high = estimate + half, se = se,
+    statistic = estimate / se, df = df, p = 2 * pt(-abs(estimate / se), df))
+}
+# Satterthwaite's degrees of freedom. Where a variance is 0, lmerTest's are those of a model without people (it takes
+# the derivative by a standard deviation, which is 0 there); Kenward and Roger's use the expected information.
+contest_of <- function(model, weights) {
+  found <- contest(model, weights, joint = FALSE)
+  df <- if (isSingular(model)) contest(model, weights, joint = FALSE, ddf = "Kenward-Roger")$df else found$df
+  tested(found$Estimate, found$`Std. Error`, df)
+}
+put_contrasts <- function(model, section, test) for (pair in PAIRS) {
+  weights <- contrast_weights(pair, names(fixef(model)))
+  put(section, test, contest_of(model, weights), "all", "all", contrast = named(pair))
+}
+tight <- lmerControl(optimizer = "bobyqa", optCtrl = list(maxfun = 1e5, rhoend = 1e-10), calc.derivs = TRUE)
+quiet <- function(expression) suppressMessages(suppressWarnings(expression))
+model <- quiet(lmer(reward ~ condition + agent + layout + (1 | participant), episodes, control = tight))
+put_contrasts(model, "mixed model", "fixed_effect")
+spread <- as.data.frame(VarCorr(model))$sdcor
+put("mixed model", "person_sd", c(estimate = if (isSingular(model)) 0 else spread[1]), "all", "all")
+put("mixed model", "residual_sd", c(estimate = spread[2]), "all", "all")
+put("mixed model", "icc", c(estimate = spread[1]^2 / sum(spread^2)), "all", "all")
+small <- quiet(update(model, REML = FALSE))
+large <- quiet(update(small, . ~ . + condition:layout))
+ratio <- anova(small, large)
+put("mixed model", "condition_by_layout", c(statistic = ratio$Chisq[2], df = ratio$Df[2],
+  p = ratio$`Pr(>Chisq)`[2]), "all", "all")
+
+plain <- lm(reward ~ condition + agent + layout, episodes)
+covariance <- sandwich::vcovCL(plain, cluster = episodes$participant, type = "HC1")
+for (pair in PAIRS) {
+  weights <- contrast_weights(pair, names(coef(plain)))
+  put("robustness", "cluster_robust", tested(sum(weights * coef(plain)), sqrt(c(weights %*% covariance %*% weights)),
+    nrow(of_people) - 1), "all", "all", contrast = named(pair))
+}
+
+slopes <- quiet(lmer(reward ~ condition + agent + layout + (agent | participant), episodes, control = tight))
+for (pair in PAIRS) {
+  found <- contest(slopes, contrast_weights(pair, names(fixef(slopes))), joint = FALSE)
+  df <- nrow(of_people) - length(CONDITIONS)
+  satterthwaite <- c(satterthwaite_df = found$df, satterthwaite_p = found$`Pr(>|t|)`)
+  put("robustness", "random_slopes", c(tested(found$Estimate, found$`Std. Error`, df), satterthwaite), "all", "all",
+    contrast = named(pair))
+}
+slope <- attr(VarCorr(slopes)$participant, "stddev")[2]
+put("robustness", "slope_sd", c(estimate = unname(slope)), "all", "sp")  # sp against fcp: the same size
+
+episodes$round <- episodes$number - mean(episodes$number)
+with_round <- quiet(lmer(reward ~ condition + agent + layout + round + (1 | participant), episodes, control = tight))
+put_contrasts(with_round, "robustness", "with_round")
+put("robustness", "round", contest_of(with_round, as.numeric(names(fixef(with_round)) == "round")), "all", "all")
+products <- quiet(update(with_round, . ~ . + condition:round))
+for (pair in PAIRS) {
+  names <- names(fixef(products))
+  weights <- setNames(numeric(length(names)), names)
+  for (sign in c(1, -1)) {
+    name <- grep(sprintf("^(condition%1$s:round|round:condition%1$s)$", pair[if (sign == 1) 1 else 2]), names)
+    weights[name] <- sign
+  }
+  put("robustness", "round_by_condition", contest_of(products, weights), "all", "all", contrast = named(pair))
+}
+
+if (!within) for (places in list(lapply(LAYOUTS, c, "all"), lapply(AGENTS, function(agent) c("all", agent)))) {
+  put_family(lapply(places, function(place) {
+    found <- means_of_people(at(episodes, place[1], place[2]))
+    list(section = "simple effects", test = "simple_effect", layout = place[1], agent = place[2],
+      contrast = named(main), values = student(of(found, main[1]), of(found, main[2])))
+  }))
+}
