@@ -25,7 +25,7 @@ class CompiledTemplates(jinja2.BytecodeCache):
         with suppress(OSError, EOFError, ValueError, TypeError):
             kept = _path(bucket).read_bytes()
             if kept.startswith(head):
-                bucket.code = marshal.loads(kept[len(head) :])  # noqa: S302 - as trusted as the code beside it
+                bucket.code = marshal.loads(kept[len(head) :])  # noqa: S302 - as trusted as the code next to it
 
     def dump_bytecode(self, bucket: Bucket) -> None:
         """Keep a template for the next process. If the disk is full, it is compiled there again."""
