@@ -14,6 +14,7 @@ import pytest
 ROOT = Path(__file__).parent.parent.parent
 # The arguments that make each short.
 QUICK = {
+    "against_r": ["--quick"],
     "agent_modes": ["--quick"],
     "classic_kitchens": ["--quick"],
     "classic_predictors": ["--quick"],
