@@ -199,4 +199,5 @@ def test_a_study_that_says_everything_goes_through_the_form_byte_for_byte(new_pa
         for control in page.locator(f"#form input[type=text]{bound}, #form textarea{bound}").all()[:200:23]:
             with page.expect_response("**/look"):
                 control.dispatch_event("input")
+        expect(page.locator("#save-state")).to_have_text("Saved")  # or the last change is made in the next file's text
         assert yaml_of(page).input_value() == text, file.name
