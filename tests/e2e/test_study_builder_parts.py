@@ -123,16 +123,19 @@ def test_every_page_of_a_preview_is_shown_and_nothing_is_stored(new_page: NewPag
     draft = begin(page, "previewed")
     page.goto(f"{page.url}/preview")
     is_accessible(page)
-    page.get_by_role("link", name="Begin (en)").first.click()
+    with page.expect_navigation():
+        page.get_by_role("link", name="Begin (en)").first.click()
     seen = []
     while page.locator(".preview a", has_text="Next").count():
         seen.append(page.locator("h1").first.inner_text())
-        page.locator(".preview a", has_text="Next").click()
+        with page.expect_navigation():  # or the page before, or none, would be looked at
+            page.locator(".preview a", has_text="Next").click()
     assert len(seen) >= 6
     assert len(set(seen)) >= 5
     expect(page.locator(".preview")).to_contain_text("Nothing is stored")
     page.goto(f"{server.url}/admin/drafts/{draft}/preview")
-    page.get_by_role("link", name="Begin (en)").first.click()
+    with page.expect_navigation():
+        page.get_by_role("link", name="Begin (en)").first.click()
     for box in page.locator("main [type=checkbox]").all():
         box.check()
     page.click("#agree")
