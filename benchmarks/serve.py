@@ -25,10 +25,10 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path[:0] = [str(ROOT), str(ROOT / "benchmarks")]
+sys.path.insert(0, str(ROOT))
 
-from processor import AVX2_ONLY  # noqa: E402
-
+from benchmarks.processor import AVX2_ONLY  # noqa: E402
+from benchmarks.support.process_cpu import cpu_s  # noqa: E402
 from server.bots.participant import Bot  # noqa: E402
 
 STUDY = """
@@ -50,7 +50,6 @@ predictor: {form: FORM}
 game: {horizon: 10000}
 flow: [introduction, episodes, thanks]
 """
-TICKS = os.sysconf("SC_CLK_TCK")
 
 
 @dataclass
@@ -103,12 +102,6 @@ class Server:
     def rss_mb(self) -> float:
         status = Path(f"/proc/{self.process.pid}/status").read_text()
         return int(re.search(r"VmRSS:\s+(\d+)", status).group(1)) / 1024  # type: ignore[union-attr]
-
-
-def cpu_s(pid: int) -> float:
-    """CPU seconds of a process so far, all its threads."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / TICKS
 
 
 class Player:

@@ -27,11 +27,11 @@ sys.path.insert(0, str(ROOT))
 from engine import FIRST_STEP  # noqa: E402
 
 from benchmarks.processor import described  # noqa: E402
+from benchmarks.support.process_cpu import cpu_s  # noqa: E402
 from server.bots.local_server import LOCAL  # noqa: E402
 from server.store.migrate import migrate  # noqa: E402
 
 STUDY = "studies/quick_look.yaml"
-TICKS = os.sysconf("SC_CLK_TCK")
 WORKER = "import sys; sys.argv[1:] = ['worker', '0']\nimport models.inference.worker"
 COMMANDS = {
     "Python alone": ["-c", "pass"],
@@ -99,12 +99,6 @@ def serve(folder: Path, database: str) -> list[Turn]:
         used = os.wait4(process.pid, 0)[2]
         process.returncode = 0
     return [ready, Turn(time.perf_counter() - began, used.ru_utime + used.ru_stime)]
-
-
-def cpu_s(pid: int) -> float:
-    """Processor seconds of a running process so far, all its threads."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / TICKS
 
 
 def children_of(pid: int) -> list[int]:

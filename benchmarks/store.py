@@ -30,6 +30,7 @@ from server.play.recorder import EpisodeResult, KeyRecord, TickRecord  # noqa: E
 from server.store import episodes, participants, studies  # noqa: E402
 from server.store.database import Database  # noqa: E402
 from server.store.migrate import migrate  # noqa: E402
+from server.store.store_recorder import StoreRecorder  # noqa: E402
 
 GAMES = (1, 10, 30, 100)
 SLOTS, SLOT_GAMES = 5, 120
@@ -83,7 +84,7 @@ async def slots(database: Database) -> dict[str, Any]:
 
 
 async def measured(database: Database, what: str, games: int, work: list[list[list[TickRecord]]]) -> dict[str, Any]:
-    recorder = episodes.StoreRecorder(database, patience_s=60)
+    recorder = StoreRecorder(database, patience_s=60)
     waits: list[float] = []
 
     async def write(batches: list[list[TickRecord]]) -> None:

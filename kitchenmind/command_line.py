@@ -44,15 +44,15 @@ VERBS: dict[str, tuple[str, str]] = {
 }
 
 
-_GARBAGE_THRESHOLDS = (50_000, 20, 20)  # imports make hundreds of thousands of objects and no garbage
+GARBAGE_THRESHOLDS = (50_000, 20, 20)  # imports make hundreds of thousands of objects and no garbage
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; return the exit status: 0 done, 1 failed, 2 wrong input, 130 stopped by Ctrl+C, 141 if the
     reader of its output has closed it, as after `| head`."""
     if argv is None:  # this process is the command
-        gc.set_threshold(*_GARBAGE_THRESHOLDS)
-        atexit.register(gc.freeze)  # or Python looks at every object once more before it ends
+        gc.set_threshold(*GARBAGE_THRESHOLDS)
+        atexit.register(gc.freeze)  # otherwise Python examines every object once more before it ends
     try:
         status = _run(list(sys.argv[1:] if argv is None else argv))
         sys.stdout.flush()

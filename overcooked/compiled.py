@@ -25,8 +25,8 @@ with collector_off():
     from numba import njit as njit
     from numba.core.registry import cpu_target
 
-# At its end, Python looks at every object of numba once more, which takes as long as importing it. Frozen ones are left
-# out: the memory goes with the process.
+# Before it ends, Python examines every object once more, which takes as long as importing numba. It leaves out frozen
+# objects: their memory is released with the process.
 atexit.register(gc.freeze)
 
 # Compiled on first use, then kept next to the sources (`__pycache__/*.nbi`), so that the next process starts at once.

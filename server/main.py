@@ -15,6 +15,7 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.staticfiles import StaticFiles
 from starlette.requests import HTTPConnection
 
+from kitchenmind.command_line import GARBAGE_THRESHOLDS
 from models.inference.launch import Launched
 from models.inference.runner import ModelServer
 from server import warm_up
@@ -29,7 +30,6 @@ from server.monitoring.live_games import LiveGames
 from server.monitoring.peers import Process
 from server.monitoring.rehearsals import Rehearsals
 from server.monitoring.report_making import StudyReports
-from server.participation.own_kitchens import load_with_kitchens
 from server.participation.preview_models import PreviewModels
 from server.participation.seating import ConnectedPlayer, Seating
 from server.participation.served_studies import Studies
@@ -38,15 +38,15 @@ from server.participation.waiting_room import WaitingRoom
 from server.play.clock import Clock
 from server.play.games import Games
 from server.play.recorder import EpisodeRecord, RecorderDown
+from server.playable_studies import playable_studies
 from server.required_models import required_models
 from server.settings import ROOT, Settings
-from server.store import episodes, events, kitchens
+from server.store import episodes, events
 from server.store.database import Database, DatabaseDown
 from server.store.engines import normal_url
-from server.store.episodes import StoreRecorder
 from server.store.migrate import migrate_shared, to_newest
-from server.study.loader import StudyError, StudyFile
-from server.study_check import missing_problems
+from server.store.store_recorder import StoreRecorder
+from server.study.loader import StudyFile
 from server.version import code_version
 from server.web import health, protocol_document
 from server.web.admin import routes as researcher_routes
@@ -80,7 +80,6 @@ _ROUTES = (
     health,
     protocol_document,
 )
-_GARBAGE_THRESHOLDS = (50_000, 20, 20)  # a full collection costs milliseconds, and a game makes hardly any cycles
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -109,7 +108,7 @@ async def wired(
     launched already. `joins`: other processes of this server run already.
 
     Raises StudyError, ModelsDown, DatabaseInUse, DatabaseDown, DatabaseTooNew."""
-    files, csrf = _served(settings), _csrf(settings)
+    files, csrf = playable_studies(settings), _csrf(settings)
     async with AsyncExitStack() as stack:
         several = settings.redis is not None
         models = _models(settings, files, ahead)
@@ -132,7 +131,7 @@ async def wired(
         app.state.services = await _services(settings, files, web, models, stack, joins)
         warm_up.prepare_routes(app)
         gc.freeze()
-        gc.set_threshold(*_GARBAGE_THRESHOLDS)
+        gc.set_threshold(*GARBAGE_THRESHOLDS)  # a full collection takes milliseconds; games make hardly any cycles
         gc.enable()
         loading = asyncio.create_task(asyncio.to_thread(load_rules))  # after the start, which it would delay
         stack.push_async_callback(ended, loading)
@@ -215,23 +214,6 @@ def _models(settings: Settings, files: Sequence[StudyFile], ahead: Launched | No
     )
     models.paths = required.paths
     return models
-
-
-def _served(settings: Settings) -> list[StudyFile]:
-    """Return the studies that can be played. Raises StudyError for an invalid file or a missing agent or predictor; if
-    there are several studies in local mode, those without their models are left out instead."""
-    served, reasons = [], []
-    for path in settings.studies:
-        file = load_with_kitchens(path, partial(kitchens.grids_at, settings.database), settings.models_folder)
-        missing = [file.describe(problem) for problem in missing_problems(file, required_models([file]))]
-        reasons += missing
-        if not missing:
-            served.append(file)
-    if not served or (reasons and settings.mode == "production"):
-        raise StudyError(reasons)
-    for reason in reasons:
-        log.warning("a study is not served: %s", reason)
-    return served
 
 
 async def _node(settings: Settings, files: list[StudyFile], stack: AsyncExitStack) -> "ClusterNode":

@@ -11,7 +11,7 @@ from models.agents.model_paths import is_class, without_variant
 from overcooked.layout import Layout, LayoutError, layout_names
 from server.participation.episode_specs import layout_of, models_of, predictor_of
 from server.required_models import WEIGHTS, WITHOUT_WEIGHTS, RequiredModels, folder_of, required_models
-from server.study.checks import Path, Problem
+from server.study.checks import Path, Problem, capitalised
 from server.study.definition import KitchenChoice, PartnerSettings, Study
 from server.study.factor_checks import in_factors
 from server.study.loader import StudyFile
@@ -61,7 +61,7 @@ def missing_problems(file: StudyFile, required: RequiredModels) -> Iterator[Prob
             told.add(reason)
             remedy = _remedy(place, layout, model, required, partner_at(file.study, place).catalogue_name)
             if place[-1] == "predictor" and (shown := shown_words(file.study)):
-                remedy += f" {shown[:1].upper()}{shown[1:]} its predictions."
+                remedy += f" {capitalised(shown)} its predictions."
             yield Problem(place, reason, remedy)
 
 

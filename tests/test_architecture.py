@@ -19,7 +19,7 @@ LONG_FILES: dict[str, str] = {}
 LONG_FUNCTIONS: dict[str, str] = {}
 MANY_ARGUMENTS = {
     "training.fused_ppo_loss.forward": "the arguments of ppo_loss",
-    "training.ppo.ppo_loss": "the terms of the formula, by name",
+    "training.ppo_loss.ppo_loss": "the terms of the formula, by name",
 }
 
 Tree = ast.Module

@@ -2,7 +2,7 @@
 (`partners`) hold some seats.
 
 The environment is in `threaded_env`, the compiled copying and drawing of a rollout in `rollout_buffer`, the network's
-fast path in `fast_path`, and a compiled copy of `ppo_loss` in `fused_ppo_loss`.
+fast path in `fast_path`, the loss in `ppo_loss`, and a compiled copy of it in `fused_ppo_loss`.
 
 Schulman et al. 2017; shaping as in Carroll et al. 2019: each chef's own shaped reward, faded out.
 """
@@ -29,6 +29,7 @@ from training.fast_path import choose_compute, fast_path
 from training.fused_ppo_loss import FusedLoss
 from training.imitation import imitate
 from training.partners import PartnerPool
+from training.ppo_loss import ppo_loss
 from training.rollout_buffer import Entries, draw, draw_only, gather
 from training.runlog import RunFolder
 from training.threaded_env import threaded_env, threads_for
@@ -238,29 +239,6 @@ def run_settings(config: AgentConfig, layout: Layout, seed: int, partners: list[
         "config": config.differences(),
     }
     return dict(json.loads(json.dumps(settings)))
-
-
-def ppo_loss(
-    logits: Tensor,  # (samples, 6)
-    values: Tensor,  # (samples,)
-    actions: Tensor,
-    old_log_probabilities: Tensor,
-    advantages: Tensor,
-    targets: Tensor,
-    config: AgentConfig,
-    entropy_weight: float,
-) -> tuple[Tensor, Tensor]:
-    """Return PPO's clipped loss, and as metrics (policy loss, value loss, entropy, share clipped)."""
-    logs = logits.log_softmax(-1)
-    entropy = -(logs.exp() * logs).sum(-1).mean()
-    ratio = (logs.gather(1, actions[:, None]).squeeze(1) - old_log_probabilities).exp()
-    normal = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
-    clipped = ratio.clamp(1 - config.clip_coef, 1 + config.clip_coef)
-    policy_loss = -torch.min(normal * ratio, normal * clipped).mean()
-    value_loss = nn.functional.mse_loss(values, targets)
-    loss = policy_loss + config.vf_coef * value_loss - entropy_weight * entropy
-    outside = ((ratio - 1).abs() > config.clip_coef).float().mean()
-    return loss, torch.stack([policy_loss, value_loss, entropy, outside]).detach()
 
 
 @njit(cache=True)

@@ -10,16 +10,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from msgspec import Struct
 
 from models.agents.blackbox import is_foreign
 from models.agents.model_paths import ModelPaths
-from models.inference.answer_arrays import AnswerArrays
 from models.inference.launch import Launched
+from models.inference.partial_answer import PartialAnswer, read_answer
 from models.inference.supervised_worker import ModelsDown, SupervisedWorker
 from models.inference.wire import Answer, Load, Name, Row
-from models.protocols import Decision, Intention, Question
-from overcooked.constants import PLAYERS, STAY
+from models.protocols import Decision, Question
+from overcooked.constants import PLAYERS
 
 __all__ = ["ModelServer", "ModelStatistics", "ModelsDown"]
 
@@ -135,7 +134,7 @@ class ModelServer:
         futures = [answer for _, answer in batches]
         if futures:
             await asyncio.wait(futures, timeout=deadline_ms / 1000)
-        found = [_Found() for _ in questions]
+        found = [PartialAnswer() for _ in questions]
         for chosen, answer in batches:
             if answer.done() and not answer.cancelled():
                 self._read([found[k] for k in chosen], answer.result())
@@ -245,34 +244,10 @@ class ModelServer:
                 worker.saw(key, question.timestep)
         return worker.ask(layout, rows, histories)
 
-    def _read(self, found: "list[_Found]", answer: Answer) -> None:
+    def _read(self, found: list[PartialAnswer], answer: Answer) -> None:
         self._times.append(answer.model_ms)
         self._faults.update(f"{fault.model}: {fault.reason}" for fault in answer.faults)
-        arrays = AnswerArrays.read(answer)
-        acted, action_distributions = arrays.acted.tolist(), arrays.action_distributions.tolist()
-        predictions, intentions = arrays.predictions.tolist(), arrays.intentions.tolist()
-        for k, part in enumerate(found):
-            if acted[k] >= 0:
-                part.action, part.probabilities = acted[k], tuple(action_distributions[k])
-            if arrays.predicted[k]:
-                part.prediction = tuple(map(tuple, predictions[k]))
-                part.intentions = tuple([Intention(*said) for said in intentions[k] if said[-1]])
-
-
-class _Found(Struct, gc=False):
-    """What has been answered about one question so far."""
-
-    action: int | None = None
-    probabilities: tuple[float, ...] = ()
-    prediction: tuple[tuple[float, ...], ...] = ()
-    intentions: tuple[Intention, ...] = ()
-
-    def decision(self, question: Question) -> Decision | None:
-        if question.agent is not None:
-            if self.action is None:
-                return None
-            return Decision(self.action, self.probabilities, self.prediction, self.intentions)
-        return Decision(STAY, (), self.prediction, self.intentions) if self.prediction else None
+        read_answer(found, answer)
 
 
 def _loads(

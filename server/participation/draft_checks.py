@@ -28,11 +28,6 @@ def draft_problems(file: StudyFile, served: Sequence[StudyFile], loads: bool = F
     return [*file.doubts, *map(file.places.placed, found)]
 
 
-def warnings_of(file: StudyFile) -> list[str]:
-    """Return what is probably unintended in a study that is served, in sentences."""
-    return [f"{one.reason[:1].upper()}{one.reason[1:]}. {one.remedy}" for one in doubts(file)]
-
-
 def known_names(kitchens: Sequence[str] = ()) -> dict[str, list[str]]:
     """Return the layouts, agents and predictors that the form suggests. `kitchens`: those of the dashboard."""
     bundled = _bundled_names()

@@ -1,6 +1,5 @@
-"""Episodes: create, store tick by tick, pause, end, load again. The live game writes to `StoreRecorder`."""
+"""Episodes: create, pause, end, load again. The live game stores them with `StoreRecorder`."""
 
-import asyncio
 import hashlib
 import secrets
 from collections.abc import Sequence
@@ -11,24 +10,20 @@ from typing import Any, Final
 
 import msgspec
 from sqlalchemy import Connection, bindparam, func, or_, select, update
-from sqlalchemy.exc import IntegrityError
 
 from server.play.episode_spec import EpisodeSpec
 from server.play.recorder import (
     AWAY_REASONS,
     EpisodeRecord,
     EpisodeResult,
-    InputRecord,
     PauseRecord,
-    RecorderDown,
     TickRecord,
 )
 from server.store import inputs as input_rows
 from server.store import ticks as tick_rows
-from server.store.database import Database, DatabaseDown
 from server.store.tables import episodes, pauses, ticks
 
-PATIENCE_S, _LONG_AGO = 1.0, datetime(1970, 1, 1, tzinfo=UTC)
+_LONG_AGO = datetime(1970, 1, 1, tzinfo=UTC)
 # msgspec (0.22) looks at a type when it first meets it, and two threads that do so at once can crash the process: after
 # a restart many games are taken up at once. So it meets this one here, in one thread.
 msgspec.json.Decoder(EpisodeSpec)
@@ -77,10 +72,6 @@ class StoredEpisode:
 
 class BrokenEpisode(Exception):
     """The stored episode is inconsistent; the message says what and where."""
-
-
-class TickConflict(Exception):
-    """Another tick is stored in this place: two servers play the same episode, or the rules have changed."""
 
 
 _COLUMNS = [episodes.c[name] for name in StoredEpisode.__dataclass_fields__]
@@ -261,40 +252,3 @@ def end(connection: Connection, result: EpisodeResult) -> bool:
 def _has(participants: Sequence[str | None]) -> Any:
     present = [participant for participant in participants if participant is not None]
     return or_(episodes.c.participant_0.in_(present), episodes.c.participant_1.in_(present))
-
-
-class StoreRecorder:
-    """The live game's recorder. What takes longer than `patience_s` counts as RecorderDown, so that the game pauses and
-    says so; asking again is safe, as what is stored already is not stored twice."""
-
-    def __init__(self, database: Database, patience_s: float = PATIENCE_S) -> None:
-        self._database = database
-        self._patience_s = patience_s
-
-    async def ticks(self, records: Sequence[TickRecord]) -> None:
-        """Store ticks; drop those of an episode that was deleted (its participant withdrew). Raises TickConflict."""
-        try:
-            conflicts = await self._write(tick_rows.insert, records)
-        except IntegrityError:
-            conflicts = await self._write(tick_rows.insert_of_known, records)
-        if conflicts:
-            places = ", ".join(f"episode {episode} timestep {timestep}" for episode, timestep in conflicts)
-            raise TickConflict(f"another tick is stored already: {places}")
-
-    async def pause(self, record: PauseRecord) -> None:
-        await self._write(pause, record)
-
-    async def inputs(self, episode: str, records: Sequence[InputRecord]) -> None:
-        await self._write(input_rows.insert_of_known, episode, records)
-
-    async def end(self, result: EpisodeResult) -> None:
-        await self._write(end, result)
-
-    async def _write(self, function: Any, *arguments: Any) -> Any:
-        try:
-            async with asyncio.timeout(self._patience_s):
-                return await self._database.write(function, *arguments)
-        except TimeoutError:
-            raise RecorderDown(f"the database did not commit within {self._patience_s} s") from None
-        except DatabaseDown as error:
-            raise RecorderDown(str(error)) from error

@@ -24,7 +24,7 @@ from server.store import episodes as stored
 from server.store import inputs as input_rows
 from server.store import ticks as tick_rows
 from server.store.database import Database, DatabaseDown
-from server.store.episodes import PATIENCE_S, StoreRecorder, TickConflict
+from server.store.store_recorder import PATIENCE_S, StoreRecorder, TickConflict
 from server.store.tables import episodes
 
 Fences = Mapping[str, int]  # episode -> the number of its owner

@@ -38,6 +38,16 @@ class Problem:
     remedy: str
     warning: bool = False
 
+    @property
+    def sentences(self) -> str:
+        """Reason and remedy as they stand in a text of their own."""
+        return f"{capitalised(self.reason)}. {self.remedy}"
+
+
+def capitalised(words: str) -> str:
+    """Return the words as the beginning of a sentence; names in it keep their capitals."""
+    return words[:1].upper() + words[1:]
+
 
 def problems(study: Study) -> Iterator[Problem]:
     """Yield everything wrong with a study whose single values are valid."""

@@ -26,7 +26,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def edited(exported: Path, out: Path, name: str, *changes: pl.Expr, twice: bool = False) -> Path:
-    """Copy the export as CSV; one table is changed by an editor that knows no types."""
+    """Copy the export as CSV; one table is changed as text."""
     out.mkdir()
     for path in exported.glob("*.parquet"):
         table = pl.read_parquet(path)

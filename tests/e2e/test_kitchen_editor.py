@@ -112,7 +112,7 @@ def test_a_kitchen_is_drawn_by_keyboard_mended_saved_and_played(page: Page, serv
     press(page, "Control+z", "Control+z", "Control+y")
     page.fill("#name", "nook")
     expect(page.locator("#models")).to_contain_text("kitchenmind train agent --layout nook.layout --out nook_agent")
-    expect(page.locator("#models")).to_contain_text("No agent and no predictor knows this kitchen yet")
+    expect(page.locator("#models")).to_contain_text("No agent and no predictor is trained for this kitchen yet")
     page.click("#save")
     page.wait_for_url("**/admin/kitchen/nook")
     expect(page.locator("#saved")).to_have_text("Version 1")

@@ -4,7 +4,7 @@ import os
 import re
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
 from server.study.loader import parse_study
 from tests.support.browser.study_builder import (
@@ -25,12 +25,18 @@ from tests.support.live_server import LiveServer
 from tests.support.real_server import ROOT
 
 
-@pytest.mark.slow
-def test_questions_are_put_in_order_by_keyboard_and_by_drag(new_page: NewPage) -> None:
+def teamwork_questionnaire(new_page: NewPage, name: str) -> Page:
+    """A new draft with this questionnaire open in the form."""
     page = new_page()
-    begin(page, "order")
+    begin(page, name)
     page.locator("#form > details > summary", has_text="Questionnaires").click()
     at(page, "questionnaires", "teamwork").locator("summary").first.click()
+    return page
+
+
+@pytest.mark.slow
+def test_questions_are_put_in_order_by_keyboard_and_by_drag(new_page: NewPage) -> None:
+    page = teamwork_questionnaire(new_page, "order")
     place = ("questionnaires", "teamwork", "questions")
     titles = [at(page, *place, index).locator("summary .title").first for index in range(4)]
     first, second, third, fourth = (title.inner_text() for title in titles)
@@ -54,10 +60,7 @@ def test_questions_are_put_in_order_by_keyboard_and_by_drag(new_page: NewPage) -
 
 @pytest.mark.slow
 def test_a_published_scale_is_added_from_the_list(new_page: NewPage) -> None:
-    page = new_page()
-    begin(page, "scales")
-    page.locator("#form > details > summary", has_text="Questionnaires").click()
-    at(page, "questionnaires", "teamwork").locator("summary").first.click()
+    page = teamwork_questionnaire(new_page, "scales")
     page.get_by_label("Type of the new one").first.select_option("published")
     page.get_by_role("button", name="Add to questions").first.click()
     entry = at(page, "questionnaires", "teamwork", "questions", 4)

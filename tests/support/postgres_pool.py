@@ -48,7 +48,7 @@ class PostgresPool:
             self._server.drop_database(name)
 
     def _restored(self, name: str) -> bool:
-        """Cut off whoever is connected and put the rows back, unless more than rows was changed."""
+        """End all connections and put the rows back, unless more than rows was changed."""
         with psycopg.connect(self._server.url(name)) as connection:
             connection.execute(OTHERS, [connection.info.backend_pid])
             if connection.execute(SCHEMA).fetchall() != self._schema:

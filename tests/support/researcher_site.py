@@ -53,7 +53,7 @@ class NoModels:
 @pytest.fixture
 def site(tmp_path: Path) -> Iterator[Site]:
     from server.play.games import Games
-    from server.store.episodes import StoreRecorder
+    from server.store.store_recorder import StoreRecorder
 
     made = Site(tmp_path, SMALL_STUDY)
     games = Games(Clock(), NoModels(), StoreRecorder(made.database), lambda _: asyncio.sleep(0, None))

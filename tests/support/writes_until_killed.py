@@ -5,6 +5,7 @@ import sys
 
 from server.store import episodes
 from server.store.database import Database
+from server.store.store_recorder import StoreRecorder
 from tests.support.study_data import SPEC, played
 
 EPISODES = 5
@@ -13,7 +14,7 @@ LONGEST = 400
 
 async def main(url: str) -> None:
     database = Database(url)
-    recorder = episodes.StoreRecorder(database, patience_s=30)
+    recorder = StoreRecorder(database, patience_s=30)
     found = await database.read(episodes.unfinished)
     for _ in range(EPISODES - len(found)):
         found.append(await database.write(episodes.create, episodes.NewEpisode(SPEC, "episode-01")))

@@ -17,7 +17,8 @@ from training.config import AgentConfig, agent_config
 from training.fast_path import fast_path
 from training.fused_ppo_loss import FusedLoss
 from training.partners import PartnerPool
-from training.ppo import PpoTrainer, SeatRows, advantage_estimates, ppo_loss, run_settings, train
+from training.ppo import PpoTrainer, SeatRows, advantage_estimates, run_settings, train
+from training.ppo_loss import ppo_loss
 from training.runlog import RunError, RunFolder
 
 RING = load_layout("coordination_ring")

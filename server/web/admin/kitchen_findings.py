@@ -14,6 +14,7 @@ from overcooked.layout_file import LayoutError, grid_rows
 from overcooked.reach import KitchenReach, kitchen_reach
 from server.participation.own_kitchens import trained_models
 from server.settings import ROOT
+from server.study.checks import capitalised
 
 EPISODES: Final = 5
 LONGEST_S: Final = 90
@@ -30,7 +31,7 @@ def findings(text: str, name: str) -> dict[str, Any]:
     except LayoutError:
         rows = None
     problems = [
-        {"row": one.row, "column": one.column, "text": f"{one.reason[:1].upper()}{one.reason[1:]}. {one.remedy}"}
+        {"row": one.row, "column": one.column, "text": f"{capitalised(one.reason)}. {one.remedy}"}
         for one in layout_problems(text, _DRAWING)
     ]
     found: dict[str, Any] = {"rows": rows, "problems": problems, "reach": None, "models": None}

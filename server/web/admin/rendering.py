@@ -8,6 +8,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from markupsafe import Markup
 
 from server.store.admins import AdminSession
+from server.study.checks import capitalised
 from server.study.definition import Study
 from server.web.admin.researcher_auth import form_session
 from server.web.auth import FORM_FIELD
@@ -96,7 +97,7 @@ class AdminPage:
 def researchers_error(request: Request, status: int, reason: str) -> HTMLResponse:
     """What a researcher sees of a request that failed; nobody is known on this page, so it says nothing of a study."""
     title = "Page not found" if status == NOT_FOUND else "That did not work"
-    text = "Check the address." if reason == "Not Found" else f"{reason[:1].upper()}{reason[1:]}."
+    text = "Check the address." if reason == "Not Found" else f"{capitalised(reason)}."
     return AdminPage(request).render("error.html", status, title=title, text=text)
 
 

@@ -10,7 +10,7 @@ from server.monitoring.arms import arm_names
 from server.monitoring.dashboard import step_name, way_of
 from server.monitoring.enrolment_flow import arms_of, flow_of, stock
 from server.monitoring.live_games import who
-from server.participation.draft_checks import warnings_of
+from server.participation.study_warnings import warnings_of
 from server.store import admins, answers, attempts, audit, decisions, overview, participants, study_openings
 from server.store.overview import Played
 from server.study.definition import Study

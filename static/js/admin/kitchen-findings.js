@@ -123,8 +123,8 @@ export function showModels(models, name) {
   }
   if (!trained) {
     const text =
-      'No agent and no predictor knows this kitchen yet. In a study, choose planner as the agent and random as its ' +
-      'predictor (it guesses), or train your own.';
+      'No agent and no predictor is trained for this kitchen yet. In a study, choose planner as the agent and ' +
+      'random as its predictor (it guesses), or train your own.';
     place.append(make('p', { className: 'warn', text }));
   }
   place.append(

@@ -18,8 +18,9 @@ from server.play.episode_spec import PauseLimits
 from server.play.recorder import EpisodeRecord, EpisodeResult, KeyRecord, PauseRecord, RecorderDown
 from server.store import episodes, studies, ticks
 from server.store.database import Database
-from server.store.episodes import BrokenEpisode, NewEpisode, StoreRecorder, TickConflict
+from server.store.episodes import BrokenEpisode, NewEpisode
 from server.store.migrate import migrate
+from server.store.store_recorder import StoreRecorder, TickConflict
 from server.store.tables import ticks as tick_table
 from server.store.withdrawal import withdraw
 from tests.support.postgres_server import PostgresServer

@@ -10,7 +10,8 @@ from sqlalchemy import func, select
 from server.play.recorder import InputRecord, PauseRecord, StoredInputs
 from server.store import episodes, inputs, studies, ticks
 from server.store.database import Database
-from server.store.episodes import NewEpisode, StoreRecorder
+from server.store.episodes import NewEpisode
+from server.store.store_recorder import StoreRecorder
 from server.store.tables import inputs as table
 from server.store.withdrawal import withdraw
 from tests.support.study_data import SPEC, new_participant, played, result_of, sent

@@ -1,0 +1,30 @@
+"""Load the studies that a server is given, and leave out or refuse those that cannot be played."""
+
+import logging
+from functools import partial
+
+from server.participation.own_kitchens import load_with_kitchens
+from server.required_models import required_models
+from server.settings import Settings
+from server.store import kitchens
+from server.study.loader import StudyError, StudyFile
+from server.study_check import missing_problems
+
+log = logging.getLogger(__name__)
+
+
+def playable_studies(settings: Settings) -> list[StudyFile]:
+    """Return the studies that can be played. Raises StudyError for an invalid file or a missing agent or predictor; if
+    there are several studies in local mode, those without their models are left out instead."""
+    served, reasons = [], []
+    for path in settings.studies:
+        file = load_with_kitchens(path, partial(kitchens.grids_at, settings.database), settings.models_folder)
+        missing = [file.describe(problem) for problem in missing_problems(file, required_models([file]))]
+        reasons += missing
+        if not missing:
+            served.append(file)
+    if not served or (reasons and settings.mode == "production"):
+        raise StudyError(reasons)
+    for reason in reasons:
+        log.warning("a study is not served: %s", reason)
+    return served
