@@ -22,7 +22,7 @@ from training.collect import (
 from training.evaluate_intentions import intention_entry, said_intentions
 from training.intention_baselines import FrequentNext
 from training.predictor_config import IntentionSettings
-from training.publish_predictor import partners_met
+from training.publish_predictor import HOW, partners_met
 from training.runlog import revision
 from training.train_intentions import read_shards, states_of, train_intentions
 
@@ -80,16 +80,23 @@ def write_intentions(
     how: Mapping[str, Any],
     out: Path,
 ) -> None:
-    """Write the predictor's folder with this decoder in place of any other. All other tensors keep their bytes."""
+    """Write the predictor's folder with this decoder in place of any other. All other tensors keep their bytes, and the
+    decoder gets as many bits."""
     config = {**checkpoint.config, "intentions": asdict(decoder.config), "measured_intentions": dict(measured)}
     kept = {name: tensor for name, tensor in checkpoint.tensors.items() if not name.startswith(PREFIX)}
     added = {f"{PREFIX}{name}": tensor.numpy() for name, tensor in decoder.state_dict().items()}
     text = f"{checkpoint.card.partition(HEADING)[0].rstrip()}\n\n{section(measured, how)}"
-    save_checkpoint(out, config, {**kept, **added}, text, half=True)
+    save_checkpoint(out, config, {**kept, **added}, text, bits=checkpoint.bits)
 
 
 def section(measured: Mapping[str, Any], how: Mapping[str, Any]) -> str:
     """Return the card's section on intentions."""
+    rows = (f"| {key} | {value} |" for key, value in how.items())
+    return "\n".join([*figures(measured), "", HOW, "|---|---|", *rows])
+
+
+def figures(measured: Mapping[str, Any]) -> list[str]:
+    """Return the section's lines about accuracy, heading included."""
     columns = {
         "kind": "kind",
         "kind_and_station": "kind and station",
@@ -105,25 +112,19 @@ def section(measured: Mapping[str, Any], how: Mapping[str, Any]) -> str:
         + " |"
         for timesteps, values in measured["before"].items()
     ]
-    return "\n".join(
-        [
-            HEADING,
-            "",
-            "Says the agent's next interaction within 20 timesteps (4 s), or none, by one more decoder on the tokens",
-            "of all layers. It changed nothing else of the predictor. On the same unseen partners, accuracy in % that",
-            "long before the interaction is done:",
-            "",
-            f"| before | {' | '.join(columns.values())} |",
-            f"|---|{'---|' * len(columns)}",
-            *rows,
-            "",
-            f"All states: {measured['all_states']} % right (most frequent for hand and pots:",
-            f"{measured['frequent']} %); of those without an interaction ({measured['none_share']} %):",
-            f"{measured['none']} %. Expected calibration error: {measured['ece']:.3f}. Mean error of when:",
-            f"{measured['when_error']} timesteps.",
-            "",
-            "| how | |",
-            "|---|---|",
-            *(f"| {key} | {value} |" for key, value in how.items()),
-        ]
-    )
+    return [
+        HEADING,
+        "",
+        "Says the agent's next interaction within 20 timesteps (4 s), or none, by one more decoder on the tokens",
+        "of all layers. It changed nothing else of the predictor. On the same unseen partners, accuracy in % that",
+        "long before the interaction is done:",
+        "",
+        f"| before | {' | '.join(columns.values())} |",
+        f"|---|{'---|' * len(columns)}",
+        *rows,
+        "",
+        f"All states: {measured['all_states']} % right (most frequent for hand and pots:",
+        f"{measured['frequent']} %); of those without an interaction ({measured['none_share']} %):",
+        f"{measured['none']} %. Expected calibration error: {measured['ece']:.3f}. Mean error of when:",
+        f"{measured['when_error']} timesteps.",
+    ]

@@ -15,6 +15,8 @@ from training.population import load_population
 from training.runlog import revision
 
 POPULATION = "population"
+FIGURES = "On partner agents that it never saw, in both seats, deciding and sampling (%):"
+HOW = "| how | |"
 
 
 def predictor_folder(layout: Layout, agent: str, form: str) -> Path:
@@ -88,15 +90,22 @@ def write_predictor(
     """Measure the predictor on `test` and write its checkpoint with the card; `how` joins the card. Returns what was
     measured (with the weights as trained; they are stored as 16 bits)."""
     result = evaluate(network, test)
-    steps = {f"step{k + 1}": round(share, 4) for k, share in enumerate(result.accuracy.steps)}
     facts = {
         "agent_sha256": target.sha256,
-        "accuracy": {**steps, "mean": round(result.accuracy.mean, 4)},
-        "measured": result.entry(layout.name, target.name, network.config.form),
+        **measured_facts(result, layout, target, network.config.form),
         "revision": revision(),
     }
     save_predictor(folder, network, layout, target.name, card(network, layout, target, result, how), **facts)
     return result
+
+
+def measured_facts(result: Evaluation, layout: Layout, target: Target, form: str) -> dict[str, Any]:
+    """Return the config's entries about accuracy."""
+    steps = {f"step{k + 1}": round(share, 4) for k, share in enumerate(result.accuracy.steps)}
+    return {
+        "accuracy": {**steps, "mean": round(result.accuracy.mean, 4)},
+        "measured": result.entry(layout.name, target.name, form),
+    }
 
 
 def card(network: PredictorNetwork, layout: Layout, target: Target, result: Evaluation, how: Mapping[str, Any]) -> str:
@@ -116,20 +125,27 @@ def card(network: PredictorNetwork, layout: Layout, target: Target, result: Eval
         f"four moves after {mode.stuck_after} timesteps without a change of its own cell, facing or hand.",
         f"Agent sha256: {target.sha256[:16]}.",
         "",
-        "On partner agents that it never saw, in both seats, deciding and sampling (%):",
+        *figures(result),
+        "",
+        HOW,
+        "|---|---|",
+        *(f"| {key.replace('_', ' ')} | {value} |" for key, value in how.items()),
+        f"| code revision | {revision()} |",
+    ]
+    return "\n".join(lines)
+
+
+def figures(result: Evaluation) -> list[str]:
+    """Return the card's lines about accuracy."""
+    return [
+        FIGURES,
         "",
         *_accuracy_table(result),
         "",
         f"Ceiling of step 1, mean of the largest probability of the agent's action: {100 * result.ceiling:.1f} %.",
         f"Expected calibration error: {result.error:.3f}. Windows: {result.windows:,}; nobody stuck (neither chef",
         f"without a change for {STUCK_AFTER} timesteps) in {result.free_share:.0%} of them.",
-        "",
-        "| how | |",
-        "|---|---|",
-        *(f"| {key.replace('_', ' ')} | {value} |" for key, value in how.items()),
-        f"| code revision | {revision()} |",
     ]
-    return "\n".join(lines)
 
 
 def _accuracy_table(result: Evaluation) -> list[str]:

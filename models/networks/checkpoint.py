@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 from safetensors.numpy import load, save
+
+from models.networks.stored_tensors import Bits, bits_of, restored, stored
 
 CONFIG, WEIGHTS, CARD, SUMS = "config.json", "weights.safetensors", "card.md", "sha256"
 FILES = (CONFIG, WEIGHTS, CARD)
@@ -25,28 +26,29 @@ class CheckpointError(ValueError):
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """The contents of a folder. `sha256` identifies these weights with this config in data and on screen."""
+    """The contents of a folder. `sha256` identifies these weights with this config in data and on screen. `bits`: how
+    the file stores its numbers; `tensors` are float32."""
 
     folder: Path
     config: dict[str, Any]
     tensors: dict[str, NDArray[Any]]
     card: str
     sha256: str
+    bits: Bits
 
 
 def save_checkpoint(
-    folder: Path, config: dict[str, Any], tensors: Mapping[str, Any], card: str, half: bool = False
+    folder: Path, config: dict[str, Any], tensors: Mapping[str, Any], card: str, bits: Bits = 32
 ) -> str:
     """Write the folder (all or nothing: an old one is replaced at the end) and return its sha256.
 
-    `tensors`: arrays, or torch's without a gradient. `half` stores floats as 16 bits, half the bytes; check that the
-    network still performs as its card says.
+    `tensors`: arrays, or torch's without a gradient. With fewer `bits` the file is smaller (`stored_tensors`); check
+    that the network still performs as its card says.
     """
     new = folder.with_name(f".{folder.name}.new-{os.getpid()}")
     shutil.rmtree(new, ignore_errors=True)
     new.mkdir(parents=True)
-    stored = {name: _stored(np.asarray(tensor), half) for name, tensor in tensors.items()}
-    (new / WEIGHTS).write_bytes(save(stored))
+    (new / WEIGHTS).write_bytes(save(stored(tensors, bits)))
     (new / CONFIG).write_text(json.dumps(config, indent=2) + "\n", encoding="utf-8")
     (new / CARD).write_text(card.rstrip() + "\n", encoding="utf-8")
     lines = "".join(f"{_digest((new / name).read_bytes())}  {name}\n" for name in FILES)
@@ -64,19 +66,14 @@ def load_checkpoint(folder: Path | str) -> Checkpoint:
     content = {name: _checked(folder, name, line) for name, line in _expected(folder).items()}
     try:
         config = json.loads(content[CONFIG])
-        tensors = {
-            name: tensor.astype(np.float32 if tensor.dtype == np.float16 else tensor.dtype)
-            for name, tensor in load(content[WEIGHTS]).items()
-        }
+        arrays = load(content[WEIGHTS])
+        tensors = restored(arrays)
     except Exception as error:
         raise CheckpointError(
             f"{folder}: unreadable although its checksums match ({error}). Train or fetch it again."
         ) from error
-    return Checkpoint(folder, config, tensors, content[CARD].decode(), _digest((folder / SUMS).read_bytes()))
-
-
-def _stored(tensor: NDArray[Any], half: bool) -> NDArray[Any]:
-    return tensor.astype(np.float16 if half and tensor.dtype.kind == "f" else tensor.dtype, order="C")
+    digest = _digest((folder / SUMS).read_bytes())
+    return Checkpoint(folder, config, tensors, content[CARD].decode(), digest, bits_of(arrays))
 
 
 def _expected(folder: Path) -> dict[str, str]:

@@ -153,7 +153,7 @@ def save_agent(
         "mode": asdict(mode),
         **facts,
     }
-    return save_checkpoint(folder, settings, dict(network.state_dict()), card, half=True)
+    return save_checkpoint(folder, settings, dict(network.state_dict()), card, bits=16)
 
 
 def network_of(checkpoint: Checkpoint) -> tuple[Network, Layout, NetworkConfig]:

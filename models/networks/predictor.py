@@ -218,7 +218,7 @@ def save_predictor(folder: Path, network: PredictorNetwork, layout: Layout, agen
         **({} if network.intentions is None else {"intentions": asdict(network.intentions.config)}),
         **facts,
     }
-    return save_checkpoint(folder, settings, dict(network.state_dict()), card, half=True)
+    return save_checkpoint(folder, settings, dict(network.state_dict()), card, bits=16)
 
 
 def predictor_network(checkpoint: Checkpoint) -> tuple[PredictorNetwork, Layout]:

@@ -1,5 +1,5 @@
-"""`kitchenmind train agent | predictor | intentions | study`: parse options, show progress, report. The training itself
-is elsewhere.
+"""`kitchenmind train agent | predictor | intentions | compact | study`: parse options, show progress, report.
+The training itself is elsewhere.
 """
 
 import argparse
@@ -16,11 +16,12 @@ from training.settings import ConfigError
 
 _PREDICTOR = "training.commands.predictor"
 _INTENTIONS = "training.commands.intentions"
+_COMPACT = "training.commands.compact"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add a subcommand for each kind of training."""
-    kinds = parser.add_subparsers(dest="what", metavar="agent|predictor|intentions|study", required=True)
+    kinds = parser.add_subparsers(dest="what", metavar="agent|predictor|intentions|compact|study", required=True)
     agent = kinds.add_parser("agent", help="train one agent by self-play or with partners (FCP)")
     agent.add_argument("--layout", required=True, help="a bundled layout or a .layout file")
     agent.add_argument("--seed", type=int, default=1, help="random seed (default: 1)")
@@ -58,6 +59,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     intentions = kinds.add_parser("intentions", help="add a decoder of intentions to a trained predictor")
     intentions.set_defaults(device="cpu", precision="float32")  # so small that the CPU in float32 is the fastest
     importlib.import_module(_INTENTIONS).add_arguments(intentions)
+    compact = kinds.add_parser("compact", help="store a predictor in half the bytes, and measure it again")
+    compact.set_defaults(device="cpu", precision="float32")
+    importlib.import_module(_COMPACT).add_arguments(compact)
 
 
 def add_compute(parser: argparse.ArgumentParser) -> None:
@@ -76,6 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
     verbs: dict[str, Callable[[argparse.Namespace], int]] = {
         "agent": _train_agent,
         "intentions": lambda given: int(importlib.import_module(_INTENTIONS).run(given)),
+        "compact": lambda given: int(importlib.import_module(_COMPACT).run(given)),
         "study": _train_study,
         "predictor": lambda given: int(importlib.import_module(_PREDICTOR).run(given)),
     }

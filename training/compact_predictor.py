@@ -1,0 +1,82 @@
+"""Store a trained predictor with 8 bits for each weight, and measure it again."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from models.networks.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
+from models.networks.predictor import PredictorNetwork, predictor_network
+from overcooked.layout import Layout
+from training import publish_intentions, publish_predictor
+from training.collect import TRAIN, CollectionPlan, Target
+from training.evaluate_predictor import evaluate
+from training.population import load_target
+from training.publish_predictor import HOW, partners_in, population_folder, unseen_games, unseen_partners
+
+BITS = 8
+
+
+@dataclass(frozen=True)
+class Compacted:
+    """Mean accuracy (shares) of the predictor as it was and as it is, with the same unseen partners, and its bytes."""
+
+    before: float
+    after: float
+    bytes_before: int
+    bytes_after: int
+
+
+def compact(
+    folder: Path, out: Path, plan: CollectionPlan, agent: str | None = None, population: Path | None = None
+) -> Compacted:
+    """Write the predictor in `folder` to `out` (which may be the same) with 8 bits for each weight of its matrices.
+
+    Accuracy and intentions in config and card are measured anew, with the weights as stored, in games with the test
+    partners of `population` (default: the bundled ones). `agent`: the predicted agent as `kitchenmind collect` took
+    it (default: the name in the config). Raises ValueError if it is another agent, or is stored so already.
+    """
+    checkpoint = load_checkpoint(folder)
+    if checkpoint.bits == BITS:
+        raise ValueError(f"{folder}: is stored with {BITS} bits already. There is nothing to do.")
+    network, layout = predictor_network(checkpoint)
+    target = load_target(agent or str(checkpoint.config["agent"]), layout)
+    if target.sha256 != checkpoint.config["agent_sha256"]:
+        raise ValueError(f"{folder}: predicts another agent than {target.name}. Say which: --agent.")
+    partners = population or population_folder(layout)
+    games = unseen_games(layout, target, network, partners, plan)
+    before, size = evaluate(network, games).accuracy.mean, _size(folder)
+    save_checkpoint(out, checkpoint.config, checkpoint.tensors, checkpoint.card, BITS)
+    stored = load_checkpoint(out)
+    network, _ = predictor_network(stored)
+    result = evaluate(network, games)
+    config = {**stored.config, **publish_predictor.measured_facts(result, layout, target, network.config.form)}
+    lines = {publish_predictor.FIGURES: publish_predictor.figures(result)}
+    if network.intentions is not None:
+        measured = _intentions(network, layout, target, partners, plan)
+        config["measured_intentions"] = measured
+        lines[publish_intentions.HEADING] = publish_intentions.figures(measured)
+    said = f"| stored with | {BITS} bits for each weight of a matrix; mean accuracy before: {100 * before:.2f} % |"
+    save_checkpoint(out, config, stored.tensors, _card(stored, lines, said), BITS)
+    return Compacted(before, result.accuracy.mean, size, _size(out))
+
+
+def _intentions(
+    network: PredictorNetwork, layout: Layout, target: Target, population: Path, plan: CollectionPlan
+) -> dict[str, Any]:
+    others, known = unseen_partners(layout, population), partners_in(TRAIN, layout, population)
+    return publish_intentions.measured_intentions(network, layout, target, others, known, plan)
+
+
+def _card(checkpoint: Checkpoint, figures: dict[str, list[str]], said: str) -> str:
+    """Return the card with other figures (first line -> lines, up to the table of how it was trained) and one more row
+    in the first of these tables."""
+    text = checkpoint.card
+    for first, lines in figures.items():
+        before, found, after = text.partition(first)
+        if found:
+            text = before + "\n".join([*lines, "", HOW]) + after.partition(HOW)[2]
+    return text.replace(f"{HOW}\n|---|---|\n", f"{HOW}\n|---|---|\n{said}\n", 1)
+
+
+def _size(folder: Path) -> int:
+    return sum(path.stat().st_size for path in folder.iterdir())
