@@ -1,5 +1,6 @@
 """Store a trained predictor with 8 bits for each weight, and measure it again."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -53,6 +54,7 @@ def compact(
     lines = {publish_predictor.FIGURES: publish_predictor.figures(result)}
     if network.intentions is not None:
         measured = _intentions(network, layout, target, partners, plan)
+        with_baseline(measured, checkpoint.config["measured_intentions"])
         config["measured_intentions"] = measured
         lines[publish_intentions.HEADING] = publish_intentions.figures(measured)
     said = f"| stored with | {BITS} bits for each weight of a matrix; mean accuracy before: {100 * before:.2f} % |"
@@ -65,6 +67,15 @@ def _intentions(
 ) -> dict[str, Any]:
     others, known = unseen_partners(layout, population), partners_in(TRAIN, layout, population)
     return publish_intentions.measured_intentions(network, layout, target, others, known, plan)
+
+
+def with_baseline(measured: dict[str, Any], earlier: Mapping[str, Any]) -> None:
+    """Put the earlier figures of the baseline, which do not depend on the weights, into `measured` if both are of the
+    same states: they were counted in all training games, which are not at hand here."""
+    if measured["states"] == earlier["states"]:
+        measured["frequent"] = earlier["frequent"]
+        for timesteps, values in measured["before"].items():
+            values["frequent"] = earlier["before"][timesteps]["frequent"]
 
 
 def _card(checkpoint: Checkpoint, figures: dict[str, list[str]], said: str) -> str:

@@ -1,5 +1,6 @@
 """A trained predictor in half the bytes."""
 
+from copy import deepcopy
 from dataclasses import fields
 
 import numpy as np
@@ -13,6 +14,7 @@ from models.networks.config import IntentionConfig, PredictorConfig
 from models.networks.predictor import PredictorNetwork, predictor_network
 from overcooked.layout import load_layout
 from training.collect import CollectionPlan, Target
+from training.compact_predictor import with_baseline
 from training.evaluate_intentions import SaidIntentions, intention_entry
 from training.evaluate_predictor import evaluate, logits
 from training.publish_intentions import write_intentions
@@ -78,6 +80,17 @@ def test_the_card_gets_the_new_figures_and_keeps_how_it_was_trained(folders, gam
     ]
     assert f"{new.config['measured_intentions']['before']['5']['states']:,} |" in new.card
     assert len(new.card.splitlines()) == len(old.card.splitlines()) + 1
+
+
+def test_the_baseline_of_the_same_states_stays_as_it_was_counted_in_all_games(folders):
+    earlier = load_checkpoint(folders[1]).config["measured_intentions"]
+    counted = deepcopy(earlier)
+    counted["frequent"] = counted["before"]["10"]["frequent"] = -1.0
+    with_baseline(counted, earlier)
+    assert counted == earlier
+    others = {**deepcopy(counted), "states": counted["states"] + 1, "frequent": 12.5}
+    with_baseline(others, earlier)
+    assert others["frequent"] == 12.5
 
 
 def test_new_intentions_leave_it_as_it_is(folders, tmp_path):
