@@ -45,8 +45,9 @@ class Settings(BaseSettings):
     port: int = Field(default=8000, ge=0, le=65535)
     """The port to listen on. `0` takes a free one."""
     data: Path = ROOT / "var" if IS_CHECKOUT else Path("kitchenmind-data")
-    """The folder for what the server keeps: the database, unless `database` names another, and the secret of local
-    mode. Default: `var` in a checkout, else `kitchenmind-data` in the folder where the command runs."""
+    """The folder for what the server keeps: the database, unless `database` names another, the secret of local mode,
+    and in `models` the agents and predictors that you trained, which studies name. Default: `var` in a checkout, else
+    `kitchenmind-data` in the folder where the command runs."""
     database: str = ""
     """The database: `sqlite:///path/to/file` or `postgresql://user@host/name`. Empty: the file `kitchenmind.sqlite3` in
     the folder `data`."""
@@ -167,6 +168,16 @@ class Settings(BaseSettings):
                 "production needs KITCHENMIND_SPEED=1 and no KITCHENMIND_PATIENCE_S: people play in real time"
             )
         return self
+
+    @property
+    def own_models(self) -> Path:
+        """The folder of trained models, KITCHEN/NAME, which studies can name."""
+        return self.data.absolute() / "models"
+
+    @property
+    def own_kitchens(self) -> Path:
+        """The folder in which each kitchen of the dashboard is a `.layout` file, for the commands that train."""
+        return self.data.absolute() / "kitchens"
 
     def make_data_folder(self) -> None:
         """Create the folder `data` if it will be used. Raises OSError."""

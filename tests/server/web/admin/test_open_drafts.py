@@ -1,6 +1,7 @@
 """Drafts from opening to closing: what is served of them, to whom, and what is refused."""
 
 import asyncio
+import shutil
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -9,11 +10,14 @@ from typing import Any
 import httpx
 import pytest
 
+from models.networks.checkpoint import load_checkpoint
+from overcooked.layout import load_layout
 from server.monitoring import rehearsals
 from server.participation.served_studies import Studies
+from server.required_models import WEIGHTS
 from server.store import audit, kitchens, participants, studies, study_openings
 from server.store.database import Database
-from server.study.loader import load_study
+from server.study.loader import load_study, parse_study
 from tests.support.draft_site import admin_site_fixture as admin_site_fixture
 from tests.support.draft_site import asked, begun, opened, source, versions_of
 from tests.support.draft_site import file as file
@@ -73,6 +77,33 @@ def test_a_draft_may_name_a_kitchen_of_the_dashboard_and_is_opened_with_its_grid
     assert "Open, changed since" not in researcher.get("/admin/drafts").text
     (version,) = (one for one in site.database.read_now(studies.every, "pilot"))
     assert grid.splitlines()[1] in version.source
+
+
+def test_a_draft_may_name_models_that_were_trained_here_and_its_version_keeps_them(site: Site, tmp_path: Path) -> None:
+    researcher, ring, models = signed_in(site, "own"), WEIGHTS / "coordination_ring", tmp_path / "models" / "nook"
+    draft = begun(site, researcher)
+    site.database.write_now(kitchens.save, "nook", load_layout("coordination_ring").text, "ada", 0)
+    text = source(site, draft).replace("{name: coordination_ring,", "{name: nook,").replace("after: [2]", "after: [1]")
+    text = text.replace("  - {name: matrix, title: {en: Matrix, zh: 矩阵}}\n", "")
+    text = text.replace("{name: planner, predictor: random}", "{name: mine}")
+    seen = asked(researcher, draft, "look", text=text)[1]
+    assert (seen["own"], seen["problems"][0]["path"]) == ({}, ["agents", 0, "name"])
+    shutil.copytree(ring / "sp", models / "mine")
+    shutil.copytree(ring / "sp_predictor_stream", models / "mine_predictor_stream")
+    seen = asked(researcher, draft, "look", text=text)[1]
+    assert seen["own"] == {"nook": {"agents": ["mine"], "predictors": ["mine_predictor_stream"]}}
+    assert [one for one in seen["problems"] if not one["warning"]] == []
+    assert asked(researcher, draft, "save", text=text, revision="2")[0] == 200
+    assert "The study is open" in opened(researcher, draft, 3)
+    (version,) = site.database.read_now(studies.every, "pilot")
+    played = load_checkpoint(ring / "sp").sha256
+    assert parse_study(version.source).study.checkpoints["nook/mine"] == played
+    assert load_checkpoint(models.parent / ".kept" / played).sha256 == played
+    assert "checkpoints" not in source(site, draft)
+    shutil.rmtree(models / "mine")
+    shutil.copytree(ring / "fcp", models / "mine")
+    found = [one["text"] for one in asked(researcher, draft, "look", text=text)[1]["problems"] if not one["warning"]]
+    assert [line for line in found if "has been trained again" in line]
 
 
 def test_untrained_kitchens_and_predictions_that_guess_are_warnings_here_and_on_the_study_s_page(
