@@ -95,7 +95,8 @@ def _remedy(place: Path, layout: str, model: str, required: RequiredModels, agen
         ready = f"Write `predictor: NAME` for this agent; there are: {', '.join(known)}"
         return f"{guess}{ready}. Or {training_words(layout, agent, required)}"
     named = f"{guess}Name an agent that can play this kitchen ({', '.join(known)})"
-    return f"{named}, or train one: `{commands_for(layout, required).agent(base)}`."
+    commands = commands_for(layout, required)
+    return f"{named}, or train one: `{commands.agent(base)}`{commands.note}."
 
 
 def _model_problems(file: StudyFile, layouts: dict[str, Layout], loads: bool) -> Iterator[Problem]:
@@ -144,9 +145,10 @@ def _grid_problem(study: Study, layout: Layout, model: str, required: RequiredMo
     names = [kitchen.name for kitchen in study.layouts]
     place: Path = ("layouts", names.index(layout.name)) if layout.name in names else ("tutorial", "layout")
     reason = f"{model!r} was trained on another grid named {layout.name}"
-    train = commands_for(layout.name, required).agent(without_variant(model))
+    commands = commands_for(layout.name, required)
+    train = f": `{commands.agent(without_variant(model))}`{commands.note}" if "/" not in model else ""
     remedy = "Give the own grid an own name, name a model of this kitchen, or train one for this grid"
-    return Problem(place, reason, f"{remedy}{f': `{train}`' if '/' not in model else ''}.")
+    return Problem(place, reason, f"{remedy}{train}.")
 
 
 def _wrong_kind(place: Path, layout: str, model: str, required: RequiredModels) -> Problem | None:

@@ -51,7 +51,11 @@ def _untrained(study: Study, required: RequiredModels) -> Iterator[Problem]:
             commands = commands_for(kitchen.name, required)
             own = required.own.of_kitchen(kitchen.name) if required.own is not None else {}
             trained = [name for name, one in own.items() if one.kind == "agent"]
-            ready = f"Trained for it: {', '.join(trained)}." if trained else f"To train one: `{commands.agent()}`."
+            ready = (
+                f"Trained for it: {', '.join(trained)}."
+                if trained
+                else f"To train one: `{commands.agent()}`{commands.note}."
+            )
             where = "The kitchen's page in the dashboard has all commands."
             remedy = f"They can cook in every kitchen. {ready} {where}"
             yield Problem(("layouts", index, "name"), reason, remedy, warning=True)

@@ -35,6 +35,13 @@ class TrainingCommands:
         chosen = "" if seed is None else f" --seed {seed}"
         return f"kitchenmind train agent {self._layout}{chosen} --out {self._place(name or self.name)}"
 
+    @property
+    def note(self) -> str:
+        """What is to be done first, in brackets; "" if the file that the commands read is there."""
+        if self.file == self.kitchen or Path(self.file).is_file():
+            return ""
+        return f" (it reads {self.file}: save the kitchen in the dashboard, or write its rows into that file)"
+
     def partners(self) -> list[str]:
         """The commands that train partners, with whom the agent plays the games from which its predictor learns."""
         return [self.agent(f"partners/partner_{seed}", seed) for seed in PARTNER_SEEDS]

@@ -107,7 +107,7 @@ def test_a_draft_may_name_models_that_were_trained_here_and_its_version_keeps_th
 
 
 def test_untrained_kitchens_and_predictions_that_guess_are_warnings_here_and_on_the_study_s_page(
-    site: Site,
+    site: Site, tmp_path: Path
 ) -> None:
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
@@ -117,10 +117,13 @@ def test_untrained_kitchens_and_predictions_that_guess_are_warnings_here_and_on_
     kitchen, first, *_ = asked(researcher, draft, "look", text=text)[1]["problems"]
     assert (kitchen["warning"], kitchen["path"]) == (True, ["layouts", 0, "name"])
     assert "only scripted agents play in nook, which was drawn by hand" in kitchen["text"]
-    assert "kitchenmind train agent --layout nook.layout --out nook_agent" in kitchen["text"]
+    assert (
+        f"--layout {tmp_path}/kitchens/nook.layout --out {tmp_path}/models/nook/nook_agent` (it reads"
+        in kitchen["text"]
+    )
     assert (first["warning"], first["path"]) == (True, ["agents", 0, "predictor"])
     words = "ondition `with` shows predictions of planner in nook, matrix, and `random` guesses at random"
-    command = "kitchenmind train predictor --layout nook.layout --agent planner"
+    command = f"kitchenmind train predictor --layout {tmp_path}/kitchens/nook.layout --agent planner"
     assert words in first["text"]
     assert command in first["text"]
     opened(researcher, draft, 3)
