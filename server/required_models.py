@@ -64,7 +64,8 @@ class RequiredModels:
         """Say that a kitchen has no trained model of this name, or why the one that is there is not it."""
         if self.own is not None and (layout, name) in self.pins:
             found = self.own.find(layout, name)
-            now = f"{found.folder} now has {found.sha256[:12]}…" if found else "it is no longer there"
+            place = self.own.root / layout
+            now = f"{found.folder} now has {found.sha256[:12]}…" if found else f"it is not in {place}"
             pin = self.pins[layout, name][:12]
             return f"this version of the study plays {layout} with the {name!r} whose SHA-256 is {pin}…; {now}"
         fault = self.own.fault(layout, name) if self.own is not None else None

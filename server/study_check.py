@@ -87,7 +87,7 @@ def _remedy(place: Path, layout: str, model: str, required: RequiredModels, agen
         here = " (it is in the current folder)" if FilePath(base).exists() else ""
         return f"Correct the path: it starts from the folder of the study file{here}."
     if (layout, base) in required.pins:
-        return "Put that folder back, or train under another name; then name that one, and open a new version."
+        return "Put its folder there; or name another one, and open a new version of the study."
     known = _there(layout, required, predictors=place[-1] == "predictor")
     near = difflib.get_close_matches(base, known, n=1, cutoff=0.5)
     guess = f"Did you mean {near[0]!r}? " if near else ""

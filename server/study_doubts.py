@@ -78,8 +78,9 @@ def commands_for(layout: str, required: RequiredModels) -> TrainingCommands:
 
 def training_words(layout: str, agent: str, required: RequiredModels) -> str:
     """Say how to train a predictor of an agent on a layout."""
-    where = "" if layout in layout_names() else " (the commands before it are on the kitchen's page in the dashboard)"
-    return f"train one: `{commands_for(layout, required).predictor(agent)}`{where}."
+    commands = commands_for(layout, required)
+    where = "" if layout in layout_names() else " (before that, the partners on the kitchen's page in the dashboard)"
+    return f"train one: `{commands.collect(agent)}`{where}, then `{commands.predictor(agent)}`."
 
 
 def partner_at(study: Study, place: Path) -> PartnerSettings:

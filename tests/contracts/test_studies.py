@@ -195,7 +195,8 @@ def test_participants_can_tell_the_bundled_studies_apart_by_their_titles() -> No
         (
             "{name: planner, predictor: random}",
             "condition `tom` shows predictions of planner in coordination_ring, and `random` guesses at random. "
-            "Is that intended? If not, train one: `kitchenmind train predictor --layout coordination_ring --agent "
+            "Is that intended? If not, train one: `kitchenmind collect --layout coordination_ring --agent planner`, "
+            "then `kitchenmind train predictor --layout coordination_ring --agent "
             "planner --out var/models/coordination_ring/planner_predictor_stream`.",
         ),
         ("{name: sp, predictor: guide}", "`guide` knows the scripted guide only"),

@@ -103,7 +103,7 @@ def test_a_version_whose_models_are_gone_says_which_it_needs(trained: Path) -> N
     shutil.rmtree(trained / "nook" / "mine")
     (line,) = reasons(opened)
     assert load_checkpoint(RING / "sp").sha256[:12] in line
-    assert "it is no longer there. Put that folder back" in line
+    assert f"it is not in {trained}/nook. Put its folder there" in line
     with pytest.raises(StudyError, match="cannot be kept"):
         keep_own_models(opened)
 

@@ -61,6 +61,16 @@ def test_a_study_is_opened_taken_part_in_changed_and_closed(site: Site, file: Pa
     assert ">Closed</span>" in researcher.get("/admin/s/pilot").text
 
 
+def test_pausing_and_resuming_from_a_draft_leads_back_to_it(site: Site) -> None:
+    researcher = signed_in(site, "own")
+    draft = begun(site, researcher)
+    opened(researcher, draft, 2)
+    for route, said in (("pause", "The study is paused"), ("resume", "The study continues")):
+        page = researcher.post(f"/admin/s/pilot/{route}", note="a break", next=f"/admin/drafts/{draft}")
+        assert page.url.path == f"/admin/drafts/{draft}"
+        assert said in page.text
+
+
 def test_a_draft_may_name_a_kitchen_of_the_dashboard_and_is_opened_with_its_grid(site: Site) -> None:
     researcher, grid = signed_in(site, "own"), "XXPXX\nO1 2O\nX   X\nXDXSX"
     draft = begun(site, researcher)
