@@ -199,6 +199,15 @@ class Settings(BaseSettings):
         return path.read_bytes()
 
 
+def own_models_here() -> Path:
+    """Return the folder of trained models for a command, also if settings that only a server needs are wrong."""
+    try:
+        return Settings().own_models
+    except ValueError:
+        folder: Path = Settings.model_fields["data"].default
+        return Path(os.environ.get("KITCHENMIND_DATA") or folder).absolute() / "models"
+
+
 def _database_in(folder: Path) -> str:
     return f"sqlite:///{quote(str(folder.absolute() / DATABASE_FILE))}"
 

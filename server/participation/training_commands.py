@@ -11,7 +11,7 @@ from models.agents.own_checkpoints import OwnCheckpoints
 from overcooked.layout import layout_names, load_layout
 from overcooked.layout_file import LayoutError
 from server.required_models import WEIGHTS, WITHOUT_WEIGHTS
-from server.settings import Settings
+from server.settings import own_models_here
 
 PARTNER_SEEDS: Final = (2, 3, 4, 5)
 
@@ -78,7 +78,7 @@ class TrainingCommands:
 def training_commands(kitchen: str, own_models: Path | None = None) -> TrainingCommands:
     """Return the commands for a kitchen; `own_models`: the server's folder of trained models. Folders are relative to
     the current one, if they are in it: a server's commands are run where the server runs."""
-    models = own_models or Settings().own_models
+    models = own_models or own_models_here()
     is_bundled = kitchen in layout_names()
     return TrainingCommands(kitchen, kitchen if is_bundled else str(_shown(_file(kitchen, models))), _shown(models))
 

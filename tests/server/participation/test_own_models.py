@@ -15,6 +15,7 @@ from server.participation.kitchen_files import write_kitchens
 from server.participation.own_kitchens import keep_own_models, trained_models, with_own_models
 from server.participation.training_commands import is_file_ready, training_commands
 from server.required_models import WEIGHTS, required_models
+from server.settings import own_models_here
 from server.study.loader import StudyError, StudyFile, parse_study
 from server.study.pinned_checkpoints import with_checkpoints
 from server.study_check import stage_problems
@@ -149,6 +150,15 @@ def test_the_kitchen_s_page_has_commands_that_read_its_file(trained: Path) -> No
         "mine",
         "mine_predictor_stream",
     )
+
+
+def test_commands_find_the_folder_also_where_a_server_could_not_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("KITCHENMIND_DATA", str(tmp_path / "data"))
+    assert own_models_here() == tmp_path / "data" / "models"
+    monkeypatch.setenv("KITCHENMIND_MODE", "production")  # without a secret
+    assert own_models_here() == tmp_path / "data" / "models"
 
 
 def test_a_name_of_a_bundled_agent_stays_the_bundled_one(trained: Path) -> None:

@@ -89,7 +89,9 @@ def test_a_draft_may_name_a_kitchen_of_the_dashboard_and_is_opened_with_its_grid
     assert grid.splitlines()[1] in version.source
 
 
-def test_a_draft_may_name_models_that_were_trained_here_and_its_version_keeps_them(site: Site, tmp_path: Path) -> None:
+def test_a_draft_may_name_models_that_were_trained_here_and_its_version_keeps_them(
+    site: Site, file: Path, tmp_path: Path
+) -> None:
     researcher, ring, models = signed_in(site, "own"), WEIGHTS / "coordination_ring", tmp_path / "models" / "nook"
     draft = begun(site, researcher)
     site.database.write_now(kitchens.save, "nook", load_layout("coordination_ring").text, "ada", 0)
@@ -114,6 +116,14 @@ def test_a_draft_may_name_models_that_were_trained_here_and_its_version_keeps_th
     shutil.copytree(ring / "fcp", models / "mine")
     found = [one["text"] for one in asked(researcher, draft, "look", text=text)[1]["problems"] if not one["warning"]]
     assert [line for line in found if "has been trained again" in line]
+
+    async def started(several: bool) -> tuple[str, ...]:
+        """What a process serves that starts now, with the kept models."""
+        studies = await Studies.opened(site.database, [load_study(file)])
+        await versions_of(site.database, studies, file, several).begin(site.database)
+        return studies.names()
+
+    assert asyncio.run(started(False)) == asyncio.run(started(True)) == ("small", "pilot")
 
 
 def test_untrained_kitchens_and_predictions_that_guess_are_warnings_here_and_on_the_study_s_page(
