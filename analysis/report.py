@@ -212,12 +212,15 @@ def _flagged(analysis: Analysis) -> pl.DataFrame:
     return analysis.quality.filter(wanting).sort("proposal", maintain_order=True)
 
 
-def _displays(export: Export) -> list[tuple[str, int, int, int]]:
-    """By condition: timesteps that did not show what the condition requires, episodes that have any, all episodes."""
+def _displays(export: Export) -> list[tuple[str, int, int | None, int, int]]:
+    """By condition: timesteps that did not show what the condition requires, those of them in which the server was late
+    (None: an older export), episodes that have any, all episodes."""
     found = []
     for condition in export.conditions:
-        counts = export.episodes.filter(pl.col("condition") == condition)["display_violations"].drop_nulls()
-        found.append((condition, int(counts.sum()), int((counts > 0).sum()), counts.len()))
+        episodes = export.episodes.filter(pl.col("condition") == condition)
+        counts, late = (episodes[name].drop_nulls() for name in ("display_violations", "display_violations_late"))
+        known = int(late.sum()) if late.len() else None
+        found.append((condition, int(counts.sum()), known, int((counts > 0).sum()), counts.len()))
     return found if any(row[1] for row in found) else []
 
 

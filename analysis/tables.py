@@ -168,9 +168,11 @@ def _episodes(table: pl.DataFrame) -> pl.DataFrame:
     return (
         _with_default(table.filter(pl.col("kind") == "episode"), "excluded", "")
         .pipe(_with_default, "display_violations", None)
+        .pipe(_with_default, "display_violations_late", None)
         .pipe(_with_default, "agent_name", None)
         .with_columns(
             display_violations=pl.col("display_violations").cast(pl.Int64),
+            display_violations_late=pl.col("display_violations_late").cast(pl.Int64),
             agent=pl.coalesce(
                 pl.col("agent_name").cast(pl.String),
                 pl.when(partner).then(pl.col("agent_0")).otherwise(pl.col("agent_1")).cast(pl.String),

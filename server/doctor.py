@@ -139,7 +139,8 @@ def _studies(settings: Settings) -> Iterator[HealthFinding]:
     sound: list[StudyFile] = []
     for path in settings.studies:
         try:
-            file = load_with_kitchens(path, partial(grids_at, settings.database), settings.models_folder)
+            grids = partial(grids_at, settings.database)
+            file = load_with_kitchens(path, grids, settings.models_folder, settings.own_models)
             problems = [(problem.warning, file.describe(problem)) for problem in stage_problems(file)]
         except StudyError as error:
             yield from (HealthFinding("study", "bad", line) for line in error.lines)
@@ -159,7 +160,7 @@ def _studies(settings: Settings) -> Iterator[HealthFinding]:
 def _weights(files: list[StudyFile]) -> Iterator[HealthFinding]:
     required = required_models(files)
     models = (*required.agents, *required.predictors)
-    folders = {folder_of(layout, required.paths.located(model)) for layout, model in models}
+    folders = {folder_of(layout, required.paths.located(layout, model)) for layout, model in models}
     whole = 0
     for folder in sorted(folder for folder in folders if (folder / "config.json").is_file()):
         try:

@@ -30,6 +30,7 @@ from server.monitoring.live_games import LiveGames
 from server.monitoring.peers import Process
 from server.monitoring.rehearsals import Rehearsals
 from server.monitoring.report_making import StudyReports
+from server.participation.kitchen_files import write_kitchens
 from server.participation.preview_models import PreviewModels
 from server.participation.seating import ConnectedPlayer, Seating
 from server.participation.served_studies import Studies
@@ -41,7 +42,7 @@ from server.play.recorder import EpisodeRecord, RecorderDown
 from server.playable_studies import playable_studies
 from server.required_models import required_models
 from server.settings import ROOT, Settings
-from server.store import episodes, events
+from server.store import episodes, events, kitchens
 from server.store.database import Database, DatabaseDown
 from server.store.engines import normal_url
 from server.store.migrate import migrate_shared, to_newest
@@ -123,6 +124,7 @@ async def wired(
         stack.callback(database.close)
         if not several:
             await database.write(to_newest)
+        await asyncio.to_thread(write_kitchens, settings.own_kitchens, await database.read(kitchens.grids))
         studies = await Studies.opened(database, files)
         await starting
         production = settings.mode == "production"
@@ -176,7 +178,7 @@ async def _services(
         rates=Rates(),
         hashing=Hashing(),
         commits=Commits(),
-        rehearsals=Rehearsals(stack),
+        rehearsals=Rehearsals(stack, settings.data),
         reports=StudyReports(web.database, settings.database, stack),
     )
     running = (alerts, services.latency_history, versions, hook)

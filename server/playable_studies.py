@@ -18,7 +18,8 @@ def playable_studies(settings: Settings) -> list[StudyFile]:
     there are several studies in local mode, those without their models are left out instead."""
     served, reasons = [], []
     for path in settings.studies:
-        file = load_with_kitchens(path, partial(kitchens.grids_at, settings.database), settings.models_folder)
+        grids = partial(kitchens.grids_at, settings.database)
+        file = load_with_kitchens(path, grids, settings.models_folder, settings.own_models)
         missing = [file.describe(problem) for problem in missing_problems(file, required_models([file]))]
         reasons += missing
         if not missing:

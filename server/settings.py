@@ -45,8 +45,9 @@ class Settings(BaseSettings):
     port: int = Field(default=8000, ge=0, le=65535)
     """The port to listen on. `0` takes a free one."""
     data: Path = ROOT / "var" if IS_CHECKOUT else Path("kitchenmind-data")
-    """The folder for what the server keeps: the database, unless `database` names another, and the secret of local
-    mode. Default: `var` in a checkout, else `kitchenmind-data` in the folder where the command runs."""
+    """The folder for what the server keeps: the database, unless `database` names another, the secret of local mode,
+    and in `models` the agents and predictors that you trained, which studies name. Default: `var` in a checkout, else
+    `kitchenmind-data` in the folder where the command runs."""
     database: str = ""
     """The database: `sqlite:///path/to/file` or `postgresql://user@host/name`. Empty: the file `kitchenmind.sqlite3` in
     the folder `data`."""
@@ -168,6 +169,16 @@ class Settings(BaseSettings):
             )
         return self
 
+    @property
+    def own_models(self) -> Path:
+        """The folder of trained models, KITCHEN/NAME, which studies can name."""
+        return self.data.absolute() / "models"
+
+    @property
+    def own_kitchens(self) -> Path:
+        """The folder in which each kitchen of the dashboard is a `.layout` file, for the commands that train."""
+        return self.data.absolute() / "kitchens"
+
     def make_data_folder(self) -> None:
         """Create the folder `data` if it will be used. Raises OSError."""
         if self.secret is None or self.database == _database_in(self.data):
@@ -186,6 +197,15 @@ class Settings(BaseSettings):
         with os.fdopen(descriptor, "wb") as file:
             file.write(secrets.token_urlsafe(32).encode())
         return path.read_bytes()
+
+
+def own_models_here() -> Path:
+    """Return the folder of trained models for a command, also if settings that only a server needs are wrong."""
+    try:
+        return Settings().own_models
+    except ValueError:
+        folder: Path = Settings.model_fields["data"].default
+        return Path(os.environ.get("KITCHENMIND_DATA") or folder).absolute() / "models"
 
 
 def _database_in(folder: Path) -> str:

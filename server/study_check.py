@@ -5,17 +5,18 @@ import json
 from collections.abc import Iterator
 from itertools import product
 from pathlib import Path as FilePath
+from typing import Any
 
 from models.agents.blackbox import is_foreign
 from models.agents.model_paths import is_class, without_variant
-from overcooked.layout import Layout, LayoutError, layout_names
+from overcooked.layout import Layout, LayoutError
 from server.participation.episode_specs import layout_of, models_of, predictor_of
 from server.required_models import WEIGHTS, WITHOUT_WEIGHTS, RequiredModels, folder_of, required_models
 from server.study.checks import Path, Problem, capitalised
 from server.study.definition import KitchenChoice, PartnerSettings, Study
 from server.study.factor_checks import in_factors
 from server.study.loader import StudyFile
-from server.study_doubts import partner_at, shown_words, training_words
+from server.study_doubts import commands_for, partner_at, shown_words, training_words
 
 
 def stage_problems(file: StudyFile, loads: bool = True) -> Iterator[Problem]:
@@ -82,19 +83,20 @@ def _remedy(place: Path, layout: str, model: str, required: RequiredModels, agen
     base = without_variant(model)
     if is_class(base):
         return f"Correct the name. Modules are looked for in {', '.join(required.paths.folders)} and in PYTHONPATH."
-    if required.paths.located(base) != base or base.endswith(".onnx"):
+    if required.paths.located(layout, base) != base or base.endswith(".onnx"):
         here = " (it is in the current folder)" if FilePath(base).exists() else ""
         return f"Correct the path: it starts from the folder of the study file{here}."
-    known = _there(layout, predictors=place[-1] == "predictor")
+    if (layout, base) in required.pins:
+        return "Put its folder there; or name another one, and open a new version of the study."
+    known = _there(layout, required, predictors=place[-1] == "predictor")
     near = difflib.get_close_matches(base, known, n=1, cutoff=0.5)
     guess = f"Did you mean {near[0]!r}? " if near else ""
     if place[-1] == "predictor":
         ready = f"Write `predictor: NAME` for this agent; there are: {', '.join(known)}"
-        return f"{guess}{ready}. Or {training_words(layout, agent)}"
-    if layout not in layout_names():
-        train = f"`kitchenmind train agent --layout {layout}.layout --out {layout}_agent`"
-        return f"{guess}Name an agent that can play every kitchen ({', '.join(known)}), or train one for it: {train}."
-    return f"{guess}Train it (`kitchenmind train --help`), or name one that is there: {', '.join(known)}."
+        return f"{guess}{ready}. Or {training_words(layout, agent, required)}"
+    named = f"{guess}Name an agent that can play this kitchen ({', '.join(known)})"
+    commands = commands_for(layout, required)
+    return f"{named}, or train one: `{commands.agent(base)}`{commands.note}."
 
 
 def _model_problems(file: StudyFile, layouts: dict[str, Layout], loads: bool) -> Iterator[Problem]:
@@ -103,12 +105,13 @@ def _model_problems(file: StudyFile, layouts: dict[str, Layout], loads: bool) ->
     yield from _degraded_problems(required)
     yield from in_factors(file.study, _intention_problems(file.study, layouts, required))
     told: set[str] = set()
-    for place, layout, model in models_named(file.study) if loads else ():
-        if (layout, model) in required.missing or layout not in layouts:
+    missing = set(required.missing)
+    for place, layout, model in models_named(file.study):
+        if (layout, model) in missing or layout not in layouts:
             continue
-        problem = _grid_problem(file.study, layouts[layout], model, required) or _unfit(
-            place, layouts[layout], model, required
-        )
+        problem = _wrong_kind(place, layout, model, required)
+        problem = problem or _grid_problem(file.study, layouts[layout], model, required)
+        problem = problem or (_unfit(place, layouts[layout], model, required) if loads else None)
         if problem is not None and problem.reason not in told:
             told.add(problem.reason)
             yield problem
@@ -128,7 +131,7 @@ def _intention_problems(study: Study, layouts: dict[str, Layout], required: Requ
             there = name is not None and kitchen.name in layouts and required.lacks(kitchen.name, name) is None
             if name is None or not there or (kitchen.name, name) in told:
                 continue
-            if not has_intentions(required.paths.located(name), layouts[kitchen.name]):
+            if not has_intentions(required.paths.located(kitchen.name, name), layouts[kitchen.name]):
                 told.add((kitchen.name, name))
                 reason = f"`display: {study.drawn(arm)}` needs a predictor with intentions; on {kitchen.name}, {name!r}"
                 remedy = "Use `display: actions`, or train it: `kitchenmind train intentions --help`."
@@ -136,13 +139,35 @@ def _intention_problems(study: Study, layouts: dict[str, Layout], required: Requ
 
 
 def _grid_problem(study: Study, layout: Layout, model: str, required: RequiredModels) -> Problem | None:
-    config = folder_of(layout.name, required.paths.located(model)) / "config.json"
-    if not config.is_file() or json.loads(config.read_text("utf-8")).get("grid") == layout.text:
+    grid = _config(layout.name, model, required).get("grid", layout.text)
+    if grid == layout.text:
         return None
     names = [kitchen.name for kitchen in study.layouts]
     place: Path = ("layouts", names.index(layout.name)) if layout.name in names else ("tutorial", "layout")
     reason = f"{model!r} was trained on another grid named {layout.name}"
-    return Problem(place, reason, "Give the own grid an own name, or name a model of this kitchen.")
+    commands = commands_for(layout.name, required)
+    train = f": `{commands.agent(without_variant(model))}`{commands.note}" if "/" not in model else ""
+    remedy = "Give the own grid an own name, name a model of this kitchen, or train one for this grid"
+    return Problem(place, reason, f"{remedy}{train}.")
+
+
+def _wrong_kind(place: Path, layout: str, model: str, required: RequiredModels) -> Problem | None:
+    """Return the problem of an agent that is named as a predictor, or the other way round."""
+    kind = str(_config(layout, model, required).get("format", "")).removeprefix("kitchenmind ").partition(" ")[0]
+    wanted = "predictor" if place[-1] == "predictor" else "agent"
+    if kind in ("", wanted):
+        return None
+    names = ", ".join(_there(layout, required, predictors=wanted == "predictor"))
+    words = "it is an agent, not a predictor" if kind == "agent" else "it is a predictor, not an agent"
+    reason = f"{model!r} cannot be used on {layout} here: {words}"
+    return Problem(place, reason, f"Name one of: {names}.")
+
+
+def _config(layout: str, model: str, required: RequiredModels) -> dict[str, Any]:
+    """Return what a checkpoint says about itself; nothing for other models."""
+    path = folder_of(layout, required.paths.located(layout, model)) / "config.json"
+    found: dict[str, Any] = json.loads(path.read_text("utf-8")) if path.is_file() else {}
+    return found
 
 
 def _unfit(place: Path, layout: Layout, model: str, required: RequiredModels) -> Problem | None:
@@ -151,14 +176,14 @@ def _unfit(place: Path, layout: Layout, model: str, required: RequiredModels) ->
     from models.agents.catalogue import load_agent
     from models.agents.predictors import load_predictor
 
-    base = required.paths.located(without_variant(model))
+    base = required.paths.located(layout.name, without_variant(model))
     if is_class(base):
         return None
     try:
         if place[-1] == "predictor":  # of a network, how much worse it can be made is told by _degraded_problems
             load_predictor(model if base in WITHOUT_WEIGHTS else base, layout)
         else:
-            load_agent(required.paths.located(model), layout)
+            load_agent(required.paths.located(layout.name, model), layout)
     except (ValueError, OSError) as error:
         return Problem(place, f"{model!r} cannot be used on {layout.name}: {error}".rstrip("."), "Name another.")
     return None
@@ -171,7 +196,7 @@ def _degraded_problems(required: RequiredModels) -> Iterator[Problem]:
         if not wanted.replace(".", "").isdigit():
             continue
         place: Path = ("conditions",)
-        config = folder_of(layout, required.paths.located(model)) / "config.json"
+        config = folder_of(layout, required.paths.located(layout, model)) / "config.json"
         if is_foreign(name):
             reason = f"nobody knows how often {name!r} is right, so it cannot be made worse"
             yield Problem(place, reason, "Name a predictor of ours in the agent's `predictor`, or drop the condition.")
@@ -182,7 +207,9 @@ def _degraded_problems(required: RequiredModels) -> Iterator[Problem]:
                 yield Problem(place, reason, f"Write `accuracy: {int(100 * reached) / 100}` or less.")
 
 
-def _there(layout: str, predictors: bool) -> list[str]:
+def _there(layout: str, required: RequiredModels, predictors: bool) -> list[str]:
     names = sorted(path.parent.name for path in (WEIGHTS / layout).glob("*/config.json"))
     kept = [name for name in names if ("_predictor_" in name) == predictors]
+    own = {} if required.own is None else required.own.of_kitchen(layout)
+    kept += [name for name, one in own.items() if (one.kind == "predictor") == predictors and name not in kept]
     return [*kept, "random"] if predictors else [*kept, "planner", "random", "stay"]

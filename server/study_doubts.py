@@ -8,6 +8,7 @@ from models.agents.blackbox import is_foreign
 from models.agents.model_paths import without_variant
 from overcooked.layout import layout_names
 from server.participation.episode_specs import predictor_of
+from server.participation.training_commands import TrainingCommands, training_commands
 from server.required_models import WITHOUT_WEIGHTS, RequiredModels, fingerprint, folder_of, required_models
 from server.study.checks import Path, Problem
 from server.study.definition import PartnerSettings, Study
@@ -18,7 +19,7 @@ def doubts(file: StudyFile) -> Iterator[Problem]:
     """Yield warnings about predictions that are shown and have no relation to the participants' partner. Loads no
     model."""
     study, required = file.study, required_models([file])
-    yield from _untrained(study)
+    yield from _untrained(study, required)
     if not shown_words(study):
         return
     yield from _practice_doubts(study)
@@ -28,28 +29,35 @@ def doubts(file: StudyFile) -> Iterator[Problem]:
             yield _guessing(study, agent, place, required)
         names = {without_variant(predictor_of(study, agent, arm) or "") for arm in study.displays}
         for layout, name in product(study.layouts, sorted(names)) if not agent.human else ():
-            base = required.paths.located(name)
+            base = required.paths.located(layout.name, name)
             config = folder_of(layout.name, base) / "config.json"
             if is_foreign(base) or base in WITHOUT_WEIGHTS or not config.is_file():
                 continue
             watched = json.loads(config.read_text("utf-8")).get("agent_sha256")
-            played = _identity(layout.name, required.paths.located(without_variant(agent.catalogue_name)), required)
+            model = required.paths.located(layout.name, without_variant(agent.catalogue_name))
+            played = _identity(layout.name, model, required)
             if watched and played and watched != played:
                 reason = f"{name} was trained to predict another agent than {agent.name} on {layout.name}"
                 yield Problem(place, reason, "Is that intended? Train one for this agent.", warning=True)
 
 
-def _untrained(study: Study) -> Iterator[Problem]:
+def _untrained(study: Study, required: RequiredModels) -> Iterator[Problem]:
     """Yield a warning about each kitchen drawn by hand in which no trained agent plays."""
     if any(agent.human or agent.catalogue_name not in WITHOUT_WEIGHTS for agent in study.agents):
         return
     for index, kitchen in enumerate(study.layouts):
         if kitchen.grid is not None:
             reason = f"only scripted agents play in {kitchen.name}, which was drawn by hand"
-            train = f"`kitchenmind train agent --layout {kitchen.name}.layout --out {kitchen.name}_agent`"
-            remedy = (
-                f"They can cook in every kitchen. To train one for it: {train}; the kitchen's page has all commands."
+            commands = commands_for(kitchen.name, required)
+            own = required.own.of_kitchen(kitchen.name) if required.own is not None else {}
+            trained = [name for name, one in own.items() if one.kind == "agent"]
+            ready = (
+                f"Trained for it: {', '.join(trained)}."
+                if trained
+                else f"To train one: `{commands.agent()}`{commands.note}."
             )
+            where = "The kitchen's page in the dashboard has all commands."
+            remedy = f"They can cook in every kitchen. {ready} {where}"
             yield Problem(("layouts", index, "name"), reason, remedy, warning=True)
 
 
@@ -63,12 +71,16 @@ def shown_words(study: Study) -> str:
     return f"condition {names[0]} shows" if len(names) == 1 else f"conditions {', '.join(names)} show"
 
 
-def training_words(layout: str, agent: str) -> str:
+def commands_for(layout: str, required: RequiredModels) -> TrainingCommands:
+    """Return the commands that train for a kitchen."""
+    return training_commands(layout, None if required.own is None else required.own.root)
+
+
+def training_words(layout: str, agent: str, required: RequiredModels) -> str:
     """Say how to train a predictor of an agent on a layout."""
-    is_bundled = layout in layout_names()
-    command = f"kitchenmind train predictor --layout {layout if is_bundled else f'{layout}.layout'} --agent {agent}"
-    where = "" if is_bundled else " (the commands before it are on the kitchen's page in the dashboard)"
-    return f"train one: `{command} --out {layout}_predictor`{where}."
+    commands = commands_for(layout, required)
+    where = "" if layout in layout_names() else " (before that, the partners on the kitchen's page in the dashboard)"
+    return f"train one: `{commands.collect(agent)}`{where}, then `{commands.predictor(agent)}`."
 
 
 def partner_at(study: Study, place: Path) -> PartnerSettings:
@@ -86,7 +98,7 @@ def _guessing(study: Study, agent: PartnerSettings, place: Path, required: Requi
     kitchens = ", ".join(lacking or [one.name for one in study.layouts])
     reason = f"{shown_words(study)} predictions of {agent.name} in {kitchens}, and `{agent.predictor}` {what}"
     if lacking:
-        remedy = training_words(lacking[0], agent.catalogue_name)
+        remedy = training_words(lacking[0], agent.catalogue_name, required)
     else:
         remedy = f"leave `predictor` empty: {trained} is there."
     return Problem(place, reason, f"Is that intended? If not, {remedy}", warning=True)

@@ -16,14 +16,18 @@ _URLS = ("http://", "https://")
 @dataclass(frozen=True)
 class ModelPaths:
     """Where the models of some studies are. `files`: a name as written in a study -> the same with an absolute path;
-    `folders`: where Python modules are looked for."""
+    `folders`: where Python modules are looked for; `checkpoints`: (kitchen, name without variant) -> the folder of a
+    checkpoint of one's own."""
 
     files: Mapping[str, str] = field(default_factory=dict)
     folders: tuple[str, ...] = ()
+    checkpoints: Mapping[tuple[str, str], str] = field(default_factory=dict)
 
-    def located(self, name: str) -> str:
+    def located(self, layout: str, name: str) -> str:
         """Return the name with its absolute path; a name without a path stays as it is."""
-        return self.files.get(name, name)
+        base = without_variant(name)
+        folder = self.checkpoints.get((layout, base))
+        return self.files.get(name, name) if folder is None else f"{folder}{name[len(base) :]}"
 
 
 def without_variant(name: str) -> str:

@@ -16,7 +16,7 @@ from models.agents.model_paths import ModelPaths
 from models.inference.launch import Launched
 from models.inference.partial_answer import PartialAnswer, read_answer
 from models.inference.supervised_worker import ModelsDown, SupervisedWorker
-from models.inference.wire import Answer, Load, Name, Row
+from models.inference.wire import APART, Answer, Load, Name, Row
 from models.protocols import Decision, Question
 from overcooked.constants import PLAYERS
 
@@ -263,7 +263,7 @@ def _loads(
             tuple(name for name in agents if name in group),
             tuple(name for name in predictors if name in group),
             dict(grids),
-            dict(paths.files),
+            {"/".join(name): paths.located(name[0].partition(APART)[0], name[1]) for name in group},
             paths.folders,
         )
         for group in groups

@@ -22,7 +22,7 @@ class Load(Struct, tag=True, frozen=True):
     agents: tuple[Name, ...]
     predictors: tuple[Name, ...]
     grids: dict[str, str] = {}  # layouts that are not bundled: name -> grid
-    files: dict[str, str] = {}  # names with a relative path -> the same with an absolute one
+    files: dict[str, str] = {}  # "layout/model" -> the model's name with its absolute path, where it has one
     folders: tuple[str, ...] = ()  # where Python modules are looked for
     hashes: dict[str, str] = {}  # "layout/model" -> what its files must hash to, as an earlier worker loaded them
 

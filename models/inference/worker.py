@@ -97,7 +97,7 @@ class Worker:
         return self._layouts[name]
 
     def _load_agent(self, name: Name) -> tuple[Policy, Mode]:
-        layout, file = self._layout(name[0]), self._files.get(name[1], name[1])
+        layout, file = self._layout(name[0]), self._files.get("/".join(name), name[1])
         self._check_files(name, file, layout)
         policy, mode = load_agent(file, layout)
         for observations in _start_states(layout):
@@ -113,7 +113,7 @@ class Worker:
             raise ValueError("its files have changed since the server started. Put them back, or restart the server")
 
     def _load_predictor(self, name: Name) -> Predictor:
-        layout, file = self._layout(name[0]), self._files.get(name[1], name[1])
+        layout, file = self._layout(name[0]), self._files.get("/".join(name), name[1])
         self._check_files(name, file, layout)
         predictor = load_predictor(file, layout)
         for observations in _start_states(layout):

@@ -35,6 +35,7 @@ class Journal:
     games: dict[str, messages.Welcome] = field(default_factory=dict)  # episode -> how it was introduced
     impressions: list[Impression] = field(default_factory=list)  # of the episodes played to their end
     broken_displays: dict[str, set[int]] = field(default_factory=dict)  # episode -> timesteps not shown as required
+    late_timesteps: dict[str, set[int]] = field(default_factory=dict)  # of these, where the partner was late
     violations: list[str] = field(default_factory=list)
     reconnects: int = 0
     browser_faults: dict[str, int] = field(
@@ -122,6 +123,8 @@ class BotGame(GameClient):
         is_kept = is_as_required(display in ("actions", "both"), tick.prediction)
         if not (is_kept and intentions.is_as_required(display in ("intention", "both"), tick.intention)):
             self._journal.broken_displays.setdefault(self.welcome.episode, set()).add(tick.state.t)
+            if tick.late:
+                self._journal.late_timesteps.setdefault(self.welcome.episode, set()).add(tick.state.t)
 
     async def before_acting(self, socket: ClientConnection, tick: messages.Tick) -> None:
         """Close the browser or cause a fault at its timestep. Raises GameDropped, SocketLeft, OSError: reconnect."""

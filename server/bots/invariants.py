@@ -19,6 +19,13 @@ class Claim:
     journal: Journal
 
 
+def _lateness(late: int, broken: int) -> str:
+    """Say in how many timesteps it is the server's speed."""
+    which = "in all of them" if late == broken else f"in {late} of them"
+    slow = f"; {which} the server was too slow, so that the models missed their deadline"
+    return f"{slow} (fewer participants at once, or more cores)" if late else ""
+
+
 def broken_in_journal(journal: Journal, blocks: int = 1) -> Iterator[str]:
     """Return violations that show without the database. `blocks`: of rounds, which may differ in what is shown."""
     yield from journal.violations
@@ -33,9 +40,10 @@ def broken_in_journal(journal: Journal, blocks: int = 1) -> Iterator[str]:
         broken = sorted(timesteps - {last})  # nothing is shown on the last state
         if broken:
             what = "nothing" if journal.games[episode].shows_predictions else "a prediction"
+            late = len(journal.late_timesteps.get(episode, set()).intersection(broken))
             yield (
                 f"episode {episode} showed {what} in {len(broken)} of {last} timesteps, first in {broken[0]}: "
-                "that is not what its condition requires"
+                f"that is not what its condition requires{_lateness(late, len(broken))}"
             )
     for episode, ended in journal.ended.items():
         welcome = journal.games[episode]

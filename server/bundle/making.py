@@ -9,6 +9,7 @@ from server.bundle import texts
 from server.bundle.archive import BundleRefused, packed, unpacked
 from server.bundle.state import State, differences, outside_models, state_of
 from server.participation.episode_specs import layout_of
+from server.settings import own_models_here
 from server.study.loader import StudyError, StudyFile, parse_study
 
 FORMAT = 1
@@ -52,7 +53,8 @@ def open_bundle(path: Path, allowed: Collection[str] = ()) -> Bundle:
     try:
         wanted = State.of(manifest["state"])
         is_known = manifest["format"] == FORMAT
-        file = replace(parse_study(content[STUDY], f"{path}: {STUDY}"), folder=path.absolute().parent)
+        file = parse_study(content[STUDY], f"{path}: {STUDY}")
+        file = replace(file, folder=path.absolute().parent, own_models=own_models_here())
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         reason = str(error) if isinstance(error, StudyError) else f"{path} is not a bundle."
         raise BundleRefused(f"{reason} Make one with `kitchenmind bundle STUDY`.") from None

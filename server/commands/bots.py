@@ -161,8 +161,7 @@ def _group(arguments: argparse.Namespace, study_file: Path) -> "BotGroup":
     """Return the simulated participants. Raises StudyError, FileNotFoundError; ValueError if a server has no study."""
     from server.bots.cook import layouts_without_clone
     from server.bots.group import BotGroup
-    from server.commands.databases import stored_kitchens
-    from server.participation.own_kitchens import load_with_kitchens
+    from server.commands.databases import load_stored
     from server.required_models import required_models
     from server.study.loader import StudyError
     from server.study_check import missing_problems
@@ -172,7 +171,7 @@ def _group(arguments: argparse.Namespace, study_file: Path) -> "BotGroup":
         return BotGroup(
             arguments.number, offered, None, arguments.dropout, arguments.seed, secret=_secret(), cook=arguments.cook
         )
-    file = load_with_kitchens(study_file, stored_kitchens)
+    file = load_stored(study_file)
     if not arguments.url:
         missing = [file.describe(problem) for problem in missing_problems(file, required_models([file]))]
         if missing:
@@ -191,16 +190,17 @@ def _group(arguments: argparse.Namespace, study_file: Path) -> "BotGroup":
 
 def _with_kitchens(study: Path, folder: Path) -> tuple[Path, dict[str, str]]:
     """The study file for a server with an own database, and that server's environment. The database has no kitchens of
-    the dashboard: if the study names one, its grid is written into a copy of the file in `folder`."""
-    from server.commands.databases import stored_kitchens
-    from server.participation.own_kitchens import load_with_kitchens
+    the dashboard: if the study names one, its grid is written into a copy of the file in `folder`. Models that were
+    trained here stay where they are."""
+    from server.commands.databases import load_stored
 
-    file = load_with_kitchens(study, stored_kitchens)
+    file = load_stored(study)
+    own = {"KITCHENMIND_DATA": str(file.own_models.parent)} if file.study.checkpoints and file.own_models else {}
     if file.text == study.read_bytes().decode("utf-8"):
-        return study, {}
+        return study, own
     copy = folder / f"{file.study.name}.yaml"
     copy.write_text(file.text, encoding="utf-8", newline="")
-    return copy, {"KITCHENMIND_MODELS_FOLDER": str(file.folder)}
+    return copy, own | {"KITCHENMIND_MODELS_FOLDER": str(file.folder)}
 
 
 def _is_name(study: Path) -> bool:

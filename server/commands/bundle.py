@@ -18,15 +18,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the archive and print its hash. Return 2 for wrong input or a study that could not be served."""
     from server.bundle.making import make
-    from server.commands.databases import stored_kitchens
-    from server.participation.own_kitchens import load_with_kitchens
+    from server.commands.databases import load_stored
     from server.study.loader import StudyError
     from server.study_check import stage_problems
 
     try:
         if arguments.participants is not None and not 1 <= arguments.participants <= 10_000:
             raise ValueError("--participants is out of range. Give a number from 1 to 10000.")
-        file = load_with_kitchens(arguments.study, stored_kitchens)
+        file = load_stored(arguments.study)
         if errors := [file.describe(problem) for problem in stage_problems(file) if not problem.warning]:
             raise StudyError(errors)
         plan = arguments.plan.read_text(encoding="utf-8") if arguments.plan else ""

@@ -4,11 +4,12 @@ from pathlib import Path
 
 from sqlalchemy import inspect
 
-from server.settings import Settings
+from server.participation.own_kitchens import load_with_kitchens
+from server.settings import Settings, own_models_here
 from server.store.database import Database, DatabaseDown
 from server.store.engines import normal_url, shown
 from server.store.kitchens import grids_at
-from server.study.loader import StudyError
+from server.study.loader import StudyError, StudyFile
 
 
 def open_stored(url: str | None) -> Database:
@@ -27,6 +28,12 @@ def open_stored(url: str | None) -> Database:
         database.close()
         raise ValueError(f"{named} is not a kitchenmind database. Give the right one with --database.")
     return database
+
+
+def load_stored(path: Path) -> StudyFile:
+    """Return the study in a file, with the kitchens and trained models of the server that these settings describe.
+    Raises StudyError, OSError."""
+    return load_with_kitchens(path, stored_kitchens, own_models=own_models_here())
 
 
 def stored_kitchens() -> dict[str, str]:

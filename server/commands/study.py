@@ -59,14 +59,13 @@ def _new(name: str, path: Path) -> int:
 
 
 def _check(path: Path) -> int:
-    from server.commands.databases import stored_kitchens
-    from server.participation.own_kitchens import load_with_kitchens
+    from server.commands.databases import load_stored
     from server.study.loader import StudyError
     from server.study_check import stage_problems
     from server.study_doubts import doubts
 
     try:
-        file = load_with_kitchens(path, stored_kitchens)
+        file = load_stored(path)
     except StudyError as error:
         return _refuse(*error.lines)
     except OSError as error:

@@ -14,6 +14,7 @@ from server.export.codebook_columns import (
     seats,
     text,
     time,
+    timesteps,
 )
 from server.export.codebook_intentions import INTENTION_COLUMNS
 from server.export.codebook_studies import ARRIVALS, EXCLUSIONS, STUDIES, WITHDRAWALS
@@ -105,15 +106,13 @@ EPISODES = ExportTable(
             bits=16,
         ),
         Column("misleading", "boolean", "True: the marks of the episode were made to mislead."),
-        Column(
+        timesteps(
             "display_violations",
-            "integer",
             "Timesteps whose frame did not show what `shown` and `show` say, for example because the predictor was "
             "late. With limited sight, marks are due while the watched chef is in view. The last state, on which "
             "nothing is shown, does not count.",
-            "timesteps",
-            bits=32,
         ),
+        timesteps("display_violations_late", "Those of them in which the models missed the deadline: a slow server."),
         Column("seed", "integer", "Seed of all randomness in the episode."),
         Column("horizon", "integer", "Timesteps to play; 0: endless.", "timesteps", bits=32),
         Column("tick_ms", "integer", "Length of a timestep.", "ms", bits=32),

@@ -44,6 +44,10 @@ def ms(name: str, meaning: str) -> Column:
     return Column(name, "number", meaning, "ms")
 
 
+def timesteps(name: str, meaning: str) -> Column:
+    return Column(name, "integer", meaning, "timesteps", bits=32)
+
+
 def points(name: str, meaning: str) -> Column:
     return Column(name, "integer", meaning, "points", bits=16)
 

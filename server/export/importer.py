@@ -167,6 +167,7 @@ def _episodes(folder: Path, studies: dict[tuple[str, int], int]) -> Iterator[Rec
             "display_violations",
         ):
             del row[name]
+        row.pop("display_violations_late", None)  # an earlier version did not export it
         yield row | {"id": episode, "step_key": row.pop("step"), "spec": spec, "grid": spec["grid"]}
 
 

@@ -41,7 +41,10 @@ def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pl.DataFr
     own = [_e[name] for name in _OF_EPISODES]
     broken = displays.violations(connection, chosen)
     found = connection.execute(select(_e.id.label("episode"), *own).where(_e.id.in_(chosen))).mappings().all()
-    played = [dict(row) | {"display_violations": broken.get(row["episode"], 0)} for row in found]
+    played = [
+        dict(row) | {"display_violations": broken.get(row["episode"], displays.NO_VIOLATIONS).timesteps}
+        for row in found
+    ]
     people = {row[f"participant_{seat}"] for row in played for seat in (0, 1)} - {None}
     of_people = select(_p.id.label("participant"), studies.c.key.label("study"), _p.condition, _p.status, _failed())
     of_people = of_people.join_from(participants, studies).where(_p.id.in_(people))

@@ -17,7 +17,7 @@ from server.export.codebook import WIDE
 from server.export.codebook_columns import Column
 from server.store import studies as versions
 from server.store import ticks as tick_rows
-from server.store.displays import violations
+from server.store.displays import NO_VIOLATIONS, violations
 from server.store.studies import StudyVersion
 from server.store.tables import (
     answers,
@@ -40,6 +40,7 @@ _FETCH = 2000
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _e, _p = episodes.c, participants.c
 _STUDY = (studies.c.key, studies.c.version)
+_DISPLAY_SETTINGS = (("show", "always"), ("view_radius", 0), ("misleading", False))
 _EPISODE_ORDER = (_e.study_id.nulls_first(), _e.created_at, _e.id)  # the same on every database
 _PARTICIPANT_ORDER = (_p.study_id, _p.number)
 
@@ -156,12 +157,13 @@ def episode_rows(chosen: Selection, wide: tuple[Column, ...]) -> Rows:
         timesteps = stored.timestep if stored else None
         values = tuple(row[:-1])
         rest = (json_text(row.spec), last_tick_text(stored) if stored else None)
-        broken = violations(chosen.connection, [row.id]).get(row.id, 0)
+        broken = violations(chosen.connection, [row.id]).get(row.id, NO_VIOLATIONS)
         spec = row.spec
         known = levels.get(factor_levels.version_key(row.key, row.version)) if row.key else None
         own = known.of_episode(row.condition, row.number) if known else {}
         drawn = "none" if row.shown == "nothing" else spec.get("display", "actions")
-        display = (drawn, spec.get("show", "always"), spec.get("view_radius", 0), spec.get("misleading", False), broken)
+        given = (spec.get(name, default) for name, default in _DISPLAY_SETTINGS)
+        display = (drawn, *given, *broken)
         yield (
             *values[:before_display], *display, *values[before_display:before_timesteps], timesteps,
             *values[before_timesteps:], *rest, *(own.get(column.name) for column in wide),

@@ -19,6 +19,7 @@ from server.monitoring.needs_attention import ACT
 from server.monitoring.peers import Alert as Alert
 from server.monitoring.peers import Process
 from server.participation.study_changes import Versions, remedy
+from server.play.frames import Frames
 from server.play.pause_reasons import DATABASE
 from server.store import overview
 from server.store.database import DatabaseDown
@@ -133,7 +134,7 @@ class Alerts:
             for name in studies.names():
                 versions = studies.versions(name)
                 cards = await self._live.cards(versions)
-                found += _displays(name, [card.game.session.frames.violations for card in cards])
+                found += _displays(name, [card.game.session.frames for card in cards])
                 for card in cards:
                     since_s = self._live.since_s(card.flag) or 0
                     if card.flag.level == ACT and since_s >= AWAY_S:
@@ -164,14 +165,23 @@ def _is_of_game(alert: Alert) -> bool:
     return alert.key.startswith("game ")
 
 
-def _displays(name: str, broken: list[int]) -> Iterator[Alert]:
-    """Yield alerts about running games whose screens did not show what their condition requires. `broken`: timesteps of
-    each."""
-    games = sum(count > 0 for count in broken)
+def _displays(name: str, frames: list[Frames]) -> Iterator[Alert]:
+    """Yield alerts about running games whose screens did not show what their condition requires."""
+    broken, late = sum(one.violations for one in frames), sum(one.late_violations for one in frames)
+    games = sum(one.violations > 0 for one in frames)
     if games:
-        what = f"{sum(broken)} timestep{'s' * (sum(broken) != 1)} of {games} running game{'s' * (games != 1)}"
-        text = f"{name}: in {what} the screen did not show what the condition requires. Look at the models' log."
+        what = f"{broken} timestep{'s' * (broken != 1)} of {games} running game{'s' * (games != 1)}"
+        text = f"{name}: in {what} the screen did not show what the condition requires. {_cause(broken, late)}"
         yield Alert(f"display {name}", text, f"/admin/s/{name}", name)
+
+
+def _cause(broken: int, late: int) -> str:
+    """Say why, and what to do."""
+    if late == 0:
+        return "The models were not late: look at the server's log for a model that failed."
+    slow = "The server was too slow: the models missed their deadline"
+    rest = f" in {late} of them; for the others, look at the server's log" if late < broken else ""
+    return f"{slow}{rest}. Let fewer people play at once, or give the server more cores."
 
 
 def _with_client_errors(connection: Connection, versions: tuple[int, ...]) -> dict[str, str]:

@@ -72,8 +72,11 @@ class Dashboard:
         here, elsewhere = await self._live.cards(study_ids), await self._live.views(study_ids)
         running = [card.game.session.frames.violations for card in here]
         running += [view.display_violations for view in elsewhere]
+        late = [card.game.session.frames.late_violations for card in here]
+        late += [view.display_late for view in elsewhere]
         return {
             "timesteps": display.timesteps + sum(running),
+            "late": display.late + sum(late),
             "games": display.episodes + sum(count > 0 for count in running),
         }
 

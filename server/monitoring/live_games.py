@@ -78,6 +78,7 @@ class LiveGames:
                     board=board_of(card.game, blind=False),
                     still=still_of(card),
                     display_violations=card.game.session.frames.violations,
+                    display_late=card.game.session.frames.late_violations,
                 )
             )
             await asyncio.sleep(0)  # let the games' ticks run first

@@ -24,6 +24,7 @@ class View:
     board: dict[str, Any]
     still: dict[str, Any]
     display_violations: int = 0  # timesteps not shown as the condition requires
+    display_late: int = 0  # those of them in which the models were late
 
 
 @dataclass(frozen=True)

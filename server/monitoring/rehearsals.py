@@ -45,8 +45,9 @@ Note = Callable[[Rehearsal], Awaitable[Any]]
 class Rehearsals:
     """The newest rehearsal of each draft; made once in server.main."""
 
-    def __init__(self, stack: contextlib.AsyncExitStack) -> None:
-        """`stack`: stops what is running at the server's end."""
+    def __init__(self, stack: contextlib.AsyncExitStack, data: Path | None = None) -> None:
+        """`stack`: stops what is running at the server's end; `data`: the server's folder, with its trained models."""
+        self._data = data
         self._newest: dict[int, Rehearsal] = {}
         self._task: asyncio.Task[None] | None = None
         stack.push_async_callback(self.stop)
@@ -74,7 +75,7 @@ class Rehearsals:
             with tempfile.TemporaryDirectory(prefix="kitchenmind-rehearsal-") as folder:
                 file = Path(folder) / "draft.yaml"
                 file.write_text(text, encoding="utf-8")
-                status, said, told = await _bots(rehearsal.number, file)
+                status, said, told = await _bots(rehearsal.number, file, self._data)
         except OSError as error:  # a full disk, too many processes
             status, said, told = None, "", str(error)
         outcome: dict[str, Any] = {}
@@ -89,16 +90,18 @@ class Rehearsals:
         self._newest[rehearsal.draft] = over
 
 
-async def _bots(number: int, file: Path) -> tuple[int | None, str, str]:
+async def _bots(number: int, file: Path, data: Path | None) -> tuple[int | None, str, str]:
     """Run the command; return its status and what it printed. It is ended if it takes too long, or with the server."""
     words = ("bots", str(number), "--study", str(file), "--fast", "--json")
     pipe = asyncio.subprocess.PIPE
+    environment = os.environ | ({"KITCHENMIND_DATA": str(data.absolute())} if data is not None else {})
     process = await asyncio.create_subprocess_exec(
         *("nice", "-n", str(_NICE), sys.executable, str(_PROGRAM), *words),
         stdin=asyncio.subprocess.DEVNULL,
         stdout=pipe,
         stderr=pipe,
         start_new_session=True,
+        env=environment,
     )
     try:
         async with asyncio.timeout(WITHIN_S):

@@ -36,10 +36,11 @@ class PreviewModels:
         called. Raises StudyError."""
         required = required_models([file])
         here = [[one for one in names if one[0] == kitchen.name] for names in (required.agents, required.predictors)]
-        if kitchen.grid is None and self._models.has(*here):
+        checkpoints = file.study.checkpoints
+        if kitchen.grid is None and not checkpoints and self._models.has(*here):
             return kitchen.name
         grid = layout_of(kitchen).text
-        layout = f"{kitchen.name}{APART}{_digest(grid)}"
+        layout = f"{kitchen.name}{APART}{_digest(grid, *sorted(checkpoints.items()))}"
         agents, predictors = ([(layout, model) for _, model in names] for names in here)
         async with self._loading:
             await self._drop(*(other for other in self._idle if other != layout))
@@ -94,5 +95,5 @@ class PreviewModels:
                 await self._models.drop(layout)
 
 
-def _digest(grid: str) -> str:
-    return hashlib.sha256(grid.encode()).hexdigest()[:12]
+def _digest(grid: str, *checkpoints: tuple[str, str]) -> str:
+    return hashlib.sha256("\n".join((grid, *map("".join, checkpoints))).encode()).hexdigest()[:12]

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Protocol
 
 from server.store.database import Database
-from server.study.loader import StudyFile
+from server.study.loader import PlacedProblem, StudyFile
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,16 @@ class Versions(Protocol):
     @property
     def folder(self) -> Path:
         """Where relative paths of models start in a study that was written in the dashboard."""
+        ...
+
+    def as_opened(self, file: StudyFile, grids: Mapping[str, str]) -> StudyFile:
+        """Return a study that was written in the dashboard as it would be opened now: with the grids of the kitchens
+        that it names, and the SHA-256 of its trained models."""
+        ...
+
+    def clash(self, file: StudyFile) -> list[PlacedProblem]:
+        """Return what keeps the study from being served next to the versions that this server has: another kitchen or
+        model of the same name."""
         ...
 
     def of_files(self) -> tuple[StudyFile, ...]:

@@ -7,7 +7,7 @@ new one before any opens it, and a process that missed this follows the others.
 import asyncio
 import logging
 import time
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -16,7 +16,12 @@ from sqlalchemy import Connection, select
 
 from models.inference.runner import ModelServer
 from models.inference.supervised_worker import ModelsDown
-from server.participation.own_kitchens import load_with_kitchens
+from server.participation.own_kitchens import (
+    keep_own_models,
+    load_with_kitchens,
+    with_own_kitchens,
+    with_own_models,
+)
 from server.participation.served_studies import Studies
 from server.participation.study_changes import ChangedStudy, ServedVersion, Serving
 from server.required_models import RequiredModels, required_models
@@ -25,7 +30,7 @@ from server.store import kitchens, study_openings
 from server.store import studies as stored_studies
 from server.store.database import Database, DatabaseDown
 from server.store.tables import participants
-from server.study.loader import StudyError, StudyFile, parse_study
+from server.study.loader import PlacedProblem, StudyError, StudyFile, parse_study
 from server.study_check import missing_problems
 
 log = logging.getLogger(__name__)
@@ -72,6 +77,8 @@ class StudyVersions:
         """Load the models that participants of earlier versions need. `joins`: other processes serve already, so this
         one serves the same versions; the files may have changed since they started."""
         self._database = database
+        for file in self._files:
+            await asyncio.to_thread(keep_own_models, file)
         if joins:
             self._opened_at = dict.fromkeys(self._served, _JOINED)
             await self._follow()
@@ -137,7 +144,8 @@ class StudyVersions:
 
     def _checked(self, name: str, served: StudyFile) -> StudyFile:
         """Read the current file. Raises StudyError, OSError."""
-        file = load_with_kitchens(served.source, self._kitchens, self._settings.models_folder)
+        settings = self._settings
+        file = load_with_kitchens(served.source, self._kitchens, settings.models_folder, settings.own_models)
         if file.study.name != name:
             raise StudyError([f"{file.source}:1: the study is now called {file.study.name!r}, not {name!r}."])
         return self._usable(file)
@@ -168,10 +176,11 @@ class StudyVersions:
         if row is None:
             raise StudyError([f"{name} has no version {sha256[:12]}"])
         source, folder = (served.source, served.folder) if served is not None else (f"the draft of {name}", self.folder)
-        file = replace(parse_study(row.source, source), folder=folder)
+        file = replace(parse_study(row.source, source), folder=folder, own_models=self._settings.own_models)
         await self._have(database, await asyncio.to_thread(self._usable, file))
 
     async def _have(self, database: Database, file: StudyFile) -> None:
+        await asyncio.to_thread(keep_own_models, file)
         required = required_models([*self._files, file])
         try:
             await self._load(required)
@@ -199,6 +208,19 @@ class StudyVersions:
     def folder(self) -> Path:
         """Where relative paths of models start in a study that was written in the dashboard."""
         return self._settings.models_folder or self._files[0].folder
+
+    def as_opened(self, file: StudyFile, grids: Mapping[str, str]) -> StudyFile:
+        """Return a study that was written in the dashboard as it would be opened now, with what it names."""
+        whole = with_own_kitchens(replace(file, folder=self.folder), lambda: grids)
+        return with_own_models(whole, self._settings.own_models)
+
+    def clash(self, file: StudyFile) -> list[PlacedProblem]:
+        """Return what keeps the study from being served next to the versions that are here."""
+        try:
+            required_models([*self._files, file])
+        except StudyError as error:
+            return [PlacedProblem(1, (), line.removeprefix(f"{file.source}: ")) for line in error.lines]
+        return []
 
     def of_files(self) -> tuple[StudyFile, ...]:
         """The studies that are served from files."""

@@ -25,7 +25,9 @@ class Frames:
         self.asked = record.asked  # whether the participant asked for the marks on the current state; None: always
         self.in_sight: bool | None = None  # whether the watched chef is in the view of who sees marks; None: no limit
         self.misleading: bool | None = None  # whether the marks are a wrong future; None: they never are here
-        self.violations = 0  # timesteps, since this process plays it, whose display is not what the condition requires
+        # Timesteps, since this process plays it, whose display is not what the condition requires; and those of them in
+        # which the models were late: the server is too slow for its games.
+        self.violations = self.late_violations = 0
         radius, seats = record.spec.view_radius, record.spec.human_seats if record.spec.view_radius else ()
         self._sights = {seat: Sight(simulation.layout, seat, radius) for seat in seats}
         self.watch()
@@ -43,8 +45,9 @@ class Frames:
         if person is not None and person.marks_key is not None:
             self.asked = person.marks_key.take()
 
-    def decide(self, answers: Answers, over: bool) -> None:
-        """Decide what the frame of the current state shows. If the episode is `over`, nothing is drawn."""
+    def decide(self, answers: Answers, over: bool, models_late: bool = False) -> None:
+        """Decide what the frame of the current state shows. If the episode is `over`, nothing is drawn. `models_late`:
+        nobody waited for their answers any longer."""
         self.misleading = None
         sight = self._sights.get(self._viewer)
         self.in_sight = None if sight is None else sight.sees_partner(self._simulation.kitchen())
@@ -63,7 +66,9 @@ class Frames:
         elif sight is not None:
             self.displayed = sight.cut(self.displayed, self._simulation.kitchen())
         is_kept = marks.is_as_required(spec.shows_actions and due, self.displayed)
-        self.violations += not (is_kept and intentions.is_as_required(spec.shows_intention and due, self.intention))
+        is_kept = is_kept and intentions.is_as_required(spec.shows_intention and due, self.intention)
+        self.violations += not is_kept
+        self.late_violations += not is_kept and models_late
 
     def _hide(self) -> None:
         self.displayed, self.intention = marks.hidden(self.displayed), intentions.hidden(self.intention)

@@ -202,12 +202,13 @@ class Session:
     ) -> TickRecord:
         """What there is to store about the state that `begin_tick` or `begin_start` made. `grace_ms`: how much longer
         than in a study the models may take, where no person waits. `unix_ms`: the wall clock."""
-        if models_ms > self.spec.deadline_ms + grace_ms:
+        models_late = models_ms > self.spec.deadline_ms + grace_ms
+        if models_late:
             decisions = [None] * len(self._asked)
         answers = partner.answers(self._asked, decisions)
         timestep, step = self.simulation.timestep, self._step
         self.next_actions, self.late = answers.next_actions, answers.late
-        self.frames.decide(answers, self.over)
+        self.frames.decide(answers, self.over, models_late)
         self.record = TickRecord(
             episode=self.episode,
             timestep=timestep,

@@ -7,9 +7,9 @@ All stored timesteps of an episode count but the last one, in which nothing is s
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
-from sqlalchemy import Connection, LargeBinary, and_, func, not_, or_, select
+from sqlalchemy import Connection, LargeBinary, and_, case, func, not_, or_, select
 
 from server.play.intentions import NO_INTENTION_SHOWN
 from server.play.marks import NOTHING_SHOWN
@@ -20,7 +20,18 @@ _BYTES_A_STEP, _STEPS = 2, 3
 _e = episodes.c
 
 
-def violations(connection: Connection, chosen: Sequence[str]) -> dict[str, int]:
+class DisplayViolations(NamedTuple):
+    """Timesteps that are wrong; `late`: those of them in which the models needed longer than the deadline, because the
+    server was too slow. The others have another cause, such as a model that failed."""
+
+    timesteps: int = 0
+    late: int = 0
+
+
+NO_VIOLATIONS = DisplayViolations()
+
+
+def violations(connection: Connection, chosen: Sequence[str]) -> dict[str, DisplayViolations]:
     """Return how many timesteps of these episodes are wrong, for each that has any."""
     last = select(func.max(ticks.c.timestep)).where(ticks.c.episode_id == _e.id).correlate(episodes).scalar_subquery()
     drawn = [func.substr(ticks.c.displayed, 1 + _BYTES_A_STEP * step, 1, type_=LargeBinary) for step in range(_STEPS)]
@@ -33,9 +44,10 @@ def violations(connection: Connection, chosen: Sequence[str]) -> dict[str, int]:
         _is_broken(and_(due, display.in_(("actions", "both"))), no_action),
         _is_broken(and_(due, display.in_(("intention", "both"))), no_intention),
     )
-    query = select(_e.id, func.count()).join_from(episodes, ticks, ticks.c.episode_id == _e.id)
+    late = func.count(case((ticks.c.models_ms > _e.spec["deadline_ms"].as_float(), 1)))
+    query = select(_e.id, func.count(), late).join_from(episodes, ticks, ticks.c.episode_id == _e.id)
     query = query.where(_e.id.in_(chosen), broken, ticks.c.timestep < last).group_by(_e.id)
-    return {row[0]: int(row[1]) for row in connection.execute(query)}
+    return {row[0]: DisplayViolations(int(row[1]), int(row[2])) for row in connection.execute(query)}
 
 
 def _is_broken(due: Any, empty: Any) -> Any:
@@ -46,17 +58,22 @@ def _is_broken(due: Any, empty: Any) -> Any:
 class DisplayCount:
     """The running count of one study over its episodes that have ended, a few episodes at a time."""
 
-    by_episode: dict[str, int] = field(default_factory=dict)
+    by_episode: dict[str, DisplayViolations] = field(default_factory=dict)
     waiting: int = 0
 
     @property
     def timesteps(self) -> int:
-        return sum(self.by_episode.values())
+        return sum(one.timesteps for one in self.by_episode.values())
+
+    @property
+    def late(self) -> int:
+        """How many of them are the server's lateness."""
+        return sum(one.late for one in self.by_episode.values())
 
     @property
     def episodes(self) -> int:
         """How many episodes have any."""
-        return sum(count > 0 for count in self.by_episode.values())
+        return sum(one.timesteps > 0 for one in self.by_episode.values())
 
     def count(self, connection: Connection, study_ids: Sequence[int]) -> None:
         """Count the next episodes that have ended. For one thread at a time."""
@@ -64,5 +81,5 @@ class DisplayCount:
         new = [row.id for row in connection.execute(query) if row.id not in self.by_episode]
         some = new[:EPISODES_A_CALL]
         found = violations(connection, some)
-        self.by_episode |= {episode: found.get(episode, 0) for episode in some}
+        self.by_episode |= {episode: found.get(episode, NO_VIOLATIONS) for episode in some}
         self.waiting = len(new) - len(some)

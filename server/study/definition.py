@@ -12,6 +12,7 @@ from server.study.condition import PredictorSettings as PredictorSettings
 from server.study.consent import Consent, TextPage
 from server.study.factors import Cells, Conditions, Factors
 from server.study.locale import languages, locale
+from server.study.pinned_checkpoints import Checkpoints
 from server.study.questionnaire import AnyQuestion, Key, Questionnaire
 from server.study.recruitment import Recruitment
 from server.study.strict_model import StrictModel
@@ -30,7 +31,8 @@ class PartnerSettings(StrictModel):
     human: bool = False
     """The partner is another participant in the same condition. See `waiting_room`."""
     model: str | None = None
-    """A bundled agent by name, or your own: a checkpoint folder, an ONNX file, `module:Class` or an http:// address."""
+    """A bundled agent or one that you trained, by name; or a checkpoint folder, an ONNX file, `module:Class` or an
+    http:// address."""
     mode: Literal["card", "greedy", "sampled"] = "card"
     """How it acts. card: as its card says. greedy: the most likely action. sampled: drawn from its probabilities."""
     predictor: str | None = None
@@ -226,6 +228,9 @@ class Study(StrictModel):
     debriefing: str | None = None
     """The key of the page in `pages` that tells participants about misleading marks. It follows the rounds."""
     pages: dict[Key, TextPage] = Field(default_factory=dict)
+    checkpoints: Checkpoints = Field(default_factory=dict, examples=[{"nook/nook_agent": 64 * "0"}])
+    """SHA-256 of agents and predictors that you trained, by KITCHEN/NAME. Leave it empty: it is written when a version
+    of the study is made, which then keeps them. If you set it, only a checkpoint with this SHA-256 is used."""
     flow: Annotated[tuple[str, ...], Field(min_length=1)]
     """The steps in order: introduction, quiz, tutorial, episodes, thanks, and keys of `pages` and `questionnaires`."""
 

@@ -58,6 +58,8 @@ class StudyFile:
     warnings: tuple[str, ...] = ()
     folder: FilePath = field(default_factory=FilePath.cwd)
     """Where relative paths of models start."""
+    own_models: FilePath | None = None
+    """Where trained models that the study names are: KITCHEN/NAME below this folder."""
     doubts: tuple[PlacedProblem, ...] = ()
     """The warnings with their places."""
 

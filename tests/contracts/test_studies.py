@@ -117,9 +117,13 @@ def test_check_says_what_a_good_study_is(path: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize(
     ("agent", "place", "reason"),
     [
-        ("{name: nobody, predictor: random}", "agents.0.name", "no weights for coordination_ring of: nobody"),
-        ("{name: nobody}", "agents.0", "no weights for coordination_ring of: nobody_predictor_stream"),
-        ("{name: sp, predictor: bc_predictor}", "agents.0.predictor", "of: bc_predictor. Did you mean"),
+        (
+            "{name: nobody, predictor: random}",
+            "agents.0.name",
+            "coordination_ring has no trained agent called 'nobody'",
+        ),
+        ("{name: nobody}", "agents.0", "no trained predictor called 'nobody_predictor_stream'"),
+        ("{name: sp, predictor: bc_predictor}", "agents.0.predictor", "called 'bc_predictor'. Did you mean"),
         ("{name: sp, predictor: sp}", "agents.0.predictor", "'sp' cannot be used on coordination_ring"),
         ("{name: sp, predictor: planner}", "agents.0.predictor", "'planner' cannot be used on coordination_ring"),
         ("{name: sp_predictor_stream, predictor: random}", "agents.0.name", "cannot be used on coordination_ring"),
@@ -191,8 +195,9 @@ def test_participants_can_tell_the_bundled_studies_apart_by_their_titles() -> No
         (
             "{name: planner, predictor: random}",
             "condition `tom` shows predictions of planner in coordination_ring, and `random` guesses at random. "
-            "Is that intended? If not, train one: `kitchenmind train predictor --layout coordination_ring --agent "
-            "planner --out coordination_ring_predictor`.",
+            "Is that intended? If not, train one: `kitchenmind collect --layout coordination_ring --agent planner`, "
+            "then `kitchenmind train predictor --layout coordination_ring --agent "
+            "planner --out var/models/coordination_ring/planner_predictor_stream`.",
         ),
         ("{name: sp, predictor: guide}", "`guide` knows the scripted guide only"),
         ("{name: sp, predictor: fcp_predictor_stream}", "trained to predict another agent than sp"),

@@ -111,11 +111,12 @@ def test_a_kitchen_is_drawn_by_keyboard_mended_saved_and_played(page: Page, serv
     assert grid(page) == ["XPODSXX", "X1    X", "X   2 X", "X     X", "XXXXXXX"]
     press(page, "Control+z", "Control+z", "Control+y")
     page.fill("#name", "nook")
-    expect(page.locator("#models")).to_contain_text("kitchenmind train agent --layout nook.layout --out nook_agent")
+    expect(page.locator("#models")).to_contain_text("Save the kitchen: then the commands that train for it are here.")
     expect(page.locator("#models")).to_contain_text("No agent and no predictor is trained for this kitchen yet")
     page.click("#save")
     page.wait_for_url("**/admin/kitchen/nook")
     expect(page.locator("#saved")).to_have_text("Version 1")
+    expect(page.locator("#models pre")).to_contain_text("/kitchens/nook.layout --out ")
     is_accessible(page)
     serve_with_nook(page, server)
     with ThreadPoolExecutor(1) as other:  # the browser's event loop runs in this thread

@@ -2,10 +2,12 @@
 
 import os
 import re
+import shutil
 
 import pytest
 from playwright.sync_api import Page, expect
 
+from server.required_models import WEIGHTS
 from server.study.loader import parse_study
 from tests.support.browser.study_builder import (
     NewPage,
@@ -228,3 +230,22 @@ def test_a_round_of_a_preview_is_played_and_nothing_of_it_is_stored(new_page: Ne
     refused = stranger.request.get(f"{server.url}/admin/drafts/{draft}/preview/none/en/3/play", max_redirects=0)
     assert refused.status in (303, 401, 403)
     stranger.context.close()
+
+
+@pytest.mark.slow
+def test_models_that_were_trained_here_are_chosen_by_name(new_page: NewPage, server: LiveServer) -> None:
+    ring, own = WEIGHTS / "coordination_ring", server.settings.own_models / "coordination_ring"
+    page = new_page()
+    begin(page, "trained")
+    expect(page.locator(".own-models:visible")).to_have_count(0)
+    shutil.copytree(ring / "sp", own / "mine")
+    shutil.copytree(ring / "sp_predictor_stream", own / "mine_predictor_stream")
+    yaml_of(page).press("Control+End")
+    yaml_of(page).type("# looked at again\n")
+    at(page, "agents", 0).locator("summary").first.click()
+    choice = page.get_by_role("group", name="Agents that were trained here").get_by_role("button", name="mine")
+    choice.first.press("Enter")
+    expect(yaml_of(page)).to_have_value(re.compile(r"- \{name: sp, model: mine\}"))
+    expect(choice.first).to_have_attribute("aria-pressed", "true")
+    expect(page.locator("#problems")).to_contain_text("No problems: the study can be opened")
+    is_accessible(page)

@@ -37,7 +37,7 @@ async def nobody() -> list[Any]:
 
 
 def versions_of(database: Database, studies: Studies, file: Path, several: bool = False) -> StudyVersions:
-    settings = Settings(database=f"sqlite:///{file.parent}/site.db")
+    settings = Settings(data=file.parent, database=f"sqlite:///{file.parent}/site.db")
     models: Any = AddedModels()
     return StudyVersions(settings, [load_study(file)], models, studies, nobody if several else None)
 

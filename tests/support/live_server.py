@@ -72,6 +72,7 @@ class LiveServer:
         self.database = str(settings.pop("database", None) or with_tables(folder / "study.sqlite3"))
         studies = (file, *settings.pop("more_studies", ()))
         self._port: int = settings.pop("port", 0)
+        settings.setdefault("data", folder)
         self.settings = Settings(
             database=self.database, studies=studies, speed=speed, secret=SECRET, _env_file=None, **settings
         )

@@ -62,7 +62,7 @@ def site(tmp_path: Path) -> Iterator[Site]:
     live = LiveGames(web, games, sockets)
     services = some_services(
         web=web,
-        settings=Settings(database=f"sqlite:///{tmp_path}/site.db"),
+        settings=Settings(data=tmp_path, database=f"sqlite:///{tmp_path}/site.db"),
         sockets=sockets,
         hashing=Hashing(),
         live=live,

@@ -92,7 +92,7 @@ def test_every_command_of_the_guide_works_in_its_order(checkout: Path) -> None:
     assert (checkout / "models/weights/coordination_ring/mine_predictor_stream/card.md").is_file()
     measured = next(text for line, text in said.items() if "evaluate predictor" in line)
     assert re.search(r"coordination_ring +mine +stream", measured)
-    assert "there are no weights" not in next(text for line, text in said.items() if "study check" in line)
+    assert "no trained" not in next(text for line, text in said.items() if "study check" in line)
 
 
 def test_the_guide_leads_from_an_agent_to_people() -> None:

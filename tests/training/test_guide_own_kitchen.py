@@ -63,6 +63,6 @@ def test_the_commands_of_the_guide_train_all_agents_of_an_own_kitchen(checkout: 
     assert {"sp", "fcp", "sp_predictor_stream", "fcp_predictor_stream"} <= cards
     done("kitchenmind study new own --out own.yaml", checkout)
     (checkout / "own.yaml").write_text(study((checkout / "own.yaml").read_text(encoding="utf-8")), encoding="utf-8")
-    assert "there are no weights" not in done("kitchenmind study check own.yaml", checkout)
+    assert "no trained" not in done("kitchenmind study check own.yaml", checkout)
     done("kitchenmind bots 1 --study own.yaml --fast", checkout)
     done("kitchenmind verify --database sqlite:///own.sqlite3", checkout)

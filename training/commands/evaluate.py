@@ -67,10 +67,18 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(entries))
     elif not entries:
-        print("no bundled weights to measure", file=sys.stderr)
+        print(f"kitchenmind evaluate {arguments.what}: {_nothing(arguments)}", file=sys.stderr)
     else:
         (_agent_table if arguments.what == "agents" else _predictor_table)(entries)
     return 0 if entries else 1
+
+
+def _nothing(arguments: argparse.Namespace) -> str:
+    """Say why there is nothing to measure, and what to do."""
+    if arguments.what == "agents":
+        where = f" for {', '.join(arguments.layouts)}" if arguments.layouts else ""
+        return f"no trained agent is bundled{where}. Name other layouts; `kitchenmind agent check` measures your own."
+    return f"no predictor is bundled for {arguments.layout}. Name the folder of yours with --predictor."
 
 
 def _agents(arguments: argparse.Namespace) -> list[dict[str, Any]]:

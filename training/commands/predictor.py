@@ -73,6 +73,7 @@ def _add_network_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Return 0 if a predictor was written (also if its time was up first: the same command continues), 1 if it was
     interrupted. Raises ValueError or OSError for wrong input."""
+    from models.agents.own_checkpoints import name_in_study
     from models.networks.checkpoint import load_checkpoint
     from overcooked.layout import load_layout
     from training.collect import TEST, read_manifest
@@ -109,7 +110,8 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"{out}: {result.accuracy.mean:.1%} on partners never seen (ceiling of step 1: {result.ceiling:.1%})")
     if not arguments.no_intentions and not stopped:
         add_with_progress(out, games, intention_settings(arguments.preset), out)
-    _say_what_to_do(arguments, out, stopped, f"{trainer.update} of {training.updates} updates")
+    name = out.name if arguments.publish else name_in_study(out, layout.name)
+    _say_what_to_do(arguments, name, stopped, f"{trainer.update} of {training.updates} updates")
     return 1 if stopped == INTERRUPTED else 0
 
 
@@ -133,9 +135,9 @@ def _how(trainer: "PredictorTrainer", stopped: str) -> dict[str, Any]:
     }
 
 
-def _say_what_to_do(arguments: argparse.Namespace, out: Path, stopped: str, done: str) -> None:
+def _say_what_to_do(arguments: argparse.Namespace, name: str, stopped: str, done: str) -> None:
     """Print how a study names the predictor, and how to continue if training was stopped."""
-    print(f"Use it in a study: `predictor: {out if arguments.publish is False else out.name}`.")
+    print(f"Use it in a study: `predictor: {name}`.")
     if stopped:
         print(f"Training was {stopped} after {done}; the same command continues.")
         if not arguments.no_intentions:

@@ -100,6 +100,7 @@ def _add_runs(parser: argparse.ArgumentParser) -> None:
 
 
 def _train_agent(arguments: argparse.Namespace) -> int:
+    from models.agents.own_checkpoints import name_in_study
     from overcooked.layout import load_layout
     from training.agents import train_agent, write_agent
 
@@ -126,6 +127,7 @@ def _train_agent(arguments: argparse.Namespace) -> int:
     print(f"{folder.path}: best mean reward {best:.1f} per episode, {folder.seconds():.0f} s")
     if arguments.out is not None:
         print(f"{arguments.out}: {write_agent(folder, 100, arguments.out, arguments.out.name)}")
+        print(f"Use it in a study: `model: {name_in_study(arguments.out, layout.name)}`.")
     return 0
 
 

@@ -66,6 +66,11 @@ GameDep = Annotated[Played, Depends(_game)]
 PersonDep = Annotated[Person, Depends(_person)]
 
 
+def _page_of(form: Form, study: str) -> str:
+    """The page from which a form was sent: the study's, or its draft."""
+    return own_path(first(form, "next")) if "next" in form else f"/admin/s/{study}"
+
+
 @router.post("/pause")
 async def pause_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep) -> Response:
     """Nobody is let in and every game of the study stands still, until it is resumed."""
@@ -73,7 +78,7 @@ async def pause_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep,
     await web.database.write(decisions.pause_study, name, admin.name)
     await control.broadcast(PauseStudy(name))
     await _note(web, admin, "pause study", {"study": name, "reason": _text(form, "note")})
-    return back_to(f"/admin/s/{name}", "study_paused")
+    return back_to(_page_of(form, name), "study_paused")
 
 
 @router.post("/resume")
@@ -83,7 +88,7 @@ async def resume_study(name: str, admin: ActDep, web: WebDep, form: AdminFormDep
     await web.database.write(decisions.resume_study, name, admin.name)
     await control.broadcast(ResumeStudy(name))
     await _note(web, admin, "resume study", {"study": name, "reason": _text(form, "note")})
-    return back_to(f"/admin/s/{name}", "study_resumed")
+    return back_to(_page_of(form, name), "study_resumed")
 
 
 @router.post("/version")

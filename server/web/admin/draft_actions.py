@@ -13,7 +13,8 @@ from sqlalchemy import Connection
 
 from server.monitoring.commands import OpenVersion, PrepareVersion
 from server.participation.draft_checks import draft_problems
-from server.participation.own_kitchens import with_own_kitchens
+from server.participation.study_changes import Versions
+from server.participation.training_commands import own_names_of
 from server.store import audit, study_drafts, study_openings
 from server.store.study_drafts import MERGED, DraftText, StudyDraft
 from server.study import drafting
@@ -60,19 +61,22 @@ async def look(
                 str(error) if isinstance(error, YamlEditError | StudyError) else "Invalid change. Reload the page."
             )
     view = await asyncio.to_thread(_viewed, text, services, grids)
-    return JSONResponse(view | {"text": text, "refused": refused})
+    own = await asyncio.to_thread(own_names_of, grids, services.settings.own_models)
+    return JSONResponse(view | {"text": text, "refused": refused, "own": own})
 
 
 def _viewed(text: str, services: Services, grids: Mapping[str, str]) -> dict[str, Any]:
     view = drafting.view(text)
     problems = list(view.problems)
     if view.file is not None:
-        problems = draft_problems(_here(view.file, services, grids), services.versions.of_files())
+        problems = _problems(services.versions.as_opened(view.file, grids), services.versions)
     return {"values": view.values, "problems": [_told(one) for one in problems]}
 
 
-def _here(file: StudyFile, services: Services, grids: Mapping[str, str]) -> StudyFile:
-    return replace(with_own_kitchens(file, lambda: grids), folder=services.versions.folder)
+def _problems(file: StudyFile, versions: Versions, loads: bool = False) -> list[PlacedProblem]:
+    """Return everything that keeps a draft from being opened, and warnings."""
+    found = draft_problems(file, versions.of_files(), loads)
+    return found + versions.clash(file) if all(problem.warning for problem in found) else found
 
 
 def _told(problem: PlacedProblem) -> dict[str, Any]:
@@ -128,8 +132,8 @@ async def open_study(
     if view.file is None:
         return back_to(back, "draft_faulty")
     versions, web = services.versions, services.web
-    file = await asyncio.to_thread(_here, view.file, services, grids)
-    found = await asyncio.to_thread(draft_problems, file, versions.of_files(), True)
+    file = await asyncio.to_thread(versions.as_opened, view.file, grids)
+    found = await asyncio.to_thread(_problems, file, versions, True)
     if not all(problem.warning for problem in found):
         return back_to(back, "draft_faulty")
     name = file.study.name

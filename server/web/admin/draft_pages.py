@@ -12,7 +12,7 @@ from jinja2.utils import htmlsafe_json_dumps
 from sqlalchemy import Connection
 
 from server.participation.draft_checks import known_names
-from server.participation.own_kitchens import with_own_kitchens
+from server.participation.study_changes import Versions
 from server.settings import ROOT
 from server.store import audit, decisions, kitchens, study_drafts, study_openings
 from server.store.study_drafts import DraftText, StudyDraft
@@ -58,14 +58,16 @@ async def kitchen_grids(web: WebDep) -> Mapping[str, str]:
 GridsDep = Annotated[Mapping[str, str], Depends(kitchen_grids)]
 
 
-async def draft_with_kitchens(draft: Annotated[StudyDraft, Depends(draft_at)], grids: GridsDep) -> StudyDraft:
-    """The draft with the grids of these kitchens in its text, as it would be opened."""
-    return replace(draft, source=await asyncio.to_thread(_whole, draft.source, grids))
+async def whole_draft(
+    draft: Annotated[StudyDraft, Depends(draft_at)], services: ServicesDep, grids: GridsDep
+) -> StudyDraft:
+    """The draft with its kitchens and trained models in its text, as it would be opened."""
+    return replace(draft, source=await asyncio.to_thread(_whole, draft.source, services.versions, grids))
 
 
-def _whole(source: str, grids: Mapping[str, str]) -> str:
+def _whole(source: str, versions: Versions, grids: Mapping[str, str]) -> str:
     file = view(source).file
-    return source if file is None else with_own_kitchens(file, lambda: grids).text
+    return source if file is None else versions.as_opened(file, grids).text
 
 
 async def _draft_form(request: Request, web: WebDep) -> Form:
@@ -75,7 +77,7 @@ async def _draft_form(request: Request, web: WebDep) -> Form:
 
 
 DraftDep = Annotated[StudyDraft, Depends(draft_at)]
-WholeDraftDep = Annotated[StudyDraft, Depends(draft_with_kitchens)]
+WholeDraftDep = Annotated[StudyDraft, Depends(whole_draft)]
 DraftFormDep = Annotated[Form, Depends(_draft_form)]
 
 

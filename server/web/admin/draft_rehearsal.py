@@ -1,7 +1,6 @@
 """Routes that let simulated participants walk through a draft."""
 
 import asyncio
-from dataclasses import replace
 from functools import partial
 
 from fastapi import APIRouter, HTTPException, Request, Response
@@ -48,7 +47,7 @@ def _can_be_opened(source: str, services: Services) -> bool:
     """Whether the draft has no errors. The bots' server loads its models: a file, a class or an address that the draft
     may not name is an error, too."""
     file, versions = drafting.view(source).file, services.versions
-    found = [] if file is None else draft_problems(replace(file, folder=versions.folder), versions.of_files())
+    found = [] if file is None else draft_problems(versions.as_opened(file, {}), versions.of_files())
     return file is not None and all(problem.warning for problem in found)
 
 

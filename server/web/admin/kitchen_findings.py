@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any, Final
 
 from fastapi import HTTPException
@@ -13,6 +14,7 @@ from overcooked.layout import Layout, layout_problems, parse_layout
 from overcooked.layout_file import LayoutError, grid_rows
 from overcooked.reach import KitchenReach, kitchen_reach
 from server.participation.own_kitchens import trained_models
+from server.participation.training_commands import is_file_ready, training_commands
 from server.settings import ROOT
 from server.study.checks import capitalised
 
@@ -24,7 +26,7 @@ _one_at_a_time = asyncio.Lock()
 _trials: dict[str, dict[str, Any]] = {}  # by the hash of the grid
 
 
-def findings(text: str, name: str) -> dict[str, Any]:
+def findings(text: str, name: str, own_models: Path) -> dict[str, Any]:
     """Return what is known of a grid, or of the text of a `.layout` file, at once. `rows` is None if there are none."""
     try:
         rows: list[str] | None = grid_rows(text, _DRAWING)
@@ -37,7 +39,7 @@ def findings(text: str, name: str) -> dict[str, Any]:
     found: dict[str, Any] = {"rows": rows, "problems": problems, "reach": None, "models": None}
     if not problems:
         layout = parse_layout(text, name or _DRAWING)
-        found |= {"reach": _reach(kitchen_reach(layout)), "models": _models(layout)}
+        found |= {"reach": _reach(kitchen_reach(layout)), "models": _models(layout, own_models)}
         found["trial"] = _trials.get(layout.sha256)
     return found
 
@@ -52,23 +54,19 @@ def _reach(reach: KitchenReach) -> dict[str, Any]:
     }
 
 
-def _models(layout: Layout) -> dict[str, Any]:
-    found = trained_models(layout)
-    file = f"{layout.name}.layout"
+def _models(layout: Layout, own_models: Path) -> dict[str, Any]:
+    found = trained_models(layout, own_models)
+    commands = training_commands(layout.name, own_models)
     return {
         "layout": found.layout,
         "scripted": list(found.scripted),
         "agents": list(found.agents),
         "predictors": list(found.predictors),
-        "commands": [
-            f"kitchenmind train agent --layout {file} --out {layout.name}_agent",
-            *(
-                f"kitchenmind train agent --layout {file} --seed {seed} --out {layout.name}_partners/partner_{seed}"
-                for seed in (2, 3, 4, 5)
-            ),
-            f"kitchenmind collect --layout {file} --agent ./{layout.name}_agent --partners {layout.name}_partners",
-            f"kitchenmind train predictor --layout {file} --agent ./{layout.name}_agent --out {layout.name}_predictor",
-        ],
+        "other_grid": list(found.other_grid),
+        "is_saved": is_file_ready(layout.name, layout.text, own_models),
+        "folder": str(Path.cwd()),
+        "results": str(commands.models / layout.name),
+        "commands": [commands.agent(), *commands.partners(), commands.collect(), commands.predictor()],
     }
 
 

@@ -11,6 +11,7 @@ from overcooked.layout import layout_names, load_layout, parse_layout
 from overcooked.layout_file import LayoutError
 from overcooked.other_names import OTHER_NAMES
 from server.participation.episode_specs import layout_of
+from server.participation.kitchen_files import write_kitchens
 from server.participation.own_kitchens import studies_with
 from server.store import audit, kitchens
 from server.store.kitchens import KitchenConflict, StoredKitchen
@@ -20,6 +21,7 @@ from server.web.admin.researcher_auth import AdminFormDep, OwnDep
 from server.web.dependencies import Web, WebDep
 from server.web.forms import Form, first, whole_number
 from server.web.security_headers import OURSELVES
+from server.web.services import ServicesDep
 
 router = APIRouter(prefix="/admin")
 NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,39}")
@@ -75,9 +77,10 @@ def _editor(
 
 
 @router.post("/kitchens/check")
-async def check_kitchen(admin: OwnDep, form: AdminFormDep) -> dict[str, Any]:  # noqa: ARG001 - checks who asks
+async def check_kitchen(admin: OwnDep, services: ServicesDep, form: AdminFormDep) -> dict[str, Any]:  # noqa: ARG001
     """What is wrong with a grid and what can be reached in it; also for the text of a `.layout` file."""
-    return await asyncio.to_thread(kitchen_findings.findings, _grid(form), _name(form))
+    own_models = services.settings.own_models
+    return await asyncio.to_thread(kitchen_findings.findings, _grid(form), _name(form), own_models)
 
 
 @router.post("/kitchens/trial")
@@ -87,8 +90,9 @@ async def try_kitchen(admin: OwnDep, form: AdminFormDep) -> dict[str, Any]:  # n
 
 
 @router.post("/kitchens/save")
-async def save_kitchen(admin: OwnDep, web: WebDep, form: AdminFormDep) -> Response:
+async def save_kitchen(admin: OwnDep, services: ServicesDep, form: AdminFormDep) -> Response:
     """Store a new version. Answers 409 where somebody else stored one in the meantime, or a study plays in it."""
+    web = services.web
     name, opened = first(form, "name").strip(), whole_number(form, "version")
     if NAME.fullmatch(name) is None:
         raise HTTPException(400, "A name has small letters, digits and _, begins with a letter and has at most 40")
@@ -104,12 +108,14 @@ async def save_kitchen(admin: OwnDep, web: WebDep, form: AdminFormDep) -> Respon
         saved = await _stored(web, admin.name, name, layout.text, opened)
     except KitchenConflict as conflict:
         return JSONResponse({"detail": str(conflict), "newest": conflict.newest.version}, 409)
+    await asyncio.to_thread(write_kitchens, services.settings.own_kitchens, {name: layout.text})
     return JSONResponse({"name": saved.name, "version": saved.version})
 
 
 @router.post("/kitchen/{kitchen}/remove")
-async def remove_kitchen(kitchen: str, admin: OwnDep, web: WebDep, form: AdminFormDep) -> Response:  # noqa: ARG001 - checks the form
+async def remove_kitchen(kitchen: str, admin: OwnDep, services: ServicesDep, form: AdminFormDep) -> Response:  # noqa: ARG001 - checks the form
     """Take a kitchen out of the list; its history stays."""
+    web = services.web
     history = await web.database.read(kitchens.of_name, kitchen)
     if not history or history[0].grid is None:
         raise HTTPException(404, f"there is no kitchen {kitchen!r} here")
@@ -119,6 +125,7 @@ async def remove_kitchen(kitchen: str, admin: OwnDep, web: WebDep, form: AdminFo
         await _stored(web, admin.name, kitchen, None, history[0].version)
     except KitchenConflict as conflict:
         raise HTTPException(409, str(conflict)) from None
+    await asyncio.to_thread(write_kitchens, services.settings.own_kitchens, {kitchen: None})
     return back_to("/admin/kitchens", "kitchen_removed")
 
 

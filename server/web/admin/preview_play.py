@@ -87,7 +87,7 @@ def _playable(source: str, services: Services) -> StudyFile | None:
     file, versions = drafting.view(source).file, services.versions
     if file is None:
         return None
-    file = replace(file, folder=versions.folder)
+    file = versions.as_opened(file, {})
     return file if all(one.warning for one in draft_problems(file, versions.of_files())) else None
 
 

@@ -5,6 +5,7 @@ import { fieldOf, helpOf, keyOf, show } from './builder-fields.js';
 import { listOf, mapOf } from './builder-items.js';
 import { drawButton, isKitchen } from './builder-kitchens.js';
 import { openAfter } from './builder-open-blocks.js';
+import { placeForModels, showOwnModels } from './builder-own-models.js';
 import { blank, planOf, shapeOf } from './builder-plan.js';
 import { blockAt, showProblems } from './builder-problems.js';
 import { MissingTexts } from './builder-translations.js';
@@ -13,6 +14,7 @@ import { make } from './elements.js';
 /** @typedef {import('./builder-plan.js').PlanNode} PlanNode */
 /** @typedef {import('./builder-plan.js').Schema} Schema */
 /** @typedef {import('./builder-fields.js').Control} Control */
+/** @typedef {import('./builder-own-models.js').OwnModels} OwnModels */
 /** @typedef {import('./builder-requests.js').Problem} Problem */
 /** @typedef {import('./builder-session.js').Operation} Operation */
 
@@ -59,8 +61,9 @@ export class DraftForm {
    * Show the values of a text; null: it cannot be read, so the form waits.
    * @param {any} values
    * @param {Problem[]} problems
+   * @param {OwnModels} own what was trained here
    */
-  show(values, problems) {
+  show(values, problems, own) {
     this.place.inert = values === null;
     const words = values === null ? 'correct the YAML to use the form' : 'grey: the default of an empty field';
     find('#form-note', HTMLElement).textContent = words;
@@ -78,6 +81,7 @@ export class DraftForm {
     this.added = null;
     this.missing.show(plan, this.languages, (path) => this.controls.get(keyOf(path)));
     showProblems(this.place, problems);
+    showOwnModels(this.place, values, own, (path, value) => this.on.change({ do: 'put', path, value }));
   }
 
   /** @param {PlanNode} plan */
@@ -169,12 +173,15 @@ export class DraftForm {
     if (node.kind === 'list') return listOf(node, this.context());
     if (node.kind === 'map') return mapOf(node, this.context());
     if (node.kind === 'group') return node.children.length ? this.blockOf(node) : this.adderOf(node);
-    return fieldOf(node, {
+    const field = fieldOf(node, {
       change: (operation) => this.on.change(operation),
       languages: this.languages,
       suggestions: (path) => this.on.suggestions(path, this.values),
       markdown: (words) => this.on.markdown(words),
     });
+    const models = placeForModels(node.path);
+    if (models) field.append(models);
+    return field;
   }
 
   /** @param {(string | number)[]} path */

@@ -4,7 +4,8 @@ import { find } from '../browser/dom.js';
 import { root } from '../browser/addresses.js';
 
 /** @typedef {{ line: number, path: (string | number)[], text: string, warning: boolean }} Problem */
-/** @typedef {{ text: string, values: any, problems: Problem[], refused: string }} View */
+/** @typedef {{ text: string, values: any, problems: Problem[], refused: string,
+ *   own: import('./builder-own-models.js').OwnModels }} View */
 /** @typedef {{ status: number, body: any }} Answer */
 
 const TOKEN = 'form_token';

@@ -17,19 +17,29 @@ import { make } from './elements.js';
 const about = jsonBlock('about');
 const requests = new DraftRequests(about.id);
 const state = find('#save-state', HTMLElement);
+const openButton = find('#open', HTMLButtonElement);
+const openedAt = 'isOpen' in openButton.dataset ? String(about.revision) : '';
 const pane = new YamlPane((text) => session.typed(text));
 
 /** @type {(words: string, isGood: boolean) => void} */
 function showState(words, isGood) {
   if (state.textContent !== words) state.textContent = words;
   state.className = isGood ? '' : 'warn';
-  find('#open', HTMLButtonElement).disabled = !words.startsWith('Saved'); // only the saved text can be opened
+  showOpen();
+}
+
+/** Only the saved text can be opened, and only if it is another one than participants get. */
+function showOpen() {
+  const isSame = find('#open-revision', HTMLInputElement).value === openedAt;
+  openButton.disabled = isSame || !state.textContent?.startsWith('Saved');
+  find('#open-note', HTMLElement).hidden = !isSame;
 }
 
 const saving = new DraftSaving(requests, about, {
   state: showState,
   saved(revision) {
     find('#open-revision', HTMLInputElement).value = String(revision);
+    showOpen();
   },
   conflict: (theirs) => void settle(theirs, saving.text),
   isBusy: () => session.operations.length > 0,
@@ -49,7 +59,7 @@ const session = new DraftSession(requests, about.source, {
     find('#undo', HTMLButtonElement).disabled = session.before.length === 0;
   },
   view(view) {
-    form.show(view.values, view.problems);
+    form.show(view.values, view.problems, view.own);
     pane.mark(view.problems);
     list(view.problems);
     if (state.textContent === SAVING && session.operations.length === 0) saving.put(saving.text);

@@ -196,12 +196,18 @@ function showMachine({ machine, stored, display }) {
     ['Games held, moving', `${machine.games}, ${machine.moving}`],
     ['Sockets open', machine.sockets],
     ['Timesteps not shown as the condition requires', display.timesteps ? `${display.timesteps} in ${games}` : 'none'],
+    ...lateRows(display),
     ['Episodes done / aborted', `${stored.done ?? 0} / ${stored.aborted ?? 0}`],
     ['Database', machine.database_mb === undefined ? 'PostgreSQL' : `${machine.database_mb} MB`],
     ['Disk free', machine.disk_free_gb === undefined ? '–' : `${machine.disk_free_gb} GB`],
   ];
   const cells = rows.flatMap(([name, value]) => [make('dt', { text: name }), make('dd', { text: value })]);
   place('machine').replaceChildren(...cells);
+}
+
+/** @type {(display: Researcher.Figures['display']) => [string, string | number][]} */
+function lateRows({ timesteps, late }) {
+  return timesteps ? [['– of these, because the server was late', `${late} of ${timesteps}`]] : [];
 }
 
 /** @type {(rows: Researcher.Person[], page: Page) => void} */

@@ -193,6 +193,7 @@ async function save() {
     if (start.embedded) return window.parent.postMessage({ kitchen: name }, window.location.origin);
     if (isNewName) return window.location.assign(`${root}/admin/kitchen/${name}`);
     find('#saved', HTMLElement).textContent = `Saved as version ${version}`;
+    check(); // the server has its file now
   } else if (status === 409 && data.newest) {
     const choices = newerVersion(name, data.newest, () => {
       start.name = name;

@@ -9,8 +9,8 @@ import { make } from './elements.js';
 /** @typedef {{ row: number | null, column: number | null, text: string }} Problem */
 /** @typedef {{ stations: [Cell[], Cell[]], shared: Cell[], alone: [boolean, boolean], together: boolean,
  *   unused: Cell[] }} Reach */
-/** @typedef {{ layout: string, scripted: string[], agents: string[], predictors: string[], commands: string[] }} Models
- */
+/** @typedef {{ layout: string, scripted: string[], agents: string[], predictors: string[], other_grid: string[],
+ *   is_saved: boolean, folder: string, results: string, commands: string[] }} Models */
 /** @typedef {{ points: number[], steps: number, blocked: number }} Trial */
 /** @typedef {{ rows: string[] | null, problems: Problem[], reach: Reach | null, models: Models | null,
  *   trial?: Trial | null }} Findings */
@@ -127,10 +127,47 @@ export function showModels(models, name) {
       'random as its predictor (it guesses), or train your own.';
     place.append(make('p', { className: 'warn', text }));
   }
-  place.append(
-    make('p', { text: 'Save the .layout file. These commands train an agent, partners for it, and a predictor:' }),
-    make('pre', { text: models.commands.join('\n'), tabindex: 0, 'aria-label': 'Commands that train' }),
-  );
+  if (models.other_grid.length) {
+    const text = `Trained for an earlier grid of this name, not for this one: ${models.other_grid.join(', ')}.`;
+    place.append(make('p', { className: 'warn', text }));
+  }
+  place.append(...(models.is_saved ? commandsOf(models) : [saveFirst(name)]));
+}
+
+/** @param {string} name */
+function saveFirst(name) {
+  const text = name
+    ? 'Save the kitchen: then the commands that train for it are here.'
+    : 'Give the kitchen a name and save it: then the commands that train for it are here.';
+  return make('p', { text });
+}
+
+/**
+ * The commands as they are typed on the server, and where their results are found.
+ * @param {Models} models
+ */
+function commandsOf({ commands, folder, results }) {
+  const code = (/** @type {string} */ text) => make('code', { text });
+  return [
+    make(
+      'p',
+      {},
+      'These commands train an agent, partners for it, and a predictor. Run them on the server, in ',
+      code(folder),
+      ':',
+    ),
+    make('pre', { tabindex: 0, 'aria-label': 'Commands that train' }, ...commands.map(code)),
+    make(
+      'p',
+      { className: 'soft small' },
+      'They need ',
+      code("pip install 'kitchenmind[training]'"),
+      '. Each result is in the lists of the study builder at once. To train on another machine, save the .layout ' +
+        'file below, and put the folder of each result into ',
+      code(results),
+      ' here.',
+    ),
+  ];
 }
 
 /**

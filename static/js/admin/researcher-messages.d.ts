@@ -105,7 +105,7 @@ declare namespace Researcher {
     flow: FlowNode[];
     accuracy: { rows: AccuracyRow[]; overall: [number, number, number] | null; n: number; waiting: number };
     machine: Machine;
-    display: { timesteps: number; games: number };
+    display: { timesteps: number; games: number; late: number };
     stored: Partial<Record<string, number>>;
     minutes: [number, number, number] | null;
     here: number;

@@ -16,7 +16,7 @@ import { onKeys } from './keys.js';
 import { showStatus } from './live-status.js';
 import { Player } from './player.js';
 import { TimeLine } from './timeline.js';
-import { VideoExport, canRecordVideo } from './video.js';
+import { VideoExport, canRecordVideo, noVideoWords } from './video.js';
 
 const MIN_TICK_MS = 40;
 const COPIED_MS = 1500;
@@ -230,6 +230,8 @@ function connectDownloads() {
   onClick('picture', () => video.picture(record, player.t));
   onClick('video', () => video.record(videoButton, record, player.t));
   videoButton.disabled = !canRecordVideo;
+  place('no-video').hidden = canRecordVideo;
+  place('no-video').textContent = noVideoWords;
 }
 
 async function copyLink() {

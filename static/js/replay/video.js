@@ -31,6 +31,9 @@ const CODECS = [
 
 /** Whether this browser can make a video (over https or on one's own machine). */
 export const canRecordVideo = 'VideoEncoder' in window;
+export const noVideoWords = isSecureContext
+  ? 'This browser cannot make videos. Use a newer Chrome, Edge, Firefox or Safari.'
+  : 'Browsers make videos on https addresses only. Open this page over https, or on the server’s own machine.';
 
 export class VideoExport {
   /**

@@ -68,6 +68,8 @@ def test_every_timestep_without_the_promised_display_is_counted_by_bots_export_a
     assert empty
     kept = {row["episode"]: row["display_violations"] for row in episodes.to_dicts() if row["display_violations"]}
     assert kept == empty
+    late = {row["episode"]: row["display_violations_late"] for row in episodes.to_dicts()}
+    assert all(late[episode] <= kept[episode] for episode in empty), "those in which the server was too slow"
     assert episodes.filter(pl.col("episode").is_in(list(empty)))["predictor_sha256"].null_count() == 0
     reported = run("report", str(tmp_path / "data"), "--out", str(tmp_path / "report"))
     assert reported.returncode == 0, reported.stderr

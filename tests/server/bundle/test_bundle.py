@@ -166,7 +166,7 @@ def test_a_model_that_is_not_here_makes_no_bundle(tmp_path: Path, capsys: pytest
     path = tmp_path / "study.yaml"
     path.write_text(QUICK.read_text(encoding="utf-8").replace("- {name: sp}", "- {name: nobody}"), encoding="utf-8")
     assert kitchenmind.main(["bundle", str(path), "--out", str(tmp_path / "x.zip")]) == 2
-    assert "there are no weights for" in capsys.readouterr().err
+    assert "has no trained agent called" in capsys.readouterr().err
     assert not (tmp_path / "x.zip").exists()
 
 
@@ -193,7 +193,7 @@ def test_an_agent_without_a_predictor_is_told_which_ones_it_may_name(
     path.write_text(QUICK.read_text(encoding="utf-8").replace("- {name: sp}", "- {name: planner}"), encoding="utf-8")
     assert kitchenmind.main(["study", "check", str(path)]) == 2
     said = capsys.readouterr().err
-    assert "there are no weights for" in said
+    assert "has no trained predictor called" in said
     assert "Write `predictor: NAME` for this agent; there are: " in said
 
 

@@ -234,6 +234,7 @@ async def test_timesteps_without_the_promised_display_are_shown_wherever_the_gam
     game = running(here)
     assert game is not None
     game.session.frames.violations += 1000
+    game.session.frames.late_violations += 400
 
     def counted() -> Any:
         services = there.app.state.services
@@ -242,7 +243,9 @@ async def test_timesteps_without_the_promised_display_are_shown_wherever_the_gam
 
     await until(lambda: counted()["games"] == 1)
     assert counted()["timesteps"] >= 1000
+    assert counted()["late"] >= 400
     await until(lambda: all(alerted(live, "did not show what the condition requires") for live in pair))
+    assert all(alerted(live, "The server was too slow") for live in pair)
 
 
 def change_the_study(folder: Path) -> None:

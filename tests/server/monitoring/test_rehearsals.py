@@ -29,7 +29,7 @@ def rehearsed(text: str = "name: x\n") -> tuple[Rehearsal, list[Rehearsal]]:
 
     async def run() -> Rehearsal:
         async with AsyncExitStack() as stack:
-            all_of_them = Rehearsals(stack)
+            all_of_them = Rehearsals(stack, Path("data"))
             assert all_of_them.start(Rehearsal(7, 3, 5, "mara"), text, note)
             assert not all_of_them.start(Rehearsal(8, 1, 5, "ben"), text, note), "one at a time"
             assert all_of_them.of(8) is None
@@ -44,6 +44,7 @@ def rehearsed(text: str = "name: x\n") -> tuple[Rehearsal, list[Rehearsal]]:
 
 def test_the_outcome_of_the_command_is_kept_and_noted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     said = "assert Path(sys.argv[4]).read_text() == 'name: x\\n' and sys.argv[1:4] == ['bots', '5', '--study']\n"
+    said += f"assert os.environ['KITCHENMIND_DATA'] == {str(Path('data').absolute())!r}, 'its trained models'\n"
     program(monkeypatch, tmp_path, f"{said}print(json.dumps({OUTCOME!r}))")
     found, noted = rehearsed()
     assert (found.is_running, found.outcome, found.failure) == (False, OUTCOME, "")
@@ -51,15 +52,15 @@ def test_the_outcome_of_the_command_is_kept_and_noted(monkeypatch: pytest.Monkey
 
 
 def test_a_command_that_fails_is_told_with_its_words(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    program(monkeypatch, tmp_path, "print('there are no weights', file=sys.stderr)\nsys.exit(2)")
+    program(monkeypatch, tmp_path, "print('there is no agent', file=sys.stderr)\nsys.exit(2)")
     found, _ = rehearsed()
-    assert (found.outcome, found.failure) == ({}, "there are no weights")
+    assert (found.outcome, found.failure) == ({}, "there is no agent")
     program(monkeypatch, tmp_path, "sys.exit(3)")
     assert "status 3" in rehearsed()[0].failure
 
 
 def test_a_process_that_cannot_be_started_is_a_failure_with_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def refuse(number: int, file: Path) -> tuple[int | None, str, str]:
+    async def refuse(number: int, file: Path, data: Path | None) -> tuple[int | None, str, str]:
         raise OSError("no more processes")
 
     monkeypatch.setattr(rehearsals, "_bots", refuse)

@@ -87,7 +87,9 @@ def test_a_changed_file_is_told_with_what_is_wrong_in_it_until_it_is_as_served(
     change(file, "sed: 12", "seed: 12")
     change(file, "planner, predictor: random", "planner, predictor: mistyped")
     versions.look()
-    assert "no weights for coordination_ring of: mistyped" in versions.changed["small"].problem
+    assert (
+        "the kitchen coordination_ring has no trained predictor called 'mistyped'" in versions.changed["small"].problem
+    )
     file.write_text(SMALL_STUDY, encoding="utf-8")
     os.utime(file, ns=(10**18, 10**18))
     versions.look()

@@ -4,6 +4,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from overcooked.constants import EAST, INTERACT, NORTH, SOUTH, STAY, WEST
 from overcooked.layout import load_layout
@@ -102,7 +103,15 @@ def test_timesteps_whose_display_is_not_what_the_condition_promises_are_counted(
     session, _ = start(make_spec(shown=shown))
     for late in (False, True, True, False):
         tick(session, models_ms=1000.0 if late else 1.0)
-    assert session.frames.violations == broken
+    assert session.frames.violations == session.frames.late_violations == broken
+
+
+def test_a_missing_prediction_of_models_that_were_in_time_is_not_called_lateness() -> None:
+    session, _ = start(make_spec(shown="predictor"))
+    tick(session)
+    (question,) = session.begin_tick(session.next_deadline)
+    session.finish_tick([structs.replace(MODELS.decide(question), prediction=())], 1.0)
+    assert (session.frames.violations, session.frames.late_violations) == (1, 0)
 
 
 def test_the_last_state_shows_nothing_and_is_no_violation() -> None:

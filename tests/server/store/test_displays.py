@@ -20,9 +20,10 @@ def stored(
     shown: str,
     displays: list[tuple[tuple[int, int], ...]],
     asked: tuple[bool | None, ...] = (),
+    models_ms: tuple[float, ...] = (),
 ) -> tuple[int, str]:
     """An episode that is over, with these displays on its states; the last one is not counted. `asked`: whether the
-    marks were asked for on each state."""
+    marks were asked for on each state; `models_ms`: how long the models needed."""
 
     def fill(connection):
         study = studies.register(connection, "one", "name: one")
@@ -33,6 +34,10 @@ def stored(
         records = [structs.replace(one, displayed=display) for one, display in zip(records, displays, strict=True)]
         records = [
             structs.replace(one, asked=was) for one, was in zip(records, asked or (None,) * len(displays), strict=True)
+        ]
+        records = [
+            structs.replace(one, models_ms=time)
+            for one, time in zip(records, models_ms or (1.0,) * len(displays), strict=True)
         ]
         ticks.insert(connection, records)
         episodes.end(connection, result_of(records, spec))
@@ -55,7 +60,7 @@ def test_what_was_not_shown_as_promised_is_counted(
     database: Database, shown: str, displays: list[tuple[tuple[int, int], ...]], broken: int
 ) -> None:
     study, episode = stored(database, shown, displays)
-    assert database.read_now(violations, [episode]) == ({episode: broken} if broken else {})
+    assert database.read_now(violations, [episode]) == ({episode: (broken, 0)} if broken else {})
     count = DisplayCount()
     database.read_now(count.count, (study,))
     database.read_now(count.count, (study,))
@@ -66,7 +71,17 @@ def test_marks_on_demand_are_due_in_the_timesteps_in_which_they_were_asked_for(d
     displays = [NOTHING, MARKS, NOTHING, MARKS, NOTHING]
     asked = (False, True, True, False, False)  # right, right, missing, not asked for, the last state
     _, episode = stored(database, "predictor", displays, asked)
-    assert database.read_now(violations, [episode]) == {episode: 2}
+    assert database.read_now(violations, [episode]) == {episode: (2, 0)}
+
+
+def test_those_that_are_due_to_the_server_s_lateness_are_told_apart(database: Database) -> None:
+    displays = [NOTHING, NOTHING, MARKS, NOTHING, NOTHING]
+    slow, quick = SPEC.deadline_ms + 0.5, float(SPEC.deadline_ms)
+    study, episode = stored(database, "predictor", displays, models_ms=(slow, quick, slow, slow, slow))
+    assert database.read_now(violations, [episode]) == {episode: (3, 2)}
+    count = DisplayCount()
+    database.read_now(count.count, (study,))
+    assert (count.timesteps, count.late) == (3, 2)
 
 
 @pytest.mark.parametrize("display", ["actions", "intention", "both"])
@@ -94,4 +109,4 @@ def test_marks_and_intentions_are_promised_by_their_displays_only(database: Data
         return episode
 
     episode = database.write_now(fill)
-    assert database.read_now(violations, [episode]) == {episode: 2}
+    assert database.read_now(violations, [episode]) == {episode: (2, 0)}

@@ -162,10 +162,13 @@ def test_an_export_is_refused_in_blind_mode_and_else_is_the_command_s(site: Site
 
     played(site)
     researcher = signed_in(site, "act")
-    researcher.get("/admin/s/small")
+    page = researcher.get("/admin/s/small").text
+    assert page.count('aria-disabled="true"\n  aria-describedby="blind-note"') == 2
+    assert "Turn blind mode off to use them.</p>" in page
     assert researcher.post("/admin/s/small/export").status_code == 409
     researcher.get("/admin/s/small")
     researcher.post("/admin/blind", blind="off", next="/admin/s/small")
+    assert "blind-note" not in researcher.get("/admin/s/small").text
     archive = researcher.post("/admin/s/small/export")
     assert archive.headers["content-type"] == "application/zip"
     names = zipfile.ZipFile(io.BytesIO(archive.content)).namelist()

@@ -1,11 +1,15 @@
 """The kitchen editor's routes over real HTTP: errors with their place, saving, conflicts, planners."""
 
+import shlex
+import shutil
+from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
 from overcooked.layout import load_layout
+from server.required_models import WEIGHTS
 from server.store import audit, kitchens
 from server.web.admin import kitchen_findings, kitchen_pages
 from tests.support.page_site import Site
@@ -47,10 +51,30 @@ def test_a_valid_grid_is_returned_with_reach_models_and_commands(owner: Research
     found = ask(owner, "check", grid=GRID, name="nook").json()
     assert (found["problems"], found["reach"]["together"]) == ([], True)
     assert found["models"]["agents"] == []
-    assert found["models"]["commands"][0] == "kitchenmind train agent --layout nook.layout --out nook_agent"
+    assert not found["models"]["is_saved"], "the commands would not find its file"
     ring = ask(owner, "check", grid=load_layout("coordination_ring").text, name="mine").json()["models"]
     assert ring["layout"] == "coordination_ring"
     assert "sp_predictor_stream" in ring["predictors"]
+
+
+def test_the_commands_of_a_saved_kitchen_read_its_file_and_what_they_make_is_found(
+    owner: Researcher, tmp_path: Path
+) -> None:
+    ring = load_layout("coordination_ring").text
+    ask(owner, "save", name="nook", grid=ring, version="0")
+    found = ask(owner, "check", grid=ring, name="nook").json()["models"]
+    assert found["is_saved"]
+    words = shlex.split(found["commands"][0])
+    assert load_layout(words[words.index("--layout") + 1]).text == ring
+    shutil.copytree(WEIGHTS / "coordination_ring" / "sp", words[words.index("--out") + 1])  # instead of training
+    found = ask(owner, "check", grid=ring, name="nook").json()["models"]
+    assert (found["layout"], found["agents"]) == ("nook", ["nook_agent"])
+    other = ask(owner, "check", grid=GRID, name="nook").json()["models"]
+    assert (other["is_saved"], other["agents"], other["other_grid"]) == (False, [], ["nook_agent"])
+    owner.client.headers["accept"] = "text/html"
+    owner.get("/admin/kitchens")
+    owner.post("/admin/kitchen/nook/remove")
+    assert list((tmp_path / "kitchens").iterdir()) == []
 
 
 def test_a_file_of_overcooked_ai_is_read_and_another_rule_is_refused_with_its_reason(owner: Researcher) -> None:

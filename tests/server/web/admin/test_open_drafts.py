@@ -1,6 +1,7 @@
 """Drafts from opening to closing: what is served of them, to whom, and what is refused."""
 
 import asyncio
+import shutil
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -9,11 +10,14 @@ from typing import Any
 import httpx
 import pytest
 
+from models.networks.checkpoint import load_checkpoint
+from overcooked.layout import load_layout
 from server.monitoring import rehearsals
 from server.participation.served_studies import Studies
+from server.required_models import WEIGHTS
 from server.store import audit, kitchens, participants, studies, study_openings
 from server.store.database import Database
-from server.study.loader import load_study
+from server.study.loader import load_study, parse_study
 from tests.support.draft_site import admin_site_fixture as admin_site_fixture
 from tests.support.draft_site import asked, begun, opened, source, versions_of
 from tests.support.draft_site import file as file
@@ -57,6 +61,16 @@ def test_a_study_is_opened_taken_part_in_changed_and_closed(site: Site, file: Pa
     assert ">Closed</span>" in researcher.get("/admin/s/pilot").text
 
 
+def test_pausing_and_resuming_from_a_draft_leads_back_to_it(site: Site) -> None:
+    researcher = signed_in(site, "own")
+    draft = begun(site, researcher)
+    opened(researcher, draft, 2)
+    for route, said in (("pause", "The study is paused"), ("resume", "The study continues")):
+        page = researcher.post(f"/admin/s/pilot/{route}", note="a break", next=f"/admin/drafts/{draft}")
+        assert page.url.path == f"/admin/drafts/{draft}"
+        assert said in page.text
+
+
 def test_a_draft_may_name_a_kitchen_of_the_dashboard_and_is_opened_with_its_grid(site: Site) -> None:
     researcher, grid = signed_in(site, "own"), "XXPXX\nO1 2O\nX   X\nXDXSX"
     draft = begun(site, researcher)
@@ -75,8 +89,45 @@ def test_a_draft_may_name_a_kitchen_of_the_dashboard_and_is_opened_with_its_grid
     assert grid.splitlines()[1] in version.source
 
 
+def test_a_draft_may_name_models_that_were_trained_here_and_its_version_keeps_them(
+    site: Site, file: Path, tmp_path: Path
+) -> None:
+    researcher, ring, models = signed_in(site, "own"), WEIGHTS / "coordination_ring", tmp_path / "models" / "nook"
+    draft = begun(site, researcher)
+    site.database.write_now(kitchens.save, "nook", load_layout("coordination_ring").text, "ada", 0)
+    text = source(site, draft).replace("{name: coordination_ring,", "{name: nook,").replace("after: [2]", "after: [1]")
+    text = text.replace("  - {name: matrix, title: {en: Matrix, zh: 矩阵}}\n", "")
+    text = text.replace("{name: planner, predictor: random}", "{name: mine}")
+    seen = asked(researcher, draft, "look", text=text)[1]
+    assert (seen["own"], seen["problems"][0]["path"]) == ({}, ["agents", 0, "name"])
+    shutil.copytree(ring / "sp", models / "mine")
+    shutil.copytree(ring / "sp_predictor_stream", models / "mine_predictor_stream")
+    seen = asked(researcher, draft, "look", text=text)[1]
+    assert seen["own"] == {"nook": {"agents": ["mine"], "predictors": ["mine_predictor_stream"]}}
+    assert [one for one in seen["problems"] if not one["warning"]] == []
+    assert asked(researcher, draft, "save", text=text, revision="2")[0] == 200
+    assert "The study is open" in opened(researcher, draft, 3)
+    (version,) = site.database.read_now(studies.every, "pilot")
+    played = load_checkpoint(ring / "sp").sha256
+    assert parse_study(version.source).study.checkpoints["nook/mine"] == played
+    assert load_checkpoint(models.parent / ".kept" / played).sha256 == played
+    assert "checkpoints" not in source(site, draft)
+    shutil.rmtree(models / "mine")
+    shutil.copytree(ring / "fcp", models / "mine")
+    found = [one["text"] for one in asked(researcher, draft, "look", text=text)[1]["problems"] if not one["warning"]]
+    assert [line for line in found if "has been trained again" in line]
+
+    async def started(several: bool) -> tuple[str, ...]:
+        """What a process serves that starts now, with the kept models."""
+        studies = await Studies.opened(site.database, [load_study(file)])
+        await versions_of(site.database, studies, file, several).begin(site.database)
+        return studies.names()
+
+    assert asyncio.run(started(False)) == asyncio.run(started(True)) == ("small", "pilot")
+
+
 def test_untrained_kitchens_and_predictions_that_guess_are_warnings_here_and_on_the_study_s_page(
-    site: Site,
+    site: Site, tmp_path: Path
 ) -> None:
     researcher = signed_in(site, "own")
     draft = begun(site, researcher)
@@ -86,10 +137,13 @@ def test_untrained_kitchens_and_predictions_that_guess_are_warnings_here_and_on_
     kitchen, first, *_ = asked(researcher, draft, "look", text=text)[1]["problems"]
     assert (kitchen["warning"], kitchen["path"]) == (True, ["layouts", 0, "name"])
     assert "only scripted agents play in nook, which was drawn by hand" in kitchen["text"]
-    assert "kitchenmind train agent --layout nook.layout --out nook_agent" in kitchen["text"]
+    assert (
+        f"--layout {tmp_path}/kitchens/nook.layout --out {tmp_path}/models/nook/nook_agent` (it reads"
+        in kitchen["text"]
+    )
     assert (first["warning"], first["path"]) == (True, ["agents", 0, "predictor"])
     words = "ondition `with` shows predictions of planner in nook, matrix, and `random` guesses at random"
-    command = "kitchenmind train predictor --layout nook.layout --agent planner"
+    command = f"kitchenmind train predictor --layout {tmp_path}/kitchens/nook.layout --agent planner"
     assert words in first["text"]
     assert command in first["text"]
     opened(researcher, draft, 3)
