@@ -106,10 +106,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Exclude the half a million objects of the imports, which are never freed, from garbage collection, and let it
-    look at the tests' objects ten times less often than Python does by itself."""
+    """Exclude the half a million objects of the imports, which are never freed, from garbage collection."""
     gc.freeze()
-    gc.set_threshold(7000, 10, 10)
     gc.enable()
 
 
