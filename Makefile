@@ -116,10 +116,15 @@ clean:
 	@$(PIP) --editable ".[training,analysis,test]"
 	@touch $@
 
-# Once, and not by every worker of the tests at the same time: the bytecode of all that they import, and the kernels. What
-# fails here fails again in the tests, which say it.
+# Once, and not by every worker of the tests at the same time: the bytecode of all that they import, and the kernels of
+# the game, of simulated participants, of the transformers and of training. What fails here fails again in the tests,
+# which say it.
 .venv/.compiled: .venv/.test
-	@echo "Compiling what the tests load (half a minute, once) ..."
-	@$(BIN)/python -m pytest --collect-only > /dev/null 2>&1 & \
-	  $(BIN)/python -m pytest tests/overcooked/test_vector_env.py > /dev/null 2>&1; wait
+	@echo "Compiling what the tests load (a minute, once) ..."
+	@{ $(BIN)/python -m pytest --collect-only; \
+	  $(BIN)/python -c 'from models.inference import attention; attention.warm()'; \
+	  $(BIN)/python -m pytest tests/training/test_ppo.py -k "every_form or interrupted or advantages or fused"; \
+	  } > /dev/null 2>&1 & \
+	  $(BIN)/python -m pytest tests/overcooked/test_vector_env.py \
+	    tests/server/bots/test_foresight.py -k "vector_env or acts_alike" > /dev/null 2>&1; wait
 	@touch $@

@@ -27,6 +27,9 @@ for library in (
 ):
     os.environ.setdefault(library, "1")
 
+# Collecting makes half a million objects and no garbage; `pytest_collection_finish` turns collection on again.
+gc.disable()
+
 # httpx reads some hundred certificates for every client, 25 ms each time; the tests make thousands of clients.
 _read_certificates = http_transport.create_ssl_context
 
@@ -104,8 +107,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def pytest_collection_finish() -> None:
     """Exclude the half a million objects of the imports, which are never freed, from garbage collection."""
-    gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session")

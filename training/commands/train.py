@@ -35,7 +35,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     agent.add_argument("--out", type=Path, help="also write the finished agent's checkpoint here")
     _add_runs(agent)
     add_compute(agent)
-    study = kinds.add_parser("study", help="train everything that a study needs, from population to weights")
+    _add_study(kinds.add_parser("study", help="train everything that a study needs, from population to weights"))
+    predictor = kinds.add_parser("predictor", help="train a predictor from collected games")
+    add_compute(predictor)
+    if importlib.util.find_spec(_PREDICTOR):
+        importlib.import_module(_PREDICTOR).add_arguments(predictor)
+    intentions = kinds.add_parser("intentions", help="add a decoder of intentions to a trained predictor")
+    intentions.set_defaults(device="cpu", precision="float32")  # so small that the CPU in float32 is the fastest
+    importlib.import_module(_INTENTIONS).add_arguments(intentions)
+    compact = kinds.add_parser("compact", help="store a predictor in half the bytes, and measure it again")
+    compact.set_defaults(device="cpu", precision="float32")
+    importlib.import_module(_COMPACT).add_arguments(compact)
+
+
+def _add_study(study: argparse.ArgumentParser) -> None:
+    """Add the options of `train study`."""
     study.add_argument(
         "--preset", default="cpu", help="cpu (two cores), published (the paper's recipe) or a .toml file"
     )
@@ -52,16 +66,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     study.add_argument("--task", help=argparse.SUPPRESS)  # one task in this process: how workers are started
     _add_runs(study)
     add_compute(study)
-    predictor = kinds.add_parser("predictor", help="train a predictor from collected games")
-    add_compute(predictor)
-    if importlib.util.find_spec(_PREDICTOR):
-        importlib.import_module(_PREDICTOR).add_arguments(predictor)
-    intentions = kinds.add_parser("intentions", help="add a decoder of intentions to a trained predictor")
-    intentions.set_defaults(device="cpu", precision="float32")  # so small that the CPU in float32 is the fastest
-    importlib.import_module(_INTENTIONS).add_arguments(intentions)
-    compact = kinds.add_parser("compact", help="store a predictor in half the bytes, and measure it again")
-    compact.set_defaults(device="cpu", precision="float32")
-    importlib.import_module(_COMPACT).add_arguments(compact)
 
 
 def add_compute(parser: argparse.ArgumentParser) -> None:

@@ -236,3 +236,12 @@ def test_text_falls_back_to_a_language_that_has_words() -> None:
 def test_a_kitchen_named_as_in_overcooked_ai_has_one_name_in_the_data() -> None:
     study = parse_study(SMALL_STUDY.replace("name: coordination_ring", "name: random3")).study
     assert "counter_circuit" in {kitchen.name for kitchen in study.layouts}
+
+
+def test_a_text_that_was_just_read_is_not_composed_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = SMALL_STUDY + "# nobody has read this one yet\n"
+    first = parse_study(text)
+    monkeypatch.delattr(loader.yaml, "compose")
+    again = parse_study(text, "another name")
+    assert again.study == first.study
+    assert again.places.source == "another name"
