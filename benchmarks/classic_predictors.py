@@ -3,6 +3,9 @@
 python benchmarks/classic_predictors.py            measures and prints the table
 python benchmarks/classic_predictors.py --write    also writes classic_predictors.json and docs/explanation/results.md
 
+What is in classic_predictors.json is not measured again while agent, predictor and proxy have the same weights: every
+game has a fixed seed, so the figures would be the same. Without that file, everything is measured.
+
 The table also has the accuracy with the test partners (from the predictors' cards) and, with the proxy, the accuracy of
 an observer who knows the action probabilities of both agents, but not their random draws (`benchmarks/limits.py`).
 """
@@ -41,14 +44,32 @@ def measured(quick: bool = False) -> dict[str, Any]:
     import torch
 
     torch.set_num_threads(1)
-    folders = bundled_predictors()
-    observers = {cell: _observer(*cell, quick) for cell in sorted({(layout, agent) for layout, agent, _ in folders})}
+    earlier = {} if quick or not FIGURES.is_file() else json.loads(FIGURES.read_text(encoding="utf-8"))
+    people, observers = still_right(earlier)
     entries = []
-    for (layout, agent, form), folder in folders.items():
+    for cell, folder in bundled_predictors().items():
+        layout, agent, form = cell
+        if (layout, agent) not in observers:
+            observers[layout, agent] = _observer(layout, agent, quick)
+        human = people[cell] if cell in people else _with_human(*_cell(folder), quick)
         config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
         entry = {"layout": layout, "agent": agent, "form": form, "unseen": config["measured"]["accuracy"]["mean"]}
-        entries.append({**entry, "human": _with_human(*_cell(folder), quick), "observer": observers[layout, agent]})
+        entries.append({**entry, "human": human, "observer": observers[layout, agent]})
     return {"sha256": fingerprints(), "predictors": entries}
+
+
+def still_right(figures: Mapping[str, Any]) -> tuple[dict[tuple[str, str, str], float], dict[tuple[str, str], float]]:
+    """The accuracy with the proxy of each predictor, and the observer's for each agent, as far as all whose weights
+    they depend on are bundled with the same ones."""
+    now, people, observers = fingerprints(), {}, {}
+    same = {name for name, digest in figures.get("sha256", {}).items() if digest == now.get(name)}
+    for entry in figures.get("predictors", ()):
+        layout, agent, form = entry["layout"], entry["agent"], entry["form"]
+        if {f"{layout}/{agent}", f"{layout}/{HUMAN}"} <= same:
+            observers[layout, agent] = entry["observer"]
+            if f"{layout}/{agent}_predictor_{form}" in same:
+                people[layout, agent, form] = entry["human"]
+    return people, observers
 
 
 def bundled_predictors() -> dict[tuple[str, str, str], Path]:
@@ -66,9 +87,12 @@ def _cell(folder: Path) -> tuple[str, str, Path]:
 
 
 def fingerprints() -> dict[str, str]:
-    """Of the weights of every measured predictor and of the proxies it was measured with."""
+    """Of the weights of every measured predictor, of its agent and of the proxies it was measured with."""
     names = {f"{folder.parent.name}/{folder.name}": _weights_sha256(folder) for folder in bundled_predictors().values()}
-    return {**names, **{f"{name}/{HUMAN}": agent_sha256(HUMAN, load_layout(name)) for name in LAYOUTS}}
+    agents = sorted(
+        {(layout, agent) for layout, agent, _ in bundled_predictors()} | {(name, HUMAN) for name in LAYOUTS}
+    )
+    return {**names, **{f"{layout}/{agent}": agent_sha256(agent, load_layout(layout)) for layout, agent in agents}}
 
 
 def _weights_sha256(folder: Path) -> str:

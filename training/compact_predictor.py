@@ -32,7 +32,7 @@ def compact(
 ) -> Compacted:
     """Write the predictor in `folder` to `out` (which may be the same) with 8 bits for each weight of its matrices.
 
-    Accuracy and intentions in config and card are measured anew, with the weights as stored, in games with the test
+    Accuracy and intentions in config and card are measured again, with the weights as stored, in games with the test
     partners of `population` (default: the bundled ones). `agent`: the predicted agent as `kitchenmind collect` took
     it (default: the name in the config). Raises ValueError if it is another agent, or is stored so already.
     """
