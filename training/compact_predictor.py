@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from models.networks.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from models.networks.predictor import PredictorNetwork, predictor_network
@@ -14,7 +14,7 @@ from training.evaluate_predictor import evaluate
 from training.population import load_target
 from training.publish_predictor import HOW, partners_in, population_folder, unseen_games, unseen_partners
 
-BITS = 8
+BITS: Final = 8
 
 
 @dataclass(frozen=True)
