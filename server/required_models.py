@@ -12,7 +12,8 @@ from models.agents.onnx_weights import onnx_sha256
 from models.agents.own_checkpoints import OwnCheckpoints
 from server.participation.episode_specs import layout_of, models_of
 from server.settings import ROOT
-from server.study.loader import StudyError, StudyFile
+from server.study.checks import Problem
+from server.study.loader import StudyFile
 
 WEIGHTS = ROOT / "models" / "weights"
 WITHOUT_WEIGHTS: Final = frozenset({"planner", "guide", "carrier", "random", "stay"})
@@ -111,8 +112,9 @@ def _pins(files: list[StudyFile]) -> dict[Name, str]:
         for layout, name in sorted(own_names(file)):
             pin = file.study.checkpoints.get(f"{layout}/{name}")
             if pin is not None and found.setdefault((layout, name), pin) != pin:
-                reason = f"{file.source}: {name!r} in {layout} has been trained again since another version was opened"
-                raise StudyError([f"{reason}, and participants keep that version. Train under another name."])
+                reason = f"{name!r} in {layout} has been trained again since another version was opened"
+                reason = f"{reason}, and participants keep that version"
+                raise file.places.error([Problem(("agents",), reason, "Train under another name.")])
     return found
 
 
@@ -129,8 +131,8 @@ def _paths(files: list[StudyFile], own: OwnCheckpoints | None, pins: Mapping[Nam
         for _, model in sorted(set().union(*models_of(file.study))):
             path = located(model, file.folder)
             if path != model and found.setdefault(model, path) != path:
-                reason = f"{file.source}: {model!r} is another file than in another study ({found[model]})"
-                raise StudyError([f"{reason}. Rename one of them, or write absolute paths."])
+                reason = f"{model!r} is another file than in another study ({found[model]})"
+                raise file.places.error([Problem(("agents",), reason, "Rename one of them, or write absolute paths.")])
     folders = tuple(dict.fromkeys(str(file.folder) for file in files))
     return ModelPaths(found, folders, {} if own is None else _checkpoints(files, own, pins))
 
@@ -139,11 +141,12 @@ def _grids(files: Iterable[StudyFile]) -> dict[str, str]:
     grids: dict[str, str] = {}
     drawn: set[str] = set()
     for file in files:
-        for kitchen in (*file.study.layouts, file.study.tutorial.layout):
+        for k, kitchen in enumerate((*file.study.layouts, file.study.tutorial.layout)):
             text = layout_of(kitchen).text
             if grids.setdefault(kitchen.name, text) != text:
-                reason = f"{file.source}: {kitchen.name!r} is another kitchen in another study"
-                raise StudyError([f"{reason}. Rename one of them."])
+                reason = f"{kitchen.name!r} is another kitchen in another study of this server"
+                path = ("layouts", k) if k < len(file.study.layouts) else ("tutorial", "layout")
+                raise file.places.error([Problem((*path, "name"), reason, "Rename one of them.")])
             drawn |= {kitchen.name} if kitchen.grid is not None else set()
     return {name: grids[name] for name in drawn}
 

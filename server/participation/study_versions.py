@@ -219,7 +219,7 @@ class StudyVersions:
         try:
             required_models([*self._files, file])
         except StudyError as error:
-            return [PlacedProblem(1, (), line.removeprefix(f"{file.source}: ")) for line in error.lines]
+            return list(error.placed)
         return []
 
     def of_files(self) -> tuple[StudyFile, ...]:

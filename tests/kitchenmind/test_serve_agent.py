@@ -26,6 +26,7 @@ from overcooked.layout import Layout, load_layout
 from overcooked.state import Kitchens
 from server.play import messages
 from tests.support import command_line
+from tests.support.ctrl_c import heeded
 from tests.support.real_server import SHORT_STUDY, RealServer
 
 ROOT = Path(__file__).parents[2]
@@ -91,7 +92,9 @@ async def test_an_agent_of_this_process_plays_a_whole_episode_with_somebody(
 
 def test_the_command_serves_an_agent_that_a_study_can_ask() -> None:
     words = [sys.executable, str(ROOT / "kitchenmind"), "agent", "serve", "sp@greedy", "--port", "0"]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+    with heeded():
+        process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+    with process:
         try:
             assert process.stdout is not None
             found = re.search(r"http://\S+", process.stdout.readline())

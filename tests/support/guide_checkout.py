@@ -8,6 +8,8 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+from tests.support.ctrl_c import heeded
+
 ROOT = Path(__file__).parent.parent.parent
 PACKAGES = (
     "kitchenmind",
@@ -46,14 +48,15 @@ def started(line: str, checkout: Path, shorter: Mapping[str, str]) -> "subproces
     more = next((extra for begin, extra in shorter.items() if bare.startswith(begin)), "")
     program = [sys.executable, "-m", "kitchenmind"] if words[0] == "kitchenmind" else [sys.executable]
     paths = os.pathsep.join([str(checkout), *settings.values()])
-    return subprocess.Popen(
-        [*program, *words[1:], *shlex.split(more)],
-        cwd=checkout,
-        env={**os.environ, "PYTHONPATH": paths, "PYTHONUNBUFFERED": "1"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
+    with heeded():
+        return subprocess.Popen(
+            [*program, *words[1:], *shlex.split(more)],
+            cwd=checkout,
+            env={**os.environ, "PYTHONPATH": paths, "PYTHONUNBUFFERED": "1"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
 
 
 def done(line: str, checkout: Path, shorter: Mapping[str, str], within_s: float = 280) -> str:

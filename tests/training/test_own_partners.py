@@ -11,6 +11,7 @@ import kitchenmind
 from models.agents.model_paths import WEIGHTS
 from models.agents.predictors import load_predictor
 from overcooked.layout import load_layout
+from tests.support.ctrl_c import heeded
 from training import train_predictor as training
 from training.commands import predictor as command
 from training.predictor_config import PRESETS
@@ -92,11 +93,8 @@ def test_ctrl_c_or_kill_leaves_a_predictor_that_can_be_used(
         return step(trainer)
 
     monkeypatch.setattr(training.PredictorTrainer, "step", interrupted)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores Ctrl+C
-    try:
+    with heeded():
         assert train(lab, tmp_path) == 1
-    finally:
-        signal.signal(signal.SIGINT, before)
     load_predictor(str(tmp_path / "p"), RING)
     assert "interrupted after 7 of 20 updates" in capsys.readouterr().out.replace("\n", " ")
 
