@@ -44,7 +44,7 @@ async def test_agent_and_predictor_answer_in_a_kitchen_that_the_study_draws() ->
 
 def test_two_studies_cannot_draw_one_name_differently() -> None:
     other = parse_study(OWN.replace("X   X", "X X X"), "other.yaml")
-    with pytest.raises(StudyError, match=r"other.yaml: 'own' is another kitchen"):
+    with pytest.raises(StudyError, match=r"other.yaml:25: layouts.1.name: 'own' is another kitchen"):
         required_models([parse_study(OWN), other])
 
 
