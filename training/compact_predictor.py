@@ -1,12 +1,13 @@
 """Store a trained predictor with 8 bits for each weight, and measure it again."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from models.networks.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
+from models.networks.checkpoint import load_checkpoint, save_checkpoint
 from models.networks.predictor import PredictorNetwork, predictor_network
+from models.networks.stored_tensors import restored, stored
 from overcooked.layout import Layout
 from training import publish_intentions, publish_predictor
 from training.collect import TRAIN, CollectionPlan, Target
@@ -46,11 +47,10 @@ def compact(
     partners = population or population_folder(layout)
     games = unseen_games(layout, target, network, partners, plan)
     before, size = evaluate(network, games).accuracy.mean, _size(folder)
-    save_checkpoint(out, checkpoint.config, checkpoint.tensors, checkpoint.card, BITS)
-    stored = load_checkpoint(out)
-    network, _ = predictor_network(stored)
+    rounded = replace(checkpoint, tensors=restored(stored(checkpoint.tensors, BITS)))
+    network, _ = predictor_network(rounded)
     result = evaluate(network, games)
-    config = {**stored.config, **publish_predictor.measured_facts(result, layout, target, network.config.form)}
+    config = {**checkpoint.config, **publish_predictor.measured_facts(result, layout, target, network.config.form)}
     lines = {publish_predictor.FIGURES: publish_predictor.figures(result)}
     if network.intentions is not None:
         measured = _intentions(network, layout, target, partners, plan)
@@ -58,7 +58,7 @@ def compact(
         config["measured_intentions"] = measured
         lines[publish_intentions.HEADING] = publish_intentions.figures(measured)
     said = f"| stored with | {BITS} bits for each weight of a matrix; mean accuracy before: {100 * before:.2f} % |"
-    save_checkpoint(out, config, stored.tensors, _card(stored, lines, said), BITS)
+    save_checkpoint(out, config, rounded.tensors, _card(checkpoint.card, lines, said), BITS)
     return Compacted(before, result.accuracy.mean, size, _size(out))
 
 
@@ -78,10 +78,9 @@ def with_baseline(measured: dict[str, Any], earlier: Mapping[str, Any]) -> None:
             values["frequent"] = earlier["before"][timesteps]["frequent"]
 
 
-def _card(checkpoint: Checkpoint, figures: dict[str, list[str]], said: str) -> str:
+def _card(text: str, figures: dict[str, list[str]], said: str) -> str:
     """Return the card with other figures (first line -> lines, up to the table of how it was trained) and one more row
     in the first of these tables."""
-    text = checkpoint.card
     for first, lines in figures.items():
         before, found, after = text.partition(first)
         if found:
