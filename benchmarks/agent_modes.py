@@ -31,7 +31,7 @@ MODES = (
 
 def main() -> None:
     """Print a table, a row a mode."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__)
     parser.add_argument("--layout", default="coordination_ring")
     parser.add_argument("--agent", default="sp")
     parser.add_argument("--quick", action="store_true", help="two modes, few games: rough figures")

@@ -118,7 +118,7 @@ def play(server: FakeGameServer, shown: str, stop: threading.Event) -> None:
 
 def main() -> int:
     """Return exit status 1 if a condition is drawn at less than TARGET_FPS."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__)
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()

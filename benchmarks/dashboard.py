@@ -197,7 +197,9 @@ async def watch(server: Server, page: Page, players: list[Watched], arguments: a
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--games", type=int, default=200)
     parser.add_argument("--window-s", type=float, default=12.0)
     parser.add_argument("--turns", type=int, default=3, help="windows with and without an open page")

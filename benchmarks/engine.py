@@ -72,7 +72,7 @@ def first_step_s(layout: str, runs: int) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__.split("\n")[0])
     parser.add_argument("--layout", default="coordination_ring")
     parser.add_argument("--quick", action="store_true", help="fewer steps: rough figures")
     parser.add_argument("--json", action="store_true", help="print one JSON object")

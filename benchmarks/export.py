@@ -82,7 +82,9 @@ def measured(people: int, folder: Path) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--people", type=int, nargs="+", default=[100, 1000], help=f"multiples of {PEOPLE}, growing")
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()

@@ -98,7 +98,9 @@ async def _done(scenario: Scenario, folder: Path) -> FaultResult:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--quick", action="store_true", help="a short run of every row, some minutes")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--rows", default="", help="only these, separated by commas")

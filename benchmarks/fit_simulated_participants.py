@@ -229,7 +229,9 @@ def parameters_of(stored: Mapping[str, Any]) -> Parameters:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--search", type=int, default=0, metavar="N", help="number of parameter sets to try")
     parser.add_argument("--folder", type=Path, default=ROOT / "runs" / "foresight_fit", help="what was tried")
     parser.add_argument("--write", action="store_true", help=f"write {FIGURES.relative_to(ROOT)}")

@@ -261,7 +261,9 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--folder", type=Path, default=ROOT / "runs" / "foresight", help="the cells played so far")
     parser.add_argument("--tables", action="store_true", help="play nothing: the tables of what the folder has")
     parser.add_argument("--write", action="store_true", help="write the figures and the tables")

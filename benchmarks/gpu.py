@@ -40,7 +40,7 @@ _EPISODES, _EPISODE = 60, 400  # of the made-up games
 
 def main() -> None:
     """Print a table, or one JSON object."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__)
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--device", default="auto", help="auto, cpu, cuda or mps")
     parser.add_argument("--games", type=int, default=0, help="at once (default: 2048 on a GPU, 64 on a CPU)")

@@ -79,7 +79,9 @@ def limits(layout: Layout, agent: str, partner: str, states: int) -> list[float]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--layout", default="coordination_ring")
     parser.add_argument("--partner", default="human_bc")
     parser.add_argument("--states", type=int, default=6000)

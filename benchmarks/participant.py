@@ -129,7 +129,7 @@ def measure(page_of: Browser) -> dict[str, Any]:
 
 def main() -> int:
     """Return exit status 1 if a figure is beyond its limit."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__)
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     with sync_playwright() as playwright:

@@ -84,7 +84,9 @@ def unpacked(revision: str, folder: Path) -> Path:
 
 def main() -> int:
     """Print the figures, and the processor that they are from."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--against", metavar="REVISION", help="measure a revision in turn with these pages")
     parser.add_argument("--once", action="store_true", help="one game in this process, as JSON")

@@ -44,7 +44,7 @@ def predictions_per_second(form: str, layout_name: str, games: int, seconds: flo
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__)
     parser.add_argument("--json", action="store_true", help="a list of {form, layout, games, per_second}")
     parser.add_argument("--layout", default="coordination_ring")
     parser.add_argument("--seconds", type=float, default=2.0, help="measured for each figure")

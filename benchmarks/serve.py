@@ -222,7 +222,7 @@ async def _fill(server: Server, players: list[Player], tasks: list[asyncio.Task[
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__)
     parser.add_argument("--games", type=int, nargs="+", default=[1, 50, 100, 200, 300, 400, 500, 600, 700])
     parser.add_argument("--window-s", type=float, default=15.0)
     parser.add_argument("--until-ms", type=float, default=20.0, help="stop above this p99 lateness")

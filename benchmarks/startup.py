@@ -164,7 +164,7 @@ def starts(folders: list[Path], turns: int, only: str, scratch: Path) -> list[Fi
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__.split("\n")[0])
     parser.add_argument("--turns", type=int, default=10, help="how often each process is started (10)")
     parser.add_argument("--only", default="", metavar="WORD", help="only processes whose name contains this")
     parser.add_argument("--against", type=Path, metavar="FOLDER", help="another checkout, to compare")

@@ -145,7 +145,9 @@ def measure(url: str, folder: Path) -> Iterator[dict[str, Any]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--database", metavar="URL", help="an empty database to fill")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--quick", action="store_true", help="few commits: rough figures")

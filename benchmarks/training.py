@@ -41,7 +41,7 @@ _MOST_S = 300.0
 
 def main() -> None:
     """Print a table, or one JSON object."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__)
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--seeds", type=int, default=3, help="runs of the time to 200 points")
     parser.add_argument("--seconds", type=float, default=8.0, help="of each rate")

@@ -96,7 +96,9 @@ def measure(url: str, games: int, processes: int, timesteps: int) -> dict[str, A
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--games", type=int, nargs="+", default=[10_000])
     parser.add_argument("--processes", type=int, default=4)
     parser.add_argument("--timesteps", type=int, default=40)

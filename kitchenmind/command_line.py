@@ -1,6 +1,5 @@
 """The command line of kitchenmind. Each command imports its package only when it runs, so that --help is quick."""
 
-import argparse
 import atexit
 import gc
 import importlib
@@ -10,6 +9,7 @@ import sys
 from collections.abc import Sequence
 
 from kitchenmind import extras
+from kitchenmind.argument_parser import ExactArgumentParser
 
 # verb -> (module with `add_arguments(parser)` and `run(arguments) -> int`, what it does)
 VERBS: dict[str, tuple[str, str]] = {
@@ -76,7 +76,7 @@ def _is_unread() -> bool:
 
 def _run(words: list[str]) -> int:
     verb = words[0] if words else None
-    parser = argparse.ArgumentParser(prog="kitchenmind", description=__doc__ if verb is None else None)
+    parser = ExactArgumentParser(prog="kitchenmind", description=__doc__ if verb is None else None)
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
     for name, (_, purpose) in VERBS.items():
         verbs.add_parser(name, help=purpose, description=purpose, add_help=name == verb)

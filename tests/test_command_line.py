@@ -62,6 +62,29 @@ def test_wrong_words_give_exit_status_2_and_a_usage(words: list[str], capsys: py
     assert "usage: kitchenmind" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "words", [["verify", "--databas", "sqlite:///x.db"], ["admin", "list", "--dat", "x"], ["serve", "--hos", "::1"]]
+)
+def test_options_are_known_by_their_full_names_only(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as leaving:
+        kitchenmind.main(words)
+    assert leaving.value.code == 2
+    assert f"unrecognized arguments: {words[-2]} {words[-1]}" in capsys.readouterr().err
+
+
+def test_no_program_of_this_project_accepts_abbreviated_options() -> None:
+    """A subclass outside of tests, or the argument itself."""
+    listed = subprocess.run(["git", "grep", "-lw", "ArgumentParser", "*.py"], cwd=ROOT, capture_output=True, text=True)
+    programs = [ROOT / name for name in listed.stdout.split() if not name.startswith("tests/")]
+    assert len(programs) >= 20
+    calls = [
+        (program.name, call)
+        for program in programs
+        for call in re.findall(r"argparse\.ArgumentParser\(\s*([^)]*)", program.read_text("utf-8"))
+    ]
+    assert [call for call in calls if "allow_abbrev=False" not in call[1]] == []
+
+
 def test_missing_package_is_named_with_its_remedy(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -7,7 +7,6 @@ are run by `test_guide_server.py`, `test_guide_containers.py`, `test_guide_backu
 `training/test_guide_own_agent.py`, `training/test_guide_own_kitchen.py` and `training/test_guide_own_predictor.py`.
 """
 
-import argparse
 import importlib
 import os
 import re
@@ -23,6 +22,7 @@ from pathlib import Path
 import pytest
 
 import kitchenmind
+from kitchenmind.argument_parser import ExactArgumentParser
 
 ROOT = Path(__file__).parent.parent
 GUIDES = sorted(page for folder in ("tutorials", "guides") for page in (ROOT / "docs" / folder).glob("*.md"))
@@ -162,6 +162,6 @@ def test_no_contact_in_a_guide_repeats_the_words_in_front_of_it() -> None:
 def parse(words: list[str]) -> None:
     """Read the words as their verb does; SystemExit where it does not know them."""
     module = importlib.import_module(kitchenmind.VERBS[words[0]][0])
-    parser = argparse.ArgumentParser(prog=f"kitchenmind {words[0]}")
+    parser = ExactArgumentParser(prog=f"kitchenmind {words[0]}")
     module.add_arguments(parser)
     parser.parse_args(words[1:])

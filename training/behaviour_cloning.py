@@ -231,7 +231,7 @@ def _card(name: str, layout: Layout, config: CloningConfig, figures: dict[str, f
 
 def main() -> None:
     """Train on the bundled recordings and write the agent where studies and evaluations find it."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__)
     parser.add_argument("--recordings", type=Path, help="default: tests/data/LAYOUT_train.jsonl.gz")
     parser.add_argument("--layout", default=_DEFAULT)
     parser.add_argument("--out", type=Path, help="default: models/weights/LAYOUT/human_bc")

@@ -34,7 +34,9 @@ class KeptTable:
 
 def parsed(description: str | None) -> argparse.Namespace:
     """Return the command line: `write` and `quick`. Exit if both are given."""
-    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, description=description, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--write", action="store_true", help="write the figures and the tables")
     parser.add_argument(
         "--quick", action="store_true", help="one short game of each: rough figures that are not stored"

@@ -63,7 +63,7 @@ def write_onnx(network: torch.nn.Sequential, shape: tuple[int, ...], path: str) 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__)
     parser.add_argument("out", help="the ONNX file to write")
     parser.add_argument("--layout", default="coordination_ring")
     parser.add_argument("--teacher", default="planner", help="the agent to imitate")

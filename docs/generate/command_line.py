@@ -9,6 +9,7 @@ from typing import Final
 
 import kitchenmind
 from docs.generate.markdown import cell, code
+from kitchenmind.argument_parser import ExactArgumentParser
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 
@@ -18,7 +19,7 @@ def command_line() -> str:
     lines = [HEAD]
     lines += [f"| [`{verb}`](#kitchenmind-{verb}) | {cell(purpose)} |\n" for verb, (_, purpose) in _verbs()]
     for verb, (module, purpose) in _verbs():
-        parser = argparse.ArgumentParser()
+        parser = ExactArgumentParser()
         importlib.import_module(module).add_arguments(parser)
         lines.append(f"\n## kitchenmind {verb}\n\n{purpose[:1].upper()}{purpose[1:]}.\n")
         lines += _command(f"kitchenmind {verb}", parser)
@@ -28,8 +29,11 @@ def command_line() -> str:
 HEAD: Final = """# Command line
 
 Every command of `kitchenmind`. `kitchenmind COMMAND --help` says the same. The exit status is 0 if all went well, 1 if
-something failed, 2 for wrong input, and 130 after Ctrl+C. Without `--database`, a command uses the server's own
-database ([settings](settings.md)).
+something failed, 2 for wrong input, and 130 after Ctrl+C. Write options in full.
+
+For a server that runs with `kitchenmind serve --data DIR`, give other commands the same `--data DIR`: they use the same
+database, kitchens and trained models. `--database URL` names only a database; a command takes one of the two. Without
+them, it uses what the [settings](settings.md) say, as `kitchenmind serve` does.
 
 `python -m docs.generate` writes this page from the code.
 

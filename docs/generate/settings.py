@@ -1,11 +1,11 @@
 """The page of the `KITCHENMIND_*` variables, from `server/settings.py`."""
 
-import argparse
 import json
 from pathlib import Path
 from typing import Any, Final
 
 from docs.generate.markdown import cell, code, plain_type
+from kitchenmind.argument_parser import ExactArgumentParser
 from server.commands import serve
 from server.settings import Settings
 from server.study.schema import descriptions
@@ -15,7 +15,7 @@ ROOT: Final = Path(__file__).resolve().parents[2]
 
 def settings() -> str:
     """Return the page of the `KITCHENMIND_*` variables."""
-    parser = argparse.ArgumentParser()
+    parser = ExactArgumentParser()
     serve.add_arguments(parser)
     options = {action.dest: action.option_strings[0] for action in parser._actions if action.option_strings}
     options = {"studies": options["study"]} | {name: flag for name, flag in options.items() if name != "speed"}

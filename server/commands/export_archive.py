@@ -4,19 +4,19 @@
 password.
 """
 
-import argparse
 import os
 import shutil
 import sys
 from pathlib import Path
 
+from kitchenmind.argument_parser import ExactArgumentParser
 from server.commands import export
 
 
 def main(folder: Path, study: str) -> int:
     """Write `folder`/archive.zip; return the exit status of `kitchenmind export`."""
     give_way()
-    parser = argparse.ArgumentParser()
+    parser = ExactArgumentParser()
     export.add_arguments(parser)
     status = export.run(parser.parse_args(["--out", str(folder / study), "--study", study]))
     if status == 0:

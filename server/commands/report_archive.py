@@ -5,12 +5,12 @@ report button starts.
 FOLDER/stage says what it does. The environment names the database: its address may hold a password.
 """
 
-import argparse
 import json
 import shutil
 import sys
 from pathlib import Path
 
+from kitchenmind.argument_parser import ExactArgumentParser
 from server.commands import export
 from server.commands.export_archive import give_way
 from server.monitoring.report_making import ABOUT, ARCHIVE, STAGES, write_stage
@@ -19,7 +19,7 @@ from server.monitoring.report_making import ABOUT, ARCHIVE, STAGES, write_stage
 def main(folder: Path, study: str) -> int:
     """Return the exit status of `kitchenmind export`, or 2 with the reason for data without a report."""
     give_way()
-    parser = argparse.ArgumentParser()
+    parser = ExactArgumentParser()
     export.add_arguments(parser)
     data = folder / study
     words = ["--out", str(data), "--study", study, "--format", "parquet"]

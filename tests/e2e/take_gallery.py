@@ -196,7 +196,7 @@ The sentences of the report about these programs:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__)
     parser.add_argument("--participants", type=int, default=90)
     parser.add_argument("--study", type=Path, default=ROOT / "studies" / "external_predictor.yaml")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "gallery")
