@@ -7,11 +7,12 @@ import ipaddress
 import os
 import re
 import secrets
+import shlex
 from pathlib import Path
 from typing import Any, Literal, Self
 from urllib.parse import quote, urlsplit
 
-from pydantic import Field, SecretStr, model_validator
+from pydantic import Field, SecretStr, ValidationError, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from server.weak_secrets import is_weak
@@ -179,9 +180,21 @@ class Settings(BaseSettings):
         """The folder in which each kitchen of the dashboard is a `.layout` file, for the commands that train."""
         return self.data.absolute() / "kitchens"
 
+    @property
+    def has_database(self) -> bool:
+        """Whether the database is in the folder `data`."""
+        return self.database == _database_in(self.data)
+
+    @property
+    def data_option(self) -> str:
+        """The option, after a space, with which other commands find this server's database; "" if they need none, or
+        if the database is somewhere else."""
+        is_default = self.data == type(self).model_fields["data"].default
+        return "" if is_default or not self.has_database else f" --data {shlex.quote(str(self.data))}"
+
     def make_data_folder(self) -> None:
         """Create the folder `data` if it will be used. Raises OSError."""
-        if self.secret is None or self.database == _database_in(self.data):
+        if self.secret is None or self.has_database:
             self.data.mkdir(mode=0o700, parents=True, exist_ok=True)
 
     def signing_key(self) -> bytes:
@@ -199,13 +212,30 @@ class Settings(BaseSettings):
         return path.read_bytes()
 
 
-def own_models_here() -> Path:
-    """Return the folder of trained models for a command, also if settings that only a server needs are wrong."""
+def settings_with(**given: Any) -> Settings:
+    """Return the environment's settings, overridden by what is given and not None. Raises ValueError."""
+    try:
+        return Settings(**{name: value for name, value in given.items() if value is not None})
+    except ValidationError as error:
+        raise ValueError("; ".join(_plain(one) for one in error.errors())) from None
+
+
+def own_models_here(data: Path | None = None) -> Path:
+    """Return the folder of trained models for a command, also if settings that only a server needs are wrong. `data`:
+    the server's folder, if an option names it."""
+    if data is not None:
+        return data.absolute() / "models"
     try:
         return Settings().own_models
     except ValueError:
         folder: Path = Settings.model_fields["data"].default
         return Path(os.environ.get("KITCHENMIND_DATA") or folder).absolute() / "models"
+
+
+def _plain(error: Any) -> str:
+    """Return what is wrong with a setting, without pydantic's own prefix."""
+    name = "".join(f"KITCHENMIND_{part.upper()}: " for part in error["loc"][:1])
+    return f"{name}{error['msg'].removeprefix('Value error, ')}"
 
 
 def _database_in(folder: Path) -> str:

@@ -46,15 +46,16 @@ def make(file: StudyFile, people: int | None = None, plan: str = "") -> bytes:
     return packed(content, manifest)
 
 
-def open_bundle(path: Path, allowed: Collection[str] = ()) -> Bundle:
+def open_bundle(path: Path, allowed: Collection[str] = (), own_models: Path | None = None) -> Bundle:
     """Return the study of a bundle, if everything here matches it. `allowed`: models whose code may run, or whose
-    address may be called, although the bundle does not contain them. Raises BundleRefused, OSError."""
+    address may be called, although the bundle does not contain them; `own_models`: the folder of trained models, else
+    that of the settings. Raises BundleRefused, OSError."""
     content, manifest = unpacked(path)
     try:
         wanted = State.of(manifest["state"])
         is_known = manifest["format"] == FORMAT
         file = parse_study(content[STUDY], f"{path}: {STUDY}")
-        file = replace(file, folder=path.absolute().parent, own_models=own_models_here())
+        file = replace(file, folder=path.absolute().parent, own_models=own_models or own_models_here())
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         reason = str(error) if isinstance(error, StudyError) else f"{path} is not a bundle."
         raise BundleRefused(f"{reason} Make one with `kitchenmind bundle STUDY`.") from None

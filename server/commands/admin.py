@@ -11,6 +11,8 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from server.commands.server_data import ServerData, add_data_options
+
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
@@ -19,36 +21,29 @@ _ROLES = "watch: see; act: also intervene; own: also accounts"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--database", metavar="URL", help="sqlite:///path or postgresql://user@host/name")
+    add_data_options(parser)
     verbs = parser.add_subparsers(dest="admin_verb", required=True, metavar="create|reset|remove|list")
     create = verbs.add_parser("create", help="create an account; asks for a password, or makes one")
     create.add_argument("name", help="the name to sign in with")
-    _add_database(create)
     create.add_argument("--role", choices=("watch", "act", "own"), default="own", help=f"{_ROLES} (own)")
     reset = verbs.add_parser("reset", help="set a new password and sign the account out everywhere")
     reset.add_argument("name", help="the account")
-    _add_database(reset)
     remove = verbs.add_parser("remove", help="delete an account; the audit log keeps its actions")
     remove.add_argument("name", help="the account")
-    _add_database(remove)
-    _add_database(verbs.add_parser("list", help="list all accounts"))
-
-
-def _add_database(parser: argparse.ArgumentParser) -> None:
-    """Accept the option also after the verb, as other commands do; a value given before the verb is kept."""
-    parser.add_argument("--database", metavar="URL", default=argparse.SUPPRESS, help="sqlite:///path or postgresql://")
+    accounts = verbs.add_parser("list", help="list all accounts")
+    for each in (create, reset, remove, accounts):
+        add_data_options(each, default=argparse.SUPPRESS)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Return 0 if done, 2 for wrong input, 1 if the database failed."""
     from sqlalchemy.exc import DBAPIError
 
-    from server.settings import Settings
     from server.store import engines
     from server.store.migrate import DatabaseTooNew, migrate
 
     try:
-        url = arguments.database or Settings().database
+        url = ServerData.of(arguments).url
         with contextlib.suppress(engines.DatabaseInUse):  # the server has it open, so its tables exist
             migrate(url)
         sys.stdout.writelines(f"{line}\n" for line in _do(Accounts(url), arguments))

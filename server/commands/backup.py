@@ -4,10 +4,12 @@ import argparse
 import sys
 from pathlib import Path
 
+from server.commands.server_data import ServerData, add_data_options
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--to", required=True, type=Path, metavar="FILE", help="the file to write; it must not exist")
-    parser.add_argument("--database", metavar="URL", help="sqlite:///path")
+    add_data_options(parser, database="sqlite:///path")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -17,7 +19,7 @@ def run(arguments: argparse.Namespace) -> int:
     from server.store.engines import DatabaseDown
 
     try:
-        with open_stored(arguments.database) as database:
+        with open_stored(ServerData.of(arguments).url) as database:
             copy_to(database.url, arguments.to)
     except (ValueError, OSError) as error:
         sys.stderr.write(f"kitchenmind backup: {error}\n")

@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
+from server.commands.server_data import ServerData, add_data_options
+
 if TYPE_CHECKING:
     from server.bots.group import BotGroup, GroupOutcome
     from server.bots.participant import Bot
@@ -31,8 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the study file (studies/quick_look.yaml); with --url also the name of a study that the server offers",
     )
     parser.add_argument("--url", help="a server that is running; without it, the command starts one")
-    parser.add_argument(
-        "--database", metavar="URL", help="keep the data here, sqlite:///path; with --url: the server's own database"
+    add_data_options(
+        parser,
+        database="keep the data here, sqlite:///path; with --url: the server's own database",
+        data="the folder of `kitchenmind serve --data DIR`: its kitchens, its models, and its database for the data",
     )
     parser.add_argument(
         "--dropout", type=float, default=0.0, metavar="P", help="share of participants who drop out (0.0)"
@@ -91,10 +95,16 @@ def _check(arguments: argparse.Namespace) -> None:
         )
     if arguments.url and arguments.faults:
         raise ValueError("--faults kills the server: it needs one of its own. Leave out --url.")
-    if arguments.database:
+    if database := _database(arguments):
         from server.store.engines import normal_url
 
-        normal_url(arguments.database)
+        normal_url(database)
+
+
+def _database(arguments: argparse.Namespace) -> str | None:
+    """Return the database that the options name. Raises ValueError."""
+    server = ServerData.of(arguments)
+    return server.url if server.is_named else None
 
 
 def _is_local(url: str) -> bool:
@@ -115,12 +125,12 @@ def _simulate(arguments: argparse.Namespace) -> "GroupOutcome":
     if arguments.url:
         if arguments.fast:
             _say(arguments, "the server at --url has its own clock: --fast needs a server that this command starts")
-        return _walk(arguments, group, arguments.url, arguments.database)
+        return _walk(arguments, group, arguments.url, _database(arguments))
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="kitchenmind-bots-"))
-        database = arguments.database or f"sqlite:///{Path(folder) / 'bots.sqlite3'}"
+        database = _database(arguments) or f"sqlite:///{Path(folder) / 'bots.sqlite3'}"
         _say(arguments, "starting a server ...")
-        study, environment = _with_kitchens(study, Path(folder))
+        study, environment = _with_kitchens(study, Path(folder), arguments.data)
         server = stack.enter_context(OwnServer(database, study, environment | (QUICK if arguments.fast else {})))
         return _walk(arguments, group, server.url, database)
 
@@ -141,9 +151,9 @@ def _try_out(arguments: argparse.Namespace) -> int:
     group = replace(_group(arguments, study), browser_faults=BROWSER_FAULTS)
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="kitchenmind-bots-"))
-        url = arguments.database or f"sqlite:///{Path(folder) / 'bots.sqlite3'}"
+        url = _database(arguments) or f"sqlite:///{Path(folder) / 'bots.sqlite3'}"
         _say(arguments, "starting a server that will be killed ...")
-        study, environment = _with_kitchens(study, Path(folder))
+        study, environment = _with_kitchens(study, Path(folder), arguments.data)
         server = stack.enter_context(OwnServer(url, study, environment | QUICK))
         database = stack.enter_context(open_stored(url))
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
@@ -171,7 +181,7 @@ def _group(arguments: argparse.Namespace, study_file: Path) -> "BotGroup":
         return BotGroup(
             arguments.number, offered, None, arguments.dropout, arguments.seed, secret=_secret(), cook=arguments.cook
         )
-    file = load_stored(study_file)
+    file = load_stored(study_file, ServerData(arguments.data))
     if not arguments.url:
         missing = [file.describe(problem) for problem in missing_problems(file, required_models([file]))]
         if missing:
@@ -188,14 +198,15 @@ def _group(arguments: argparse.Namespace, study_file: Path) -> "BotGroup":
     )
 
 
-def _with_kitchens(study: Path, folder: Path) -> tuple[Path, dict[str, str]]:
+def _with_kitchens(study: Path, folder: Path, data: Path | None) -> tuple[Path, dict[str, str]]:
     """The study file for a server with an own database, and that server's environment. The database has no kitchens of
     the dashboard: if the study names one, its grid is written into a copy of the file in `folder`. Models that were
-    trained here stay where they are."""
+    trained here stay where they are. `data`: the folder with the kitchens and models, else that of the settings."""
     from server.commands.databases import load_stored
 
-    file = load_stored(study)
-    own = {"KITCHENMIND_DATA": str(file.own_models.parent)} if file.study.checkpoints and file.own_models else {}
+    file = load_stored(study, ServerData(data))
+    uses_data = data is not None or bool(file.study.checkpoints)
+    own = {"KITCHENMIND_DATA": str(file.own_models.parent)} if uses_data and file.own_models else {}
     if file.text == study.read_bytes().decode("utf-8"):
         return study, own
     copy = folder / f"{file.study.name}.yaml"

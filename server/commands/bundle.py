@@ -5,6 +5,8 @@ import hashlib
 import sys
 from pathlib import Path
 
+from server.commands.server_data import ServerData, add_data_options
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("study", type=Path, metavar="STUDY", help="the study file")
@@ -13,6 +15,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--participants", type=int, metavar="N", help="length of the allocation list (default: the sum of the quotas)"
     )
     parser.add_argument("--plan", type=Path, metavar="FILE", help="a text with your hypotheses and analysis plan")
+    add_data_options(
+        parser,
+        database="the database with the kitchens of the dashboard",
+        data="the folder of `kitchenmind serve --data DIR`, with kitchens and trained models",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -25,7 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         if arguments.participants is not None and not 1 <= arguments.participants <= 10_000:
             raise ValueError("--participants is out of range. Give a number from 1 to 10000.")
-        file = load_stored(arguments.study)
+        file = load_stored(arguments.study, ServerData.of(arguments))
         if errors := [file.describe(problem) for problem in stage_problems(file) if not problem.warning]:
             raise StudyError(errors)
         plan = arguments.plan.read_text(encoding="utf-8") if arguments.plan else ""

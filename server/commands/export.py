@@ -5,10 +5,12 @@ import sys
 import time
 from pathlib import Path
 
+from server.commands.server_data import ServerData, add_data_options
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="the folder to write; it must not exist")
-    parser.add_argument("--database", metavar="URL", help="sqlite:///path or postgresql://user@host/name")
+    add_data_options(parser)
     parser.add_argument(
         "--format",
         default="csv,parquet",
@@ -27,7 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
     formats = [word.strip() for word in arguments.format.split(",") if word.strip()]
     began = time.monotonic()
     try:
-        with open_stored(arguments.database) as database:
+        with open_stored(ServerData.of(arguments).url) as database:
             summary = database.read_now(export, arguments.out, formats, arguments.study)
     except (ValueError, ExportRefused, OSError) as error:
         sys.stderr.write(f"kitchenmind export: {error}\n")

@@ -5,14 +5,18 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from server.commands.server_data import ServerData, add_data_options
+
 if TYPE_CHECKING:
     from server.store.tombstones import Tombstone
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, metavar="DIR", help="the folder that `kitchenmind export` wrote")
-    parser.add_argument(
-        "--database", required=True, metavar="URL", help="a new database: sqlite:///path or postgresql://..."
+    add_data_options(
+        parser,
+        database="a new database: sqlite:///path or postgresql://...",
+        data="a new folder for `kitchenmind serve --data DIR`, with the database in it",
     )
     parser.add_argument(
         "--withdrawn",
@@ -32,9 +36,12 @@ def run(arguments: argparse.Namespace) -> int:
     from server.store.migrate import DatabaseTooNew, migrate
 
     try:
+        new = ServerData.of(arguments)
+        if not new.is_named:
+            raise ValueError("name the new database with --data DIR or --database URL.")
         withdrawn = _withdrawn(arguments)
-        migrate(arguments.database)
-        with Database(arguments.database) as database:
+        migrate(new.url)
+        with Database(new.url) as database:
             counted = database.write_now(import_export, arguments.folder, withdrawn)
     except (ValueError, KeyError, OSError, DatabaseTooNew) as error:
         sys.stderr.write(f"kitchenmind import: {error}\n")
@@ -63,7 +70,7 @@ def _withdrawn(arguments: argparse.Namespace) -> "list[Tombstone]":
             with open_stored(source) as database:
                 found += database.read_now(tombstones.every)
     try:
-        with open_stored(None) as database:
+        with open_stored(ServerData().url) as database:
             found += database.read_now(tombstones.every)
     except ValueError as error:
         if not arguments.withdrawn:

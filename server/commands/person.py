@@ -6,6 +6,8 @@ import sys
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
+from server.commands.server_data import ServerData, add_data_options
+
 if TYPE_CHECKING:
     from sqlalchemy import URL, Connection
 
@@ -21,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for each in (find, delete):
         each.add_argument("who", metavar="WHO", help="the personal code, the recruiter's id, or the participant id")
         each.add_argument("--study", required=True, metavar="KEY", help="the study's name")
-        each.add_argument("--database", metavar="URL", help="sqlite:///path or postgresql://user@host/name")
+        add_data_options(each)
     delete.add_argument(
         "--reason", required=True, metavar="TEXT", help="reason for the audit log; do not name the person"
     )
@@ -38,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     from server.store.migrate import DatabaseTooNew
 
     try:
-        with open_stored(arguments.database) as database:
+        with open_stored(ServerData.of(arguments).url) as database:
             found = database.read_now(_find, arguments)
             url = database.url
         who = participants.label(found.number, found.simulated)

@@ -13,7 +13,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from server.cluster.supervisor import Supervised, Supervisor, supervised
 
@@ -77,10 +77,11 @@ def unbundled(arguments: argparse.Namespace) -> Iterator[None]:
         yield
         return
     from server.bundle.making import open_bundle
+    from server.settings import own_models_here
 
     if arguments.study:
         raise ValueError("--bundle runs its own study: leave --study out.")
-    bundle = open_bundle(arguments.bundle, arguments.allow_model)
+    bundle = open_bundle(arguments.bundle, arguments.allow_model, own_models_here(arguments.data))
     with tempfile.TemporaryDirectory(prefix="kitchenmind-bundle-") as folder:
         path = Path(folder) / f"{bundle.file.study.name}.yaml"
         path.write_text(bundle.file.text, encoding="utf-8", newline="")
@@ -90,29 +91,23 @@ def unbundled(arguments: argparse.Namespace) -> Iterator[None]:
 
 def settings_of(arguments: argparse.Namespace) -> "Settings":
     """Return the environment's settings, overridden by those of the command line. Raises ValueError."""
-    from pydantic import ValidationError
-
-    from server.settings import Settings
+    from server.settings import settings_with
     from server.store.engines import normal_url
 
-    given: dict[str, Any] = {
-        "studies": tuple(arguments.study) if arguments.study else None,
-        "models_folder": getattr(arguments, "models_folder", None),
-        "host": arguments.host,
-        "port": arguments.port,
-        "data": getattr(arguments, "data", None),
-        "database": arguments.database,
-        "workers": arguments.workers,
-        "redis": arguments.redis,
-        "model_workers": arguments.model_workers,
-        "speed": arguments.speed,
-    }
-    try:
-        settings = Settings(**{name: value for name, value in given.items() if value is not None})
-        normal_url(settings.database)
-        return settings
-    except ValidationError as error:
-        raise ValueError("; ".join(_plain(one) for one in error.errors())) from None
+    settings = settings_with(
+        studies=tuple(arguments.study) if arguments.study else None,
+        models_folder=getattr(arguments, "models_folder", None),
+        host=arguments.host,
+        port=arguments.port,
+        data=getattr(arguments, "data", None),
+        database=arguments.database,
+        workers=arguments.workers,
+        redis=arguments.redis,
+        model_workers=arguments.model_workers,
+        speed=arguments.speed,
+    )
+    normal_url(settings.database)
+    return settings
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -254,7 +249,8 @@ def _announce(settings: "Settings", listening: socket.socket) -> None:
     if not IS_CHECKOUT:
         print(f"data are kept in {settings.data.absolute()}", flush=True)
     print(f"kitchenmind is at {_address(listening)}  (stop with Ctrl+C)", flush=True)
-    print("the dashboard is at /admin; `kitchenmind admin create NAME --role own` makes an account for it", flush=True)
+    create = f"kitchenmind admin create NAME --role own{settings.data_option}"
+    print(f"the dashboard is at /admin; `{create}` makes an account for it", flush=True)
 
 
 def _address(listening: socket.socket) -> str:
@@ -262,12 +258,6 @@ def _address(listening: socket.socket) -> str:
     if host in ("0.0.0.0", "::"):  # noqa: S104
         host = "127.0.0.1"
     return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
-
-
-def _plain(error: Any) -> str:
-    """Return what is wrong with a setting, without pydantic's own prefix."""
-    name = "".join(f"KITCHENMIND_{part.upper()}: " for part in error["loc"][:1])
-    return f"{name}{error['msg'].removeprefix('Value error, ')}"
 
 
 def _refuse(error: Exception, status: int) -> int:

@@ -9,6 +9,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from server.commands.server_data import ServerData, add_data_options
+
 if TYPE_CHECKING:
     from server.study.definition import Study
     from server.study.loader import StudyFile
@@ -26,6 +28,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     new.add_argument("--out", type=Path, help="the file to write (studies/NAME.yaml)")
     check = verbs.add_parser("check", help="list every mistake in a file: line, reason, fix")
     check.add_argument("file", type=Path, help="the study file")
+    add_data_options(
+        check,
+        database="the database with the kitchens of the dashboard",
+        data="the folder of `kitchenmind serve --data DIR`, with kitchens and trained models",
+    )
     verbs.add_parser("schema", help="print the JSON Schema of study files, for editors")
     words = verbs.add_parser("words", help="write the platform's words for translation, or list what is missing")
     words.add_argument("language", help="the language's code, such as de or pt-BR")
@@ -40,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
         return _new(arguments.name, arguments.out or STUDIES / f"{arguments.name}.yaml")
     if arguments.study_verb == "words":
         return _words(arguments.language, arguments.place)
-    return _check(arguments.file) if arguments.study_verb == "check" else _schema()
+    return _check(arguments.file, arguments) if arguments.study_verb == "check" else _schema()
 
 
 def _new(name: str, path: Path) -> int:
@@ -58,16 +65,18 @@ def _new(name: str, path: Path) -> int:
     return 0
 
 
-def _check(path: Path) -> int:
+def _check(path: Path, arguments: argparse.Namespace) -> int:
     from server.commands.databases import load_stored
     from server.study.loader import StudyError
     from server.study_check import stage_problems
     from server.study_doubts import doubts
 
     try:
-        file = load_stored(path)
+        file = load_stored(path, ServerData.of(arguments))
     except StudyError as error:
         return _refuse(*error.lines)
+    except ValueError as error:
+        return _refuse(f"kitchenmind study: {error}")
     except OSError as error:
         return _refuse(f"{path}: {error.strerror}. Give the path of a study file.")
     found = list(stage_problems(file))

@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from server.commands.server_data import ServerData, add_data_options
+
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
@@ -26,7 +28,7 @@ class _Line:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--database", metavar="URL", help="sqlite:///path or postgresql://user@host/name")
+    add_data_options(parser)
     parser.add_argument("--study", metavar="KEY", help="only this study (all its versions)")
 
 
@@ -37,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     from server.store.engines import DatabaseDown
 
     try:
-        with open_stored(arguments.database) as database:
+        with open_stored(ServerData.of(arguments).url) as database:
             lines, status = database.read_now(_verify, arguments.study)
     except ValueError as error:
         sys.stderr.write(f"kitchenmind verify: {error}\n")

@@ -79,17 +79,17 @@ def test_commands_find_the_kitchens_of_the_dashboard_in_the_database(
     url, path = with_tables(tmp_path / "site.db"), tmp_path / "small.yaml"
     path.write_text(NAMED, encoding="utf-8")
     monkeypatch.setenv("KITCHENMIND_DATABASE", url)
-    assert study_command.run(Namespace(study_verb="check", file=path)) == 2
+    assert study_command.run(Namespace(study_verb="check", file=path, data=None, database=None)) == 2
     assert "there is no layout 'nook'" in capsys.readouterr().err
     with Database(url) as database:
         database.write_now(kitchens.save, "nook", GRID, "mara", 0)
-    assert study_command.run(Namespace(study_verb="check", file=path)) == 0
+    assert study_command.run(Namespace(study_verb="check", file=path, data=None, database=None)) == 0
     (tmp_path / "own").mkdir()
-    copy, environment = bots._with_kitchens(path, tmp_path / "own")
+    copy, environment = bots._with_kitchens(path, tmp_path / "own", None)
     assert load_study(copy).study.layout("nook").grid == GRID
     assert environment == {"KITCHENMIND_MODELS_FOLDER": str(tmp_path)}
     path.write_text(SMALL_STUDY, encoding="utf-8")
-    assert bots._with_kitchens(path, tmp_path / "own") == (path, {})
+    assert bots._with_kitchens(path, tmp_path / "own", None) == (path, {})
 
 
 def test_models_are_found_by_the_grid_and_told_by_the_name_that_has_them() -> None:
