@@ -88,6 +88,11 @@ def bundled_layout(name: str) -> Layout:
     return load_layout(name)
 
 
+def bundled_grid(name: str) -> str | None:
+    """Return the grid of the bundled layout of that name; None if there is none."""
+    return load_layout(name).text if name in layout_names() else None
+
+
 def layout_names() -> list[str]:
     """Return the names of the bundled layouts."""
     return sorted(path.stem for path in LAYOUT_FOLDER.glob("*.layout"))

@@ -10,6 +10,7 @@ from models.agents.blackbox import is_foreign
 from models.agents.model_paths import ModelPaths, has_class, is_class, located, source_file, without_variant
 from models.agents.onnx_weights import onnx_sha256
 from models.agents.own_checkpoints import OwnCheckpoints
+from overcooked.layout import load_layout
 from server.participation.episode_specs import layout_of, models_of
 from server.settings import ROOT
 from server.study.checks import Problem
@@ -35,6 +36,10 @@ class RequiredModels:
     def missing(self) -> tuple[Name, ...]:
         """The models that this machine does not have."""
         return tuple(name for name in (*self.agents, *self.predictors) if self.lacks(*name) is not None)
+
+    def grid_of(self, layout: str) -> str:
+        """Return the grid of a layout of these studies, drawn or bundled."""
+        return self.grids.get(layout) or load_layout(layout).text
 
     def lacks(self, layout: str, model: str) -> str | None:
         """Return what is missing of a model, as a clause; None if it is complete. No code of it is run."""

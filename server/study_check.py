@@ -5,18 +5,25 @@ import json
 from collections.abc import Iterator
 from itertools import product
 from pathlib import Path as FilePath
-from typing import Any
 
 from models.agents.blackbox import is_foreign
 from models.agents.model_paths import is_class, without_variant
-from overcooked.layout import Layout, LayoutError
+from overcooked.layout import Layout, LayoutError, bundled_grid
 from server.participation.episode_specs import layout_of, models_of, predictor_of
 from server.required_models import WEIGHTS, WITHOUT_WEIGHTS, RequiredModels, folder_of, required_models
 from server.study.checks import Path, Problem, capitalised
 from server.study.definition import KitchenChoice, PartnerSettings, Study
 from server.study.factor_checks import in_factors
 from server.study.loader import StudyFile
-from server.study_doubts import commands_for, partner_at, shown_words, training_words
+from server.study_doubts import (
+    agent_words,
+    commands_for,
+    config_of,
+    is_for_grid,
+    partner_at,
+    shown_words,
+    training_words,
+)
 
 
 def stage_problems(file: StudyFile, loads: bool = True) -> Iterator[Problem]:
@@ -35,6 +42,11 @@ def stage_problems(file: StudyFile, loads: bool = True) -> Iterator[Problem]:
         except FileNotFoundError as error:
             remedy = "Correct the name, draw the rows under `grid: |`, or save this kitchen in the dashboard."
             yield Problem((*path, "name"), str(error).rstrip("."), remedy)
+        else:
+            if bundled_grid(kitchen.name) not in (None, sound[kitchen.name].text):
+                reason = f"{kitchen.name!r} is a bundled kitchen with another grid"
+                remedy = "Give this grid a name of its own: agents and predictors are found by the kitchen's name."
+                yield Problem((*path, "name"), reason, remedy, warning=True)
     if len(sound) == len({kitchen.name for _, kitchen in places}):  # models need valid kitchens
         yield from _model_problems(file, sound, loads)
 
@@ -95,8 +107,7 @@ def _remedy(place: Path, layout: str, model: str, required: RequiredModels, agen
         ready = f"Write `predictor: NAME` for this agent; there are: {', '.join(known)}"
         return f"{guess}{ready}. Or {training_words(layout, agent, required)}"
     named = f"{guess}Name an agent that can play this kitchen ({', '.join(known)})"
-    commands = commands_for(layout, required)
-    return f"{named}, or train one: `{commands.agent(base)}`{commands.note}."
+    return f"{named}, or {agent_words(layout, base, required)}"
 
 
 def _model_problems(file: StudyFile, layouts: dict[str, Layout], loads: bool) -> Iterator[Problem]:
@@ -139,13 +150,14 @@ def _intention_problems(study: Study, layouts: dict[str, Layout], required: Requ
 
 
 def _grid_problem(study: Study, layout: Layout, model: str, required: RequiredModels) -> Problem | None:
-    grid = _config(layout.name, model, required).get("grid", layout.text)
-    if grid == layout.text:
+    if is_for_grid(layout.name, model, required):
         return None
     names = [kitchen.name for kitchen in study.layouts]
     place: Path = ("layouts", names.index(layout.name)) if layout.name in names else ("tutorial", "layout")
     reason = f"{model!r} was trained on another grid named {layout.name}"
     commands = commands_for(layout.name, required)
+    if commands.is_taken:
+        return Problem(place, reason, "Give this grid a name of its own, or name a model of this kitchen.")
     train = f": `{commands.agent(without_variant(model))}`{commands.note}" if "/" not in model else ""
     remedy = "Give the own grid an own name, name a model of this kitchen, or train one for this grid"
     return Problem(place, reason, f"{remedy}{train}.")
@@ -153,7 +165,7 @@ def _grid_problem(study: Study, layout: Layout, model: str, required: RequiredMo
 
 def _wrong_kind(place: Path, layout: str, model: str, required: RequiredModels) -> Problem | None:
     """Return the problem of an agent that is named as a predictor, or the other way round."""
-    kind = str(_config(layout, model, required).get("format", "")).removeprefix("kitchenmind ").partition(" ")[0]
+    kind = str(config_of(layout, model, required).get("format", "")).removeprefix("kitchenmind ").partition(" ")[0]
     wanted = "predictor" if place[-1] == "predictor" else "agent"
     if kind in ("", wanted):
         return None
@@ -161,13 +173,6 @@ def _wrong_kind(place: Path, layout: str, model: str, required: RequiredModels) 
     words = "it is an agent, not a predictor" if kind == "agent" else "it is a predictor, not an agent"
     reason = f"{model!r} cannot be used on {layout} here: {words}"
     return Problem(place, reason, f"Name one of: {names}.")
-
-
-def _config(layout: str, model: str, required: RequiredModels) -> dict[str, Any]:
-    """Return what a checkpoint says about itself; nothing for other models."""
-    path = folder_of(layout, required.paths.located(layout, model)) / "config.json"
-    found: dict[str, Any] = json.loads(path.read_text("utf-8")) if path.is_file() else {}
-    return found
 
 
 def _unfit(place: Path, layout: Layout, model: str, required: RequiredModels) -> Problem | None:
@@ -208,8 +213,9 @@ def _degraded_problems(required: RequiredModels) -> Iterator[Problem]:
 
 
 def _there(layout: str, required: RequiredModels, predictors: bool) -> list[str]:
+    """Return the agents or predictors that can be named for a kitchen."""
     names = sorted(path.parent.name for path in (WEIGHTS / layout).glob("*/config.json"))
-    kept = [name for name in names if ("_predictor_" in name) == predictors]
-    own = {} if required.own is None else required.own.of_kitchen(layout)
-    kept += [name for name, one in own.items() if (one.kind == "predictor") == predictors and name not in kept]
+    kept = [name for name in names if ("_predictor_" in name) == predictors and is_for_grid(layout, name, required)]
+    own = {} if required.own is None else required.own.of_kitchen(layout, required.grid_of(layout))
+    kept += [name for name, one in own.items() if (one.kind == "predictor") == predictors and name not in names]
     return [*kept, "random"] if predictors else [*kept, "planner", "random", "stay"]

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from itertools import product
+from typing import Any, Final
 
 from models.agents.blackbox import is_foreign
 from models.agents.model_paths import without_variant
@@ -10,9 +11,11 @@ from overcooked.layout import layout_names
 from server.participation.episode_specs import predictor_of
 from server.participation.training_commands import TrainingCommands, training_commands
 from server.required_models import WITHOUT_WEIGHTS, RequiredModels, fingerprint, folder_of, required_models
-from server.study.checks import Path, Problem
+from server.study.checks import Path, Problem, capitalised
 from server.study.definition import PartnerSettings, Study
 from server.study.loader import StudyFile
+
+_RENAME: Final = "give this grid another name before you train for it: a bundled kitchen has this one."
 
 
 def doubts(file: StudyFile) -> Iterator[Problem]:
@@ -48,16 +51,14 @@ def _untrained(study: Study, required: RequiredModels) -> Iterator[Problem]:
     for index, kitchen in enumerate(study.layouts):
         if kitchen.grid is not None:
             reason = f"only scripted agents play in {kitchen.name}, which was drawn by hand"
-            commands = commands_for(kitchen.name, required)
-            own = required.own.of_kitchen(kitchen.name) if required.own is not None else {}
+            grid = required.grid_of(kitchen.name)
+            own = required.own.of_kitchen(kitchen.name, grid) if required.own is not None else {}
             trained = [name for name, one in own.items() if one.kind == "agent"]
-            ready = (
-                f"Trained for it: {', '.join(trained)}."
-                if trained
-                else f"To train one: `{commands.agent()}`{commands.note}."
-            )
-            where = "The kitchen's page in the dashboard has all commands."
-            remedy = f"They can cook in every kitchen. {ready} {where}"
+            is_taken = commands_for(kitchen.name, required).is_taken
+            words = capitalised(agent_words(kitchen.name, "", required))
+            ready = f"Trained for it: {', '.join(trained)}." if trained else words
+            where = "" if is_taken else " The kitchen's page in the dashboard has all commands."
+            remedy = f"They can cook in every kitchen. {ready}{where}"
             yield Problem(("layouts", index, "name"), reason, remedy, warning=True)
 
 
@@ -73,14 +74,35 @@ def shown_words(study: Study) -> str:
 
 def commands_for(layout: str, required: RequiredModels) -> TrainingCommands:
     """Return the commands that train for a kitchen."""
-    return training_commands(layout, None if required.own is None else required.own.root)
+    return training_commands(layout, None if required.own is None else required.own.root, required.grids.get(layout))
+
+
+def agent_words(layout: str, agent: str, required: RequiredModels) -> str:
+    """Say how to train an agent for a layout."""
+    commands = commands_for(layout, required)
+    return _RENAME if commands.is_taken else f"train one: `{commands.agent(agent)}`{commands.note}."
 
 
 def training_words(layout: str, agent: str, required: RequiredModels) -> str:
     """Say how to train a predictor of an agent on a layout."""
     commands = commands_for(layout, required)
+    if commands.is_taken:
+        return _RENAME
     where = "" if layout in layout_names() else " (before that, the partners on the kitchen's page in the dashboard)"
     return f"train one: `{commands.collect(agent)}`{where}, then `{commands.predictor(agent)}`."
+
+
+def config_of(layout: str, model: str, required: RequiredModels) -> dict[str, Any]:
+    """Return what a checkpoint says about itself; nothing for other models."""
+    path = folder_of(layout, required.paths.located(layout, model)) / "config.json"
+    found: dict[str, Any] = json.loads(path.read_text("utf-8")) if path.is_file() else {}
+    return found
+
+
+def is_for_grid(layout: str, model: str, required: RequiredModels) -> bool:
+    """Return whether a model can be used in a layout's grid, as far as it says for which it was trained."""
+    grid = required.grid_of(layout)
+    return bool(config_of(layout, model, required).get("grid", grid) == grid)
 
 
 def partner_at(study: Study, place: Path) -> PartnerSettings:
@@ -93,7 +115,11 @@ def partner_at(study: Study, place: Path) -> PartnerSettings:
 def _guessing(study: Study, agent: PartnerSettings, place: Path, required: RequiredModels) -> Problem:
     """The warning about an agent whose predictor was not trained for it."""
     trained = f"{agent.model or agent.name}_predictor_{study.predictor.form}"
-    lacking = [one.name for one in study.layouts if required.lacks(one.name, trained) is not None]
+    lacking = [
+        one.name
+        for one in study.layouts
+        if required.lacks(one.name, trained) is not None or not is_for_grid(one.name, trained, required)
+    ]
     what = "guesses at random" if agent.predictor == "random" else f"knows the scripted {agent.predictor} only"
     kitchens = ", ".join(lacking or [one.name for one in study.layouts])
     reason = f"{shown_words(study)} predictions of {agent.name} in {kitchens}, and `{agent.predictor}` {what}"

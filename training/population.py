@@ -14,7 +14,7 @@ from models.networks.checkpoint import CheckpointError, load_checkpoint
 from models.networks.policy import NetworkPolicy, network_of
 from models.protocols import Observations, Policy, Probabilities
 from overcooked.constants import ACTIONS
-from overcooked.layout import Layout, layout_names
+from overcooked.layout import Layout, bundled_grid
 from training.collect import TRAIN, Partner, Target, split_by_agent
 from training.compute import collecting_device
 
@@ -86,7 +86,7 @@ def load_partner_folder(folder: Path, layout: Layout) -> list[Partner]:
 
 def how_to_get_partners(layout: Layout) -> str:
     """Return which partners are needed and the commands that make them, for a message."""
-    place = layout.name if layout.name in layout_names() else f"{layout.name}.layout"
+    place = layout.name if bundled_grid(layout.name) == layout.text else f"{layout.name}.layout"
     return (
         f"A predictor learns from games with at least {FEWEST_PARTNERS} other agents of the kitchen: one is kept for "
         "validation, one for the test. Train some: "

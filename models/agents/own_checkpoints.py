@@ -43,12 +43,12 @@ class OwnCheckpoints:
 
     root: Path
 
-    def of_kitchen(self, kitchen: str) -> dict[str, OwnCheckpoint]:
-        """Return the complete checkpoints of a kitchen by name."""
+    def of_kitchen(self, kitchen: str, grid: str | None = None) -> dict[str, OwnCheckpoint]:
+        """Return the complete checkpoints of a kitchen by name; `grid`: only those that were trained for it."""
         place = self.root / kitchen
         names = sorted(path.name for path in place.iterdir()) if _NAME.fullmatch(kitchen) and place.is_dir() else []
         found = {name: self.find(kitchen, name) for name in names}
-        return {name: one for name, one in found.items() if one is not None}
+        return {name: one for name, one in found.items() if one is not None and grid in (None, one.grid)}
 
     def find(self, kitchen: str, name: str, wanted: str | None = None) -> OwnCheckpoint | None:
         """Return a checkpoint, None if there is none or it is not complete. `wanted`: only the one with this SHA-256,

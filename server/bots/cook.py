@@ -4,6 +4,7 @@ assumes that the partner goes where the first of them leads. All randomness come
 states lead to the same actions. `server.bots.foresight` has the cook that bots use by default.
 """
 
+import json
 from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -147,9 +148,14 @@ class Cook:
         return other == [x + int(STEP_X[action]), y + int(STEP_Y[action])]
 
 
-def layouts_without_clone(layouts: Iterable[str]) -> list[str]:
-    """Return those of the bundled layouts that have no behaviour-cloned human."""
-    return [name for name in layouts if not (WEIGHTS / name / CLONE / "config.json").is_file()]
+def layouts_without_clone(layouts: Iterable[Layout]) -> list[str]:
+    """Return the names of the layouts that have no behaviour-cloned human: not bundled, or of another grid."""
+    return [layout.name for layout in layouts if not _has_clone(layout)]
+
+
+def _has_clone(layout: Layout) -> bool:
+    config = WEIGHTS / layout.name / CLONE / "config.json"
+    return config.is_file() and json.loads(config.read_text("utf-8"))["grid"] == layout.text
 
 
 _agents: dict[tuple[str, str], LoadedAgent] = {}
@@ -158,7 +164,7 @@ _agents: dict[tuple[str, str], LoadedAgent] = {}
 def _agent(layout: Layout, cook: CookName) -> LoadedAgent:
     """Load the policy, shared by all simulated participants because policies are stateless. In a layout without a
     behaviour-cloned human (the tutorial's), the planner is used."""
-    name = CLONE if cook == "clone" and not layouts_without_clone([layout.name]) else "planner"
+    name = CLONE if cook == "clone" and not layouts_without_clone([layout]) else "planner"
     key = (layout.sha256, name)
     if key not in _agents:
         _agents[key] = load_agent(name, layout)

@@ -96,7 +96,7 @@ class BotGame(GameClient):
             return  # back in the same game: its memory continues
         self._episode = welcome.episode
         self._journal.games[welcome.episode] = welcome
-        if self._traits.cook == "clone" and welcome.kind == "episode" and layouts_without_clone([welcome.layout]):
+        if self._traits.cook == "clone" and welcome.kind == "episode" and layouts_without_clone([self.kitchen.layout]):
             lacking = f"--cook clone: there is no behaviour-cloned human for {welcome.layout}. Use --cook foresight."
             self.violations.append(lacking)  # it plans instead
         if welcome.seat >= 0:

@@ -172,6 +172,7 @@ def _group(arguments: argparse.Namespace, study_file: Path) -> "BotGroup":
     from server.bots.cook import layouts_without_clone
     from server.bots.group import BotGroup
     from server.commands.databases import load_stored
+    from server.participation.episode_specs import layout_of
     from server.required_models import required_models
     from server.study.loader import StudyError
     from server.study_check import missing_problems
@@ -187,7 +188,7 @@ def _group(arguments: argparse.Namespace, study_file: Path) -> "BotGroup":
         if missing:
             raise StudyError(missing)
     study = file.study
-    if arguments.cook == "clone" and (lacking := layouts_without_clone([layout.name for layout in study.layouts])):
+    if arguments.cook == "clone" and (lacking := layouts_without_clone(map(layout_of, study.layouts))):
         raise ValueError(
             f"--cook clone: there is no behaviour-cloned human for {', '.join(lacking)}. Use --cook foresight; or "
             "train one with recorded games of people: python -m training.behaviour_cloning --layout NAME."

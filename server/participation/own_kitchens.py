@@ -5,13 +5,15 @@ kitchen do not affect it.
 
 import json
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 from models.agents.own_checkpoints import OwnCheckpoints
 from models.networks.checkpoint import CheckpointError
-from overcooked.layout import Layout, layout_names
+from overcooked.layout import Layout, LayoutError, layout_names
+from server.participation.episode_specs import layout_of
 from server.required_models import WEIGHTS, own_names
 from server.study.definition import Study
 from server.study.loader import StudyError, StudyFile, load_study, parse_study
@@ -71,6 +73,15 @@ def keep_own_models(file: StudyFile) -> None:
 def named_kitchens(study: Study) -> set[str]:
     """Return the names of the kitchens that a study uses without drawing them."""
     return {kitchen.name for kitchen in (*study.layouts, study.tutorial.layout) if kitchen.grid is None}
+
+
+def drawn_grids(study: Study) -> dict[str, str]:
+    """Return the valid grids of the kitchens that a study draws."""
+    found: dict[str, str] = {}
+    for kitchen in (*study.layouts, study.tutorial.layout):
+        with suppress(LayoutError):
+            found |= {kitchen.name: layout_of(kitchen).text} if kitchen.grid is not None else {}
+    return found
 
 
 def studies_with(studies: Mapping[str, Study], kitchen: str) -> list[str]:

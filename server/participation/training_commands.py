@@ -1,14 +1,14 @@
 """The commands that train agents and predictors for a kitchen. Their results are where studies find them by name."""
 
 import shlex
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from models.agents.model_paths import is_class, without_variant
 from models.agents.own_checkpoints import OwnCheckpoints
-from overcooked.layout import layout_names, load_layout
+from overcooked.layout import bundled_grid, layout_names, load_layout
 from overcooked.layout_file import LayoutError
 from server.required_models import WEIGHTS, WITHOUT_WEIGHTS
 from server.settings import own_models_here
@@ -19,11 +19,13 @@ PARTNER_SEEDS: Final = (2, 3, 4, 5)
 @dataclass(frozen=True)
 class TrainingCommands:
     """Commands for one kitchen. `file`: the bundled kitchen's name, or the `.layout` file that they read; `models`: the
-    folder to which they write."""
+    folder to which they write; `is_taken`: the name is that of a bundled kitchen with another grid, so a study would
+    find the models of that one. The kitchen needs a name of its own first."""
 
     kitchen: str
     file: str
     models: Path
+    is_taken: bool = False
 
     @property
     def name(self) -> str:
@@ -75,26 +77,31 @@ class TrainingCommands:
         return self._place(base)
 
 
-def training_commands(kitchen: str, own_models: Path | None = None) -> TrainingCommands:
-    """Return the commands for a kitchen; `own_models`: the server's folder of trained models. Folders are relative to
-    the current one, if they are in it: a server's commands are run where the server runs."""
-    models = own_models or own_models_here()
-    is_bundled = kitchen in layout_names()
-    return TrainingCommands(kitchen, kitchen if is_bundled else str(_shown(_file(kitchen, models))), _shown(models))
+def training_commands(kitchen: str, own_models: Path | None = None, grid: str | None = None) -> TrainingCommands:
+    """Return the commands for a kitchen; `own_models`: the server's folder of trained models; `grid`: of a kitchen that
+    was drawn, else it is the saved or bundled one. Folders are relative to the current one, if they are in it: a
+    server's commands are run where the server runs."""
+    models, bundled = own_models or own_models_here(), bundled_grid(kitchen)
+    is_taken = bundled is not None and grid not in (None, bundled)
+    is_bundled = bundled is not None and not is_taken
+    file = kitchen if is_bundled else str(_shown(_file(kitchen, models)))
+    return TrainingCommands(kitchen, file, _shown(models), is_taken)
 
 
 def is_file_ready(kitchen: str, grid: str, own_models: Path) -> bool:
     """Return whether the file that the commands read has this grid."""
     try:
-        return kitchen in layout_names() or load_layout(_file(kitchen, own_models)).text == grid
+        return (bundled_grid(kitchen) or load_layout(_file(kitchen, own_models)).text) == grid
     except (LayoutError, OSError):
         return False
 
 
-def own_names_of(kitchens: Iterable[str], own_models: Path) -> dict[str, dict[str, list[str]]]:
-    """Return the trained agents and predictors of each kitchen that has some. `kitchens`: those of the dashboard."""
+def own_names_of(grids: Mapping[str, str], own_models: Path) -> dict[str, dict[str, list[str]]]:
+    """Return the trained agents and predictors of each kitchen that has some. `grids`: of the kitchens that are not
+    bundled, or that a study draws."""
     checkpoints = OwnCheckpoints(own_models)
-    found = {kitchen: checkpoints.of_kitchen(kitchen) for kitchen in (*kitchens, *layout_names())}
+    every = {**{name: load_layout(name).text for name in layout_names()}, **grids}
+    found = {kitchen: checkpoints.of_kitchen(kitchen, grid) for kitchen, grid in every.items()}
     return {
         kitchen: {
             kind: [name for name, one in named.items() if one.kind == kind.removesuffix("s")]

@@ -13,6 +13,7 @@ from sqlalchemy import Connection
 
 from server.monitoring.commands import OpenVersion, PrepareVersion
 from server.participation.draft_checks import draft_problems
+from server.participation.own_kitchens import drawn_grids
 from server.participation.study_changes import Versions
 from server.participation.training_commands import own_names_of
 from server.store import audit, study_drafts, study_openings
@@ -61,16 +62,17 @@ async def look(
                 str(error) if isinstance(error, YamlEditError | StudyError) else "Invalid change. Reload the page."
             )
     view = await asyncio.to_thread(_viewed, text, services, grids)
-    own = await asyncio.to_thread(own_names_of, grids, services.settings.own_models)
-    return JSONResponse(view | {"text": text, "refused": refused, "own": own})
+    return JSONResponse(view | {"text": text, "refused": refused})
 
 
 def _viewed(text: str, services: Services, grids: Mapping[str, str]) -> dict[str, Any]:
     view = drafting.view(text)
-    problems = list(view.problems)
+    problems, drawn = list(view.problems), dict(grids)
     if view.file is not None:
-        problems = _problems(services.versions.as_opened(view.file, grids), services.versions)
-    return {"values": view.values, "problems": [_told(one) for one in problems]}
+        file = services.versions.as_opened(view.file, grids)
+        problems, drawn = _problems(file, services.versions), drawn | drawn_grids(file.study)
+    own = own_names_of(drawn, services.settings.own_models)
+    return {"values": view.values, "problems": [_told(one) for one in problems], "own": own}
 
 
 def _problems(file: StudyFile, versions: Versions, loads: bool = False) -> list[PlacedProblem]:

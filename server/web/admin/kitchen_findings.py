@@ -56,13 +56,14 @@ def _reach(reach: KitchenReach) -> dict[str, Any]:
 
 def _models(layout: Layout, own_models: Path) -> dict[str, Any]:
     found = trained_models(layout, own_models)
-    commands = training_commands(layout.name, own_models)
+    commands = training_commands(layout.name, own_models, layout.text)
     return {
         "layout": found.layout,
         "scripted": list(found.scripted),
         "agents": list(found.agents),
         "predictors": list(found.predictors),
         "other_grid": list(found.other_grid),
+        "is_taken": commands.is_taken,
         "is_saved": is_file_ready(layout.name, layout.text, own_models),
         "folder": str(Path.cwd()),
         "results": str(commands.models / layout.name),

@@ -10,7 +10,7 @@ import { make } from './elements.js';
 /** @typedef {{ stations: [Cell[], Cell[]], shared: Cell[], alone: [boolean, boolean], together: boolean,
  *   unused: Cell[] }} Reach */
 /** @typedef {{ layout: string, scripted: string[], agents: string[], predictors: string[], other_grid: string[],
- *   is_saved: boolean, folder: string, results: string, commands: string[] }} Models */
+ *   is_taken: boolean, is_saved: boolean, folder: string, results: string, commands: string[] }} Models */
 /** @typedef {{ points: number[], steps: number, blocked: number }} Trial */
 /** @typedef {{ rows: string[] | null, problems: Problem[], reach: Reach | null, models: Models | null,
  *   trial?: Trial | null }} Findings */
@@ -131,11 +131,18 @@ export function showModels(models, name) {
     const text = `Trained for an earlier grid of this name, not for this one: ${models.other_grid.join(', ')}.`;
     place.append(make('p', { className: 'warn', text }));
   }
-  place.append(...(models.is_saved ? commandsOf(models) : [saveFirst(name)]));
+  place.append(...(models.is_saved ? commandsOf(models) : [saveFirst(name, models.is_taken)]));
 }
 
-/** @param {string} name */
-function saveFirst(name) {
+/**
+ * @param {string} name
+ * @param {boolean} isTaken a bundled kitchen with another grid has this name
+ */
+function saveFirst(name, isTaken) {
+  if (isTaken) {
+    const text = `${name} is a bundled kitchen with another grid. Give this one another name and save it.`;
+    return make('p', { className: 'warn', text });
+  }
   const text = name
     ? 'Save the kitchen: then the commands that train for it are here.'
     : 'Give the kitchen a name and save it: then the commands that train for it are here.';

@@ -12,13 +12,14 @@ from models.agents.model_paths import ModelPaths
 from models.networks.checkpoint import load_checkpoint
 from overcooked.layout import load_layout, parse_layout
 from server.participation.kitchen_files import write_kitchens
-from server.participation.own_kitchens import keep_own_models, trained_models, with_own_models
-from server.participation.training_commands import is_file_ready, training_commands
+from server.participation.own_kitchens import drawn_grids, keep_own_models, trained_models, with_own_models
+from server.participation.training_commands import is_file_ready, own_names_of, training_commands
 from server.required_models import WEIGHTS, required_models
 from server.settings import own_models_here
 from server.study.loader import StudyError, StudyFile, parse_study
 from server.study.pinned_checkpoints import with_checkpoints
 from server.study_check import stage_problems
+from server.study_doubts import doubts
 from tests.support.page_site import SMALL_STUDY
 
 RING = WEIGHTS / "coordination_ring"
@@ -76,6 +77,34 @@ def test_what_cannot_be_used_is_said_with_its_place(trained: Path, change: Calla
     file = with_own_models(parse_study(change(MINE)), trained)
     found = reasons(file)
     assert any(said in line and line.startswith("study.yaml:") for line in found), found
+
+
+@pytest.mark.parametrize("agent", ["{name: planner, predictor: random}", "{name: nobody}", "{name: sp}"])
+def test_a_grid_with_the_name_of_a_bundled_kitchen_gets_neither_its_agents_nor_its_commands(
+    trained: Path, agent: str
+) -> None:
+    """The commands would train for the bundled grid, and its agents cannot play in this one."""
+    text = MINE.replace("name: nook", "name: cramped_room").replace("{name: mine}", agent)
+    file = with_own_models(parse_study(text), trained)
+    first, *found = [*stage_problems(file), *doubts(file)]
+    assert first.warning
+    assert first.reason == "'cramped_room' is a bundled kitchen with another grid"
+    assert found
+    for problem in found:
+        assert "kitchenmind train" not in problem.remedy
+        assert "human_bc" not in problem.remedy, "a bundled agent"
+        assert "name" in problem.remedy
+    (trained / "nook").rename(trained / "cramped_room")  # a folder that somebody put there is still found
+    assert reasons(with_own_models(parse_study(MINE.replace("name: nook", "name: cramped_room")), trained)) == []
+
+
+def test_only_models_of_the_present_grid_are_suggested(trained: Path) -> None:
+    shutil.copytree(RING / "fcp", trained / "cramped_room" / "mine")
+    both = {"agents": ["mine"], "predictors": ["mine_predictor_stream"]}
+    assert own_names_of({"nook": GRID}, trained) == {"nook": both}
+    assert own_names_of({"nook": GRID.replace("XXXPX", "XPXPX")}, trained) == {}
+    drawn = drawn_grids(parse_study(MINE.replace("name: nook", "name: cramped_room")).study)
+    assert own_names_of(drawn, trained) == {"cramped_room": {"agents": ["mine"], "predictors": []}}
 
 
 def test_the_remedy_is_the_command_whose_result_is_found(trained: Path) -> None:

@@ -57,6 +57,14 @@ def test_a_valid_grid_is_returned_with_reach_models_and_commands(owner: Research
     assert "sp_predictor_stream" in ring["predictors"]
 
 
+def test_another_grid_under_the_name_of_a_bundled_kitchen_gets_no_commands_for_that_one(owner: Researcher) -> None:
+    found = ask(owner, "check", grid=GRID, name="cramped_room").json()["models"]
+    assert (found["is_taken"], found["is_saved"], found["agents"]) == (True, False, [])
+    found = ask(owner, "check", grid=load_layout("cramped_room").text, name="cramped_room").json()["models"]
+    assert (found["is_taken"], found["is_saved"]) == (False, True)
+    assert "sp" in found["agents"]
+
+
 def test_the_commands_of_a_saved_kitchen_read_its_file_and_what_they_make_is_found(
     owner: Researcher, tmp_path: Path
 ) -> None:
