@@ -3,7 +3,7 @@
 import logging
 from functools import partial
 
-from server.participation.own_kitchens import load_with_kitchens
+from server.participation.own_kitchens import keep_own_models, load_with_kitchens
 from server.required_models import required_models
 from server.settings import Settings
 from server.store import kitchens
@@ -21,6 +21,7 @@ def playable_studies(settings: Settings) -> list[StudyFile]:
         grids = partial(kitchens.grids_at, settings.database)
         file = load_with_kitchens(path, grids, settings.models_folder, settings.own_models)
         missing = [file.describe(problem) for problem in missing_problems(file, required_models([file]))]
+        missing = missing or _not_kept(file)
         reasons += missing
         if not missing:
             served.append(file)
@@ -29,3 +30,13 @@ def playable_studies(settings: Settings) -> list[StudyFile]:
     for reason in reasons:
         log.warning("a study is not served: %s", reason)
     return served
+
+
+def _not_kept(file: StudyFile) -> list[str]:
+    """Copy the study's trained models before they are loaded: what is loaded again later must be the same. Return why
+    that failed."""
+    try:
+        keep_own_models(file)
+    except StudyError as error:
+        return list(error.lines)
+    return []

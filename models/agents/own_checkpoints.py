@@ -9,6 +9,7 @@ import json
 import os
 import re
 import shutil
+from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -52,12 +53,16 @@ class OwnCheckpoints:
 
     def find(self, kitchen: str, name: str, wanted: str | None = None) -> OwnCheckpoint | None:
         """Return a checkpoint, None if there is none or it is not complete. `wanted`: only the one with this SHA-256,
-        also if it was only kept."""
+        and the kept copy rather than the folder that training may change."""
         if not (_NAME.fullmatch(kitchen) and _NAME.fullmatch(name)):
             return None
+        kept = self._kept(wanted) if wanted is not None else None
+        if kept is not None:
+            return kept
         here = self._read(self.root / kitchen / name)
-        if wanted is None or (here is not None and here.sha256 == wanted):
-            return here
+        return here if here is not None and wanted in (None, here.sha256) else None
+
+    def _kept(self, wanted: str) -> OwnCheckpoint | None:
         kept = self._read(self.root / KEPT / wanted) if _NAME.fullmatch(wanted) else None
         return kept if kept is not None and kept.sha256 == wanted else None
 
@@ -77,8 +82,12 @@ class OwnCheckpoints:
                 shutil.copyfile(found.folder / file, new / file)
             if load_checkpoint(new).sha256 != wanted:
                 raise CheckpointError(f"{found.folder}: its files have just changed. Try again.")
-            shutil.rmtree(target, ignore_errors=True)  # a damaged copy
-            new.rename(target)
+            with suppress(OSError):
+                new.rename(target)
+                return
+            if self._kept(wanted) is None:  # damaged; otherwise another process has just made the copy
+                shutil.rmtree(target, ignore_errors=True)
+                new.rename(target)
         finally:
             shutil.rmtree(new, ignore_errors=True)
 

@@ -77,8 +77,6 @@ class StudyVersions:
         """Load the models that participants of earlier versions need. `joins`: other processes serve already, so this
         one serves the same versions; the files may have changed since they started."""
         self._database = database
-        for file in self._files:
-            await asyncio.to_thread(keep_own_models, file)
         if joins:
             self._opened_at = dict.fromkeys(self._served, _JOINED)
             await self._follow()

@@ -9,13 +9,15 @@ import pytest
 import yaml
 
 from models.agents.model_paths import ModelPaths
+from models.agents.own_checkpoints import KEPT, OwnCheckpoints
 from models.networks.checkpoint import load_checkpoint
 from overcooked.layout import load_layout, parse_layout
 from server.participation.kitchen_files import write_kitchens
 from server.participation.own_kitchens import drawn_grids, keep_own_models, trained_models, with_own_models
 from server.participation.training_commands import is_file_ready, own_names_of, training_commands
+from server.playable_studies import playable_studies
 from server.required_models import WEIGHTS, required_models
-from server.settings import own_models_here
+from server.settings import Settings, own_models_here
 from server.study.loader import StudyError, StudyFile, parse_study
 from server.study.pinned_checkpoints import with_checkpoints
 from server.study_check import stage_problems
@@ -117,8 +119,10 @@ def test_the_remedy_is_the_command_whose_result_is_found(trained: Path) -> None:
 def test_a_version_keeps_its_models_when_they_are_trained_again(trained: Path) -> None:
     opened = with_own_models(parse_study(MINE), trained)
     keep_own_models(opened)
+    served = required_models([opened])
     shutil.rmtree(trained / "nook" / "mine")
     shutil.copytree(RING / "fcp", trained / "nook" / "mine")
+    assert served.fingerprint("nook", "mine") == load_checkpoint(RING / "sp").sha256, "what a server has loaded"
     again = replace(parse_study(opened.text), own_models=trained)
     assert reasons(again) == []
     assert required_models([again]).fingerprint("nook", "mine") == load_checkpoint(RING / "sp").sha256
@@ -126,6 +130,34 @@ def test_a_version_keeps_its_models_when_they_are_trained_again(trained: Path) -
     assert newer.sha256 != opened.sha256, "another version"
     with pytest.raises(StudyError, match=r"'mine' in nook has been trained again .* Train under another name"):
         required_models([opened, newer])
+
+
+def test_a_server_plays_with_the_kept_models_from_its_start_on(trained: Path) -> None:
+    """A process that loads a model again would load another one from the folder that training changes."""
+    path = trained.parents[1] / "study.yaml"
+    path.write_text(MINE, encoding="utf-8")
+    (file,) = playable_studies(Settings(data=trained.parent, studies=(path,)))
+    for name in ("mine", "mine_predictor_stream"):
+        folder = Path(required_models([file]).paths.located("nook", name))
+        assert folder.parent == trained / KEPT
+        assert load_checkpoint(folder).sha256 == load_checkpoint(trained / "nook" / name).sha256
+
+
+def test_a_damaged_copy_is_made_again_and_a_good_one_of_another_process_stays(
+    trained: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wanted = load_checkpoint(trained / "nook" / "mine").sha256
+    checkpoints, target = OwnCheckpoints(trained), trained / KEPT / wanted
+    target.mkdir(parents=True)
+    (target / "config.json").write_text("{}")
+    checkpoints.keep("nook", "mine", wanted)
+    assert load_checkpoint(target).sha256 == wanted
+    inode = target.stat().st_ino
+    found = checkpoints.find("nook", "mine")
+    monkeypatch.setattr(OwnCheckpoints, "find", lambda *_: found)  # it looked before the other process was done
+    checkpoints.keep("nook", "mine", wanted)
+    assert target.stat().st_ino == inode
+    assert [path.name for path in target.parent.iterdir()] == [wanted]
 
 
 def test_a_version_whose_models_are_gone_says_which_it_needs(trained: Path) -> None:
