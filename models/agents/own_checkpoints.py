@@ -37,6 +37,11 @@ class OwnCheckpoint:
     grid: str
     sha256: str
 
+    @property
+    def size(self) -> int:
+        """The number of bytes of its files."""
+        return sum((self.folder / file).stat().st_size for file in (*FILES, SUMS))
+
 
 @dataclass(frozen=True)
 class OwnCheckpoints:
@@ -61,6 +66,16 @@ class OwnCheckpoints:
             return kept
         here = self._read(self.root / kitchen / name)
         return here if here is not None and wanted in (None, here.sha256) else None
+
+    def kept(self) -> list[OwnCheckpoint]:
+        """Return the complete kept copies."""
+        place = self.root / KEPT
+        names = sorted(path.name for path in place.iterdir()) if place.is_dir() else []
+        return [copy for copy in map(self._kept, names) if copy is not None]
+
+    def drop(self, sha256: str) -> None:
+        """Delete a kept copy. Raises OSError."""
+        shutil.rmtree(self.root / KEPT / sha256)
 
     def _kept(self, wanted: str) -> OwnCheckpoint | None:
         kept = self._read(self.root / KEPT / wanted) if _NAME.fullmatch(wanted) else None

@@ -1,4 +1,4 @@
-"""`kitchenmind study`: create a study file, check one, or print the schema that editors use."""
+"""`kitchenmind study`: create a study file, check one, print the schema that editors use, list kept models."""
 
 import argparse
 import json
@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from server.commands import kept_models
 from server.commands.server_data import ServerData, add_data_options
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ MOST_PLACES, WIDTH = 20, 22
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    verbs = parser.add_subparsers(dest="study_verb", required=True, metavar="new|check|schema|words")
+    verbs = parser.add_subparsers(dest="study_verb", required=True, metavar="new|check|schema|words|models")
     new = verbs.add_parser("new", help="create a study file that is ready to serve")
     new.add_argument("name", help="the study's name in its address and data, such as pilot_1")
     new.add_argument("--out", type=Path, help="the file to write (studies/NAME.yaml)")
@@ -39,6 +40,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     words.add_argument(
         "place", type=Path, nargs="?", default=Path(), metavar="STUDY", help="a study file or its folder (here)"
     )
+    kept_models.add_arguments(
+        verbs.add_parser("models", help="list the copies of trained models that versions keep, or delete unused ones")
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -47,6 +51,8 @@ def run(arguments: argparse.Namespace) -> int:
         return _new(arguments.name, arguments.out or STUDIES / f"{arguments.name}.yaml")
     if arguments.study_verb == "words":
         return _words(arguments.language, arguments.place)
+    if arguments.study_verb == "models":
+        return kept_models.run(arguments)
     return _check(arguments.file, arguments) if arguments.study_verb == "check" else _schema()
 
 
