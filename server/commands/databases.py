@@ -11,7 +11,7 @@ from server.store.engines import normal_url, shown
 from server.store.kitchens import grids_at
 from server.study.loader import StudyError, StudyFile
 
-_REMEDY = "Give the right one with --data DIR or --database URL."
+REMEDY = "Give the right one with --data DIR or --database URL."
 
 
 def open_stored(url: str) -> Database:
@@ -19,7 +19,7 @@ def open_stored(url: str) -> Database:
     wanted = normal_url(url)
     named = shown(wanted)
     if wanted.get_backend_name() == "sqlite" and not Path(str(wanted.database)).is_file():
-        raise ValueError(f"there is no database {wanted.database}. {_REMEDY}")
+        raise ValueError(f"there is no database {wanted.database}. {REMEDY}")
     database = Database(wanted.render_as_string(hide_password=False), read_only=True)
     try:
         has_tables = database.read_now(lambda connection: inspect(connection).has_table("ticks"))
@@ -28,7 +28,7 @@ def open_stored(url: str) -> Database:
         raise ValueError(f"cannot read {named}: {error}") from None
     if not has_tables:
         database.close()
-        raise ValueError(f"{named} is not a kitchenmind database. {_REMEDY}")
+        raise ValueError(f"{named} is not a kitchenmind database. {REMEDY}")
     return database
 
 
@@ -46,4 +46,4 @@ def stored_kitchens(server: ServerData) -> dict[str, str]:
         where = shown(normal_url(url))
         return grids_at(url)
     except (DatabaseDown, ValueError) as error:
-        raise StudyError([f"{where}: the kitchens of the dashboard cannot be read ({error}). {_REMEDY}"]) from None
+        raise StudyError([f"{where}: the kitchens of the dashboard cannot be read ({error}). {REMEDY}"]) from None

@@ -219,7 +219,7 @@ def test_a_round_of_a_preview_is_played_and_nothing_of_it_is_stored(new_page: Ne
     page.goto(f"{server.url}/admin/drafts/{draft}")
     text = yaml_of(page).input_value()
     yaml_of(page).fill(text.replace("{name: coordination_ring, ", f'{{name: coordination_ring, grid: "{grid}", '))
-    expect(page.locator("#problem-count")).to_have_text("1 to correct, 2 warnings")
+    expect(page.locator("#problem-count")).to_have_text("1 to correct, 3 warnings")
     expect(page.locator("#problems")).to_contain_text(
         "layouts.0.name: 'coordination_ring' is another kitchen in another"
     )
