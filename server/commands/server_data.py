@@ -1,4 +1,4 @@
-"""The options with which a command names the data of a server: `--data DIR`, as `kitchenmind serve` has it, or
+"""The options with which a command names the data of a server, as `kitchenmind serve` has them: `--data DIR` and
 `--database URL`. Imports are inside functions, so that --help is quick.
 """
 
@@ -9,16 +9,15 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class ServerData:
-    """Where a server keeps its data. What is None is as in the settings; not both are given."""
+    """Where a server keeps its data. What is None is as in the settings. The folder has the trained models, and also the
+    database unless `database` is given."""
 
     data: Path | None = None
     database: str | None = None
 
     @classmethod
     def of(cls, arguments: argparse.Namespace) -> "ServerData":
-        """Return what the options name. Raises ValueError if both are given."""
-        if arguments.data is not None and arguments.database:
-            raise ValueError("--data and --database both name a database. Give one of them.")
+        """Return what the options name."""
         return cls(arguments.data, arguments.database or None)
 
     @property
@@ -28,7 +27,7 @@ class ServerData:
 
     @property
     def url(self) -> str:
-        """The database: that of `kitchenmind serve` with the same option. Raises ValueError for a wrong setting."""
+        """The database: that of `kitchenmind serve` with the same options. Raises ValueError for a wrong setting."""
         from server.settings import settings_with
 
         return self.database or settings_with(data=self.data).database

@@ -71,25 +71,11 @@ def test_the_folder_means_the_database_that_serve_uses(data: Path, monkeypatch: 
     assert ServerData.of(parser_of("verify").parse_args(words)).url == served.database == elsewhere
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["verify"],
-        ["export", "--out", "out"],
-        ["backup", "--to", "copy"],
-        ["import", "folder"],
-        ["bots", "1"],
-        ["bundle", "study.yaml"],
-        ["study", "check", "study.yaml"],
-        ["person", "find", "ABC", "--study", "small"],
-        ["admin", "--database", "sqlite:///one.db", "list"],
-    ],
-)
-def test_two_databases_are_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    own = [] if "--database" in words else ["--database", "sqlite:///one.db"]
-    assert kitchenmind.main([*words, "--data", "lab", *own]) == 2
-    said = capsys.readouterr().err
-    assert said == f"kitchenmind {words[0]}: --data and --database both name a database. Give one of them.\n"
+def test_a_server_with_a_folder_and_another_database_is_named_by_both_options() -> None:
+    words = ["--data", "lab", "--database", "postgresql://lab@db/kitchenmind"]
+    served, named = serve.settings_of(parser_of("serve").parse_args(words)), parser_of("verify").parse_args(words)
+    assert ServerData.of(named).url == served.database == words[3]
+    assert ServerData.of(named).own_models == served.own_models
 
 
 def test_an_import_names_its_new_database(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
