@@ -69,7 +69,7 @@ def _nodes() -> tuple[Array, Array]:
 
 
 def _cut(grid: Array, mass: Array, step: float, target: float, two_sided: bool, farthest: float) -> float:
-    """The boundary of the sum that is crossed in the next step with the target probability."""
+    """Return the boundary of the sum that is crossed in the next step with the target probability."""
 
     def excess(cut: float) -> float:
         beyond = special.ndtr((grid - cut) / step)

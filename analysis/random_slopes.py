@@ -79,7 +79,7 @@ def fit(data: Data, own: Array) -> SlopesFit:
 
 
 def _search(sums: _Sums, start: float) -> Array:
-    """The entries of L with the largest likelihood from a start."""
+    """Return the entries of L with the largest likelihood from a start."""
 
     def loss(values: Array) -> float:
         return sums.solve(values)[0]

@@ -40,7 +40,7 @@ FIGURES = Path(__file__).with_suffix(".json")
 TIMESTEPS = 400
 # The difference in logarithms that counts one point; collisions first.
 SCALES = {"stay": 0.1, "interact": 0.15, "collisions": 0.1, "soups": 0.12, "rest_after_rest": 0.15}
-SIMULATED = 40  # pairs in each kitchen, with which a try is judged
+SIMULATED = 40  # pairs in each kitchen, with which a parameter set is evaluated
 NATS = 0.02  # of the mean likelihood count one point
 # What is searched, and by how much a try changes it: the standard deviation of the logarithm.
 SEARCHED = {
@@ -224,7 +224,7 @@ def changed_at_random(parameters: Parameters, draws: np.random.Generator) -> Par
 
 
 def parameters_of(stored: Mapping[str, Any]) -> Parameters:
-    """The inverse of `described`."""
+    """Return the inverse of `described`."""
     return Parameters(**{name: tuple(one) if isinstance(one, list) else one for name, one in stored.items()})
 
 

@@ -104,7 +104,7 @@ def difference(one: NDArray[np.float64], other: NDArray[np.float64]) -> dict[str
     return {"mean": mean.value, "low": mean.low, "high": mean.high, "episodes": one.size}
 
 
-class Summary:
+class ForesightSummary:
     """The figures of all cells, and statistics of them."""
 
     def __init__(self, found: Mapping[str, Mapping[str, Sequence[float]]]) -> None:
@@ -274,7 +274,7 @@ def main() -> None:
     episodes, horizon = (dict.fromkeys(number, 2), 20) if arguments.quick else (number, HORIZON)
     folder = arguments.folder / "quick" if arguments.quick else arguments.folder
     found = measured(folder, episodes, horizon, not arguments.tables)
-    figures = Summary(found).figures() | {"processor": processor(), "seed": SEED, "version": VERSION}
+    figures = ForesightSummary(found).figures() | {"processor": processor(), "seed": SEED, "version": VERSION}
     fit = json.loads(FITTED_FIGURES.read_text(encoding="utf-8"))
     print(json.dumps(figures, indent=1) if arguments.json else rendered(figures, fit))
     if arguments.write:

@@ -66,7 +66,7 @@ def one_process(url: str, games: int, timesteps: int, begin: Any, told: Any) -> 
 
 
 def measure(url: str, games: int, processes: int, timesteps: int) -> dict[str, Any]:
-    """The rate and the waits of all processes together."""
+    """Return the rate and the waits of all processes together."""
     begin, told = multiprocessing.Barrier(processes), multiprocessing.Queue()
     share = games // processes
     running = [

@@ -91,7 +91,7 @@ def partner_at(study: Study, place: Path) -> PartnerSettings:
 
 
 def _guessing(study: Study, agent: PartnerSettings, place: Path, required: RequiredModels) -> Problem:
-    """The warning about an agent whose predictor was not trained for it."""
+    """Return the warning about an agent whose predictor was not trained for it."""
     trained = f"{agent.model or agent.name}_predictor_{study.predictor.form}"
     lacking = [one.name for one in study.layouts if required.lacks(one.name, trained) is not None]
     what = "guesses at random" if agent.predictor == "random" else f"knows the scripted {agent.predictor} only"

@@ -146,8 +146,8 @@ class PredictorTrainer:
     def use_best(self) -> None:
         """Load the best weights into the network, and calibrate it on validation."""
         self._load(self.best)
-        said = logits(self.network, self.validation) * self.network.temperature.cpu()[:, None]
-        self.network.temperature.copy_(fitted_temperature(said, torch.from_numpy(self.validation.labels())))
+        logit_values = logits(self.network, self.validation) * self.network.temperature.cpu()[:, None]
+        self.network.temperature.copy_(fitted_temperature(logit_values, torch.from_numpy(self.validation.labels())))
 
     def state(self) -> tuple[dict[str, Tensor], dict[str, Any]]:
         """Return everything that determines how training continues, for a run folder."""
@@ -192,9 +192,9 @@ class PredictorTrainer:
                 value.copy_(values[name])
 
 
-def _cross_entropy(said: Tensor, labels: Tensor) -> Tensor:
+def _cross_entropy(logit_values: Tensor, labels: Tensor) -> Tensor:
     """Summed over the three steps: logits of (..., 3, 6), labels (..., 3)."""
-    return functional.cross_entropy(said.float().view(-1, ACTIONS), labels.flatten(), ignore_index=NONE) * STEPS
+    return functional.cross_entropy(logit_values.float().view(-1, ACTIONS), labels.flatten(), ignore_index=NONE) * STEPS
 
 
 def prepared(

@@ -19,9 +19,9 @@ from overcooked.layout import Layout
 from overcooked.state import Kitchens
 from server.play.randomness import uniform
 
-CookName = Literal["foresight", "credulous", "planner", "clone"]
+CookName = Literal["foresight", "credulous", "planner", "human_bc"]
 COOKS: Final[tuple[CookName, ...]] = get_args(CookName)
-CLONE: Final = "human_bc"
+HUMAN_BC: Final = "human_bc"
 _IDLE, _DRAW = 101, 102  # purposes of `uniform`
 
 
@@ -39,7 +39,7 @@ class Traits:
 
     @classmethod
     def drawn(cls, seed: int, cook: CookName = "foresight", follow: float = 0.7, tick_ms: float = 200.0) -> "Traits":
-        """`follow`: the share of planners and behaviour-cloned humans that uses the arrows; the others judge them by
+        """`follow`: the share of planners and behaviour-cloned humans that uses the arrows; the others follow them by
         experience."""
         chance = Random(f"traits {seed}")  # noqa: S311 - a seed makes a run repeatable
         return cls(
@@ -85,9 +85,9 @@ class Cook:
         self.impression = Impression()
 
     def act(self, now: Kitchens, soups: int, actions: tuple[int, int], arrows: Sequence[int], horizon: int) -> int:
-        """The action on this state. `actions`: the joint action that led to it; `arrows`: the predicted actions of the
-        partner, empty if none are shown."""
-        self._judge(now, soups, actions)
+        """Return the action on this state. `actions`: the joint action that led to it; `arrows`: the predicted actions
+        of the partner, empty if none are shown."""
+        self._update_impression(now, soups, actions)
         self._predicted = arrows[0] if arrows else None
         return self.choose(now, actions, arrows, horizon)
 
@@ -124,7 +124,7 @@ class Cook:
         if self._layout.tiles[there] == 0 and there != tuple(view.players[0, self._seat, :FACING].tolist()):
             view.players[0, seat, :FACING] = there
 
-    def _judge(self, now: Kitchens, soups: int, actions: tuple[int, int]) -> None:
+    def _update_impression(self, now: Kitchens, soups: int, actions: tuple[int, int]) -> None:
         """Update the impression with the last timestep."""
         before, self._before = self._before, now
         if before is None or int(now.timestep[0]) != int(before.timestep[0]) + 1:
@@ -147,9 +147,9 @@ class Cook:
         return other == [x + int(STEP_X[action]), y + int(STEP_Y[action])]
 
 
-def layouts_without_clone(layouts: Iterable[str]) -> list[str]:
+def layouts_without_human_bc(layouts: Iterable[str]) -> list[str]:
     """Return those of the bundled layouts that have no behaviour-cloned human."""
-    return [name for name in layouts if not (WEIGHTS / name / CLONE / "config.json").is_file()]
+    return [name for name in layouts if not (WEIGHTS / name / HUMAN_BC / "config.json").is_file()]
 
 
 _agents: dict[tuple[str, str], LoadedAgent] = {}
@@ -158,7 +158,7 @@ _agents: dict[tuple[str, str], LoadedAgent] = {}
 def _agent(layout: Layout, cook: CookName) -> LoadedAgent:
     """Load the policy, shared by all simulated participants because policies are stateless. In a layout without a
     behaviour-cloned human (the tutorial's), the planner is used."""
-    name = CLONE if cook == "clone" and not layouts_without_clone([layout.name]) else "planner"
+    name = HUMAN_BC if cook == "human_bc" and not layouts_without_human_bc([layout.name]) else "planner"
     key = (layout.sha256, name)
     if key not in _agents:
         _agents[key] = load_agent(name, layout)

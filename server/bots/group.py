@@ -109,7 +109,7 @@ async def _walk(one: _One, turn: asyncio.Event, following: asyncio.Event, databa
         finally:
             following.set()
         if one.came and page is not None:
-            await one.bot.walk_from(page)
+            await one.bot.continue_from(page)
         if journal.code is not None and database is not None:
             journal.violations += await database.read(invariants.broken_at_code, Claim(one.bot.token, journal))
     except Exception as error:  # noqa: BLE001 - what goes wrong with one is told, and keeps nobody else from walking
@@ -119,7 +119,7 @@ async def _walk(one: _One, turn: asyncio.Event, following: asyncio.Event, databa
         await one.bot.close()
 
 
-def judge(bots: Sequence[Bot], database: Database | None, study: Study | None = None) -> GroupOutcome:
+def check_outcome(bots: Sequence[Bot], database: Database | None, study: Study | None = None) -> GroupOutcome:
     """Count the participants, and check every guarantee against what they saw and, if there is a database, what is
     stored. `study`: the study they took part in, if known."""
     outcome = GroupOutcome()

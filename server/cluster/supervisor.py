@@ -44,7 +44,7 @@ class Supervisor:
         self._stopping = False
 
     def run(self) -> int:
-        """The exit status: 0 after a clean stop, that of the first process that refused to start otherwise."""
+        """Return the exit status: 0 after a clean stop, that of the first process that refused to start otherwise."""
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._stop)
         self._processes = [

@@ -42,10 +42,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--cook",
-        choices=("foresight", "credulous", "planner", "clone"),
+        choices=("foresight", "credulous", "planner", "human_bc"),
         default="foresight",
         help="how they play: foresight (default) uses arrows that prove right, credulous believes all arrows, planner "
-        "follows a plan, clone imitates recorded people",
+        "follows a plan, human_bc imitates recorded people",
     )
     parser.add_argument("--fast", action="store_true", help="play as fast as this machine can")
     parser.add_argument("--json", action="store_true", help="print the outcome as JSON")
@@ -80,10 +80,10 @@ def _check(arguments: argparse.Namespace) -> None:
     if not 1 <= arguments.number <= MOST:
         raise ValueError(f"{arguments.number} participants cannot be simulated. Give a number from 1 to {MOST}.")
     if not 0 <= arguments.dropout <= 1:
-        raise ValueError(f"--dropout {arguments.dropout:g} is no share. Give a number from 0 to 1.")
+        raise ValueError(f"--dropout {arguments.dropout:g} is not a share. Give a number from 0 to 1.")
     if arguments.url and not arguments.url.startswith(("http://", "https://")):
         raise ValueError(
-            f"--url {arguments.url} is no address. Give it as the browser shows it: http://127.0.0.1:8000."
+            f"--url {arguments.url} is not an address. Give it as the browser shows it: http://127.0.0.1:8000."
         )
     if arguments.url and not _is_local(arguments.url) and not _secret():
         raise ValueError(
@@ -159,7 +159,7 @@ def _try_out(arguments: argparse.Namespace) -> int:
 
 def _group(arguments: argparse.Namespace, study_file: Path) -> "BotGroup":
     """Return the simulated participants. Raises StudyError, FileNotFoundError; ValueError if a server has no study."""
-    from server.bots.cook import layouts_without_clone
+    from server.bots.cook import layouts_without_human_bc
     from server.bots.group import BotGroup
     from server.commands.databases import load_stored
     from server.required_models import required_models
@@ -177,9 +177,10 @@ def _group(arguments: argparse.Namespace, study_file: Path) -> "BotGroup":
         if missing:
             raise StudyError(missing)
     study = file.study
-    if arguments.cook == "clone" and (lacking := layouts_without_clone([layout.name for layout in study.layouts])):
+    lacking = layouts_without_human_bc([layout.name for layout in study.layouts])
+    if arguments.cook == "human_bc" and lacking:
         raise ValueError(
-            f"--cook clone: there is no behaviour-cloned human for {', '.join(lacking)}. Use --cook foresight; or "
+            f"--cook human_bc: there is no behaviour-cloned human for {', '.join(lacking)}. Use --cook foresight; or "
             "train one with recorded games of people: python -m training.behaviour_cloning --layout NAME."
         )
     secret = _secret() if arguments.url else ""
@@ -189,9 +190,9 @@ def _group(arguments: argparse.Namespace, study_file: Path) -> "BotGroup":
 
 
 def _with_kitchens(study: Path, folder: Path) -> tuple[Path, dict[str, str]]:
-    """The study file for a server with an own database, and that server's environment. The database has no kitchens of
-    the dashboard: if the study names one, its grid is written into a copy of the file in `folder`. Models that were
-    trained here stay where they are."""
+    """Return the study file for a server with an own database, and that server's environment. The database has no
+    kitchens of the dashboard: if the study names one, its grid is written into a copy of the file in `folder`. Models
+    that were trained here stay where they are."""
     from server.commands.databases import load_stored
 
     file = load_stored(study)
@@ -233,7 +234,7 @@ def _walk(arguments: argparse.Namespace, group: "BotGroup", url: str, database_u
 
     import uvloop
 
-    from server.bots.group import judge
+    from server.bots.group import check_outcome
     from server.commands.databases import open_stored
 
     with ExitStack() as stack:
@@ -242,7 +243,7 @@ def _walk(arguments: argparse.Namespace, group: "BotGroup", url: str, database_u
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
             bots = runner.run(_simulated(arguments, group, url, database))
         _say(arguments, f"{len(bots)} participants in {time.monotonic() - began:.0f} s; checking what they leave ...")
-        return judge(bots, database, group.study)
+        return check_outcome(bots, database, group.study)
 
 
 async def _simulated(

@@ -39,7 +39,7 @@ class Dashboard:
         self.quality = DataQuality(live.web.database)
 
     async def of(self, study_ids: tuple[int, ...], study: Study, tab: str, blind: bool) -> dict[str, Any]:
-        """All figures of a study, and the participants of one tab. Raises DatabaseDown."""
+        """Return all figures of a study, and the participants of one tab. Raises DatabaseDown."""
         key = (study.name, tab, blind)
         async with self._reading:
             kept = self._kept.get(key)
@@ -151,7 +151,7 @@ class Dashboard:
 
 
 def way_of(studies: Studies, person: Person) -> tuple[StudyStep, ...]:
-    """All steps of a participant."""
+    """Return all steps of a participant."""
     study = studies.version(person.study_id)
     if study is None:
         return (StudyStep("unknown", "page", "finish"),)
@@ -181,7 +181,7 @@ def accuracy_of(accuracy: RunningAccuracy) -> dict[str, Any]:
 
 
 def shares(right: int, asked: int) -> list[float] | None:
-    """A share with its interval, as the page shows it; None of nothing."""
+    """Return a share with its interval, as the page shows it; None of nothing."""
     return [round(value, 4) for value in wilson(right, asked)] if asked else None
 
 

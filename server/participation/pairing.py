@@ -31,7 +31,7 @@ class Company:
 
 
 def is_for_two(study: Study, step: StudyStep) -> bool:
-    """Whether this step is a round of two people."""
+    """Return whether this step is a round of two people."""
     return step.kind == "episode" and study.agent(step.agent).human
 
 
@@ -120,6 +120,6 @@ def _note(
 
 
 def _other(episode: StoredEpisode, participant: str) -> str | None:
-    """The other person of an episode; None where that seat is an agent's."""
+    """Return the other person of an episode; None where that seat is an agent's."""
     seats = (episode.participant_0, episode.participant_1)
     return seats[1 - seats.index(participant)]

@@ -133,7 +133,7 @@ def enrol_within(
 
 
 def is_paused(connection: Connection, study: str) -> bool:
-    """Whether a researcher has paused the study."""
+    """Return whether a researcher has paused the study."""
     return study in decisions.paused_studies(connection)
 
 
@@ -188,8 +188,8 @@ def arrive(connection: Connection, all_studies: Studies, participant_id: str) ->
 
 
 def submit(connection: Connection, all_studies: Studies, participant_id: str, submission: Submission) -> bool:
-    """Store a page's answers and advance to the next step. Returns False, and changes nothing, if the participant is no
-    longer at that step: the page was sent twice, from another tab, or after the end."""
+    """Store a page's answers and advance to the next step. Returns False, and changes nothing, if the
+    participant has left that step: the page was sent twice, from another tab, or after the end."""
     participant = participants.get(connection, participant_id)
     if participant is None or participant.status != "active":
         return False

@@ -11,7 +11,7 @@ from server.study.definition import Study
 from server.study.recruitment import Exit, Recruitment
 
 log = logging.getLogger(__name__)
-LONGEST_PARAMETER = 128
+MAX_PARAMETER_LENGTH = 128
 MTURK_HOME: Final = "turkSubmitTo"
 # All values that MTurk uses for `turkSubmitTo`. The value in the link only selects one of these.
 MTURK_ORIGINS: Final = ("https://www.mturk.com", "https://workersandbox.mturk.com", "https://worker.mturk.com")
@@ -64,7 +64,8 @@ def may_start_new(study: Study) -> bool:
 
 
 def leave_url(outcome: Exit, values: Mapping[str, str]) -> str | None:
-    """The study's own address for this outcome, filled in; None where there is none or a value for it is missing."""
+    """Return the study's own address for this outcome, filled in; None where there is none or a value for it is
+    missing."""
     if outcome.url is None:
         return None
     url = outcome.url
@@ -95,10 +96,10 @@ def mturk_origin(address: str) -> str | None:
 
 
 def _parameter(given: Mapping[str, str], name: str | None) -> str | None:
-    """A parameter's value, whatever the case of its name; one that is too long, not printable or a placeholder that
-    the recruiter did not fill in counts as none."""
+    """Return a parameter's value, whatever the case of its name; one that is too long, not printable or a placeholder
+    that the recruiter did not fill in counts as none."""
     value = _value(given, name).strip() if name else ""
-    if not value or len(value) > LONGEST_PARAMETER or not value.isprintable():
+    if not value or len(value) > MAX_PARAMETER_LENGTH or not value.isprintable():
         return None
     return None if _PLACEHOLDER.search(value) or _PLACEHOLDER.search(unquote(value)) else value
 

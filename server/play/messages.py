@@ -180,7 +180,7 @@ class Lesson(ToBrowser, frozen=True):
 
 
 class Ended(ToBrowser, frozen=True):
-    """The episode is over and stored; go on at `next`."""
+    """The episode is over and stored; continue at `next`."""
 
     score: int
     soups: Count
@@ -224,7 +224,7 @@ class BadMessage(ValueError):
 
 
 def decode(frame: str | bytes) -> Incoming:
-    """The message in a text frame. Raises BadMessage."""
+    """Return the message in a text frame. Raises BadMessage."""
     try:
         message: Incoming = _decoder.decode(frame)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:  # the last: too deeply nested
@@ -233,5 +233,5 @@ def decode(frame: str | bytes) -> Incoming:
 
 
 def encode(message: Outgoing) -> bytes:
-    """The UTF-8 text frame of a message."""
+    """Return the UTF-8 text frame of a message."""
     return _encoder.encode(message)

@@ -87,7 +87,7 @@ class TickRecord(Struct, frozen=True, gc=False):
     models_ms: float  # time the models took
     late: bool  # the models missed the deadline: the agent waits at timestep n
     made_unix_ms: float | None = None  # wall clock when state n was made, milliseconds since 1970; None: not known
-    inputs: tuple[InputRecord, ...] = ()  # whose outcome has become known since the tick before; a table of their own
+    inputs: tuple[InputRecord, ...] = ()  # whose outcome has become known since the tick before; a separate table
     asked: bool | None = None  # whether the participant asked for the marks on state n; None: they are always drawn
     misleading: bool | None = None  # whether the marks of state n are a wrong future; None: a truthful round
     in_sight: bool | None = None  # whether the watched chef was in their view in state n; None: they see everything

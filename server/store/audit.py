@@ -55,7 +55,7 @@ def _end(connection: Connection) -> tuple[int, str]:
 
 
 def entries(connection: Connection) -> list[Entry]:
-    """The whole log, oldest first."""
+    """Return the whole log, oldest first."""
     return [
         Entry(row.id, row.at, row.actor, row.action, None if row.detail is None else json.loads(row.detail))
         for row in connection.execute(select(audit).order_by(audit.c.id))

@@ -148,7 +148,7 @@ TABLES: Final = {
 
 
 def columns_of(wanted: DataQuery) -> tuple[ViewColumn, ...]:
-    """The columns of a table that may be seen. Raises KeyError for a table that is none."""
+    """Return the columns of a table that may be seen. Raises KeyError for an unknown table."""
     return tuple(one for one in TABLES[wanted.table].columns if not (wanted.blind and one.blinds))
 
 
@@ -173,14 +173,14 @@ def _filters(wanted: DataQuery, columns: Sequence[ViewColumn]) -> list[ColumnEle
 
 
 def _contains(value: ColumnElement[Any], words: str) -> ColumnElement[bool]:
-    """Whether a value's text has these words in it, in capitals or not."""
+    """Return whether a value's text has these words in it, in capitals or not."""
     if isinstance(value.type, JSON):
         words = json.dumps(words)[1:-1]  # as JSON is stored: other than ASCII letters are escaped
     return func.lower(cast(value, String)).contains(words.lower(), autoescape=True)
 
 
 def _order(wanted: DataQuery, columns: Sequence[ViewColumn], table: DataTable) -> list[ColumnElement[Any]]:
-    """The wanted order, then the table's own, so that no row is on two pages."""
+    """Return the wanted order, then the table's own, so that no row is on two pages."""
     found = next((one for one in columns if one.name == wanted.sort.removeprefix("-")), None)
     if found is None:
         return list(table.order)

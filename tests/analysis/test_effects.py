@@ -96,7 +96,7 @@ def test_cliffs_delta_counts_pairs() -> None:
     assert -1 <= delta.low < delta.value < delta.high < 0
 
 
-def test_the_interval_of_cliffs_delta_covers_the_truth_about_as_often_as_it_says() -> None:
+def test_the_interval_of_cliffs_delta_covers_the_truth_about_as_often_as_its_level() -> None:
     generator = np.random.default_rng(3)
     truth = 2 * stats.norm.cdf(0.5 / math.sqrt(2)) - 1
     found = [effects.cliffs_delta(generator.normal(0.5, 1, 30), generator.normal(0, 1, 30)) for _ in range(400)]
@@ -129,7 +129,7 @@ def test_a_mean_comes_with_students_interval() -> None:
         ([np.array([3.0, 3]), np.array([5.0, 5])], "no variance within the conditions"),
     ],
 )
-def test_what_cannot_be_compared_says_why(groups: list[effects.Values], reason: str) -> None:
+def test_impossible_comparisons_give_a_reason(groups: list[effects.Values], reason: str) -> None:
     assert effects.can_compare(groups) == reason
 
 

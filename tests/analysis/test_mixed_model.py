@@ -101,7 +101,7 @@ def anova_se(episodes: pl.DataFrame) -> float:
     return math.sqrt(mean_square / SIZE * (1 / tom.sum() + 1 / (~tom).sum()))
 
 
-def test_every_fit_of_fifty_is_exact_where_closed_formulas_tell() -> None:
+def test_every_fit_of_fifty_is_exact_where_there_are_closed_formulas() -> None:
     for seed in range(50):
         episodes = study(seed)
         row = select(mixed_model.fit(episodes, "reward", CONDITIONS).rows, test="fixed_effect")[0]

@@ -1,4 +1,4 @@
-"""The whole application with somebody of every role in it: who they are, and how they send requests."""
+"""The whole application with a client of every role: accounts, cookies and requests."""
 
 import hashlib
 import re

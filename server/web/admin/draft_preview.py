@@ -34,7 +34,7 @@ class PreviewedStudies(Studies):
         super().__init__()
         self._versions, self._open = {0: study}, {study.name: 0}
 
-    async def said(self, database: Database, participant: Participant) -> None:
+    async def earlier_answers(self, database: Database, participant: Participant) -> None:
         """Nothing was answered, and what depends on answers is shown."""
 
 
@@ -63,7 +63,7 @@ class PreviewPlace:
         return Participant("preview", 0, 1, 1, *here, True, now, now, None, None)
 
     def kitchen(self, step: StudyStep) -> KitchenChoice:
-        """Where a round or the practice is played."""
+        """Return where a round or the practice is played."""
         return self.study.tutorial.layout if step.kind == "tutorial" else self.study.layout(step.layout)
 
 
@@ -123,7 +123,7 @@ async def step(
 
 
 def number_of(position: str) -> int:
-    """The index of a step; -1 for the consent page. Answers 404 for anything else."""
+    """Return the index of a step; -1 for the consent page. Answers 404 for anything else."""
     if position == CONSENT:
         return -1
     if not (position.isascii() and position.isdigit() and len(position) < 6):

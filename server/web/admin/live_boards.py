@@ -30,7 +30,7 @@ from server.web.services import Services, ServicesDep, services_of
 FIGURES_EVERY_S: Final = 2.0
 SESSION_EVERY_S: Final = 5.0
 log = logging.getLogger(__name__)
-MOST_BOARDS: Final = 60  # a page can show at once
+MAX_BOARDS: Final = 60  # a page can show at once
 
 
 class Watching:
@@ -55,7 +55,7 @@ class Watching:
         shown = choice.get("show", self.shown)
         if not isinstance(shown, list) or not all(isinstance(one, str) for one in shown):
             raise ValueError("show is a list of episodes")
-        self.shown = shown[:MOST_BOARDS]
+        self.shown = shown[:MAX_BOARDS]
         tab = choice.get("tab")
         if isinstance(tab, str) and tab in overview.TABS:
             self.tab = tab
@@ -101,7 +101,7 @@ async def let_in(socket: WebSocket) -> AdminSession | None:
 
 
 async def still_in(socket: WebSocket, admin: AdminSession) -> bool:
-    """Whether the session continues as it was: neither ended nor with conditions shown or hidden since."""
+    """Return whether the session continues as it was: neither ended nor with conditions shown or hidden since."""
     with suppress(DatabaseDown):
         return await session_of(socket) == admin
     return True

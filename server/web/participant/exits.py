@@ -89,5 +89,5 @@ async def _by_code(
         found = await web.database.read(progress.by_code, web.studies, opened.study.name, code)
         return found is not None
 
-    outcome = await guess_limits.guarded(web, guess_limits.stranger(web, request, guess_limits.CODE), "", look)
+    outcome = await guess_limits.guarded(web, guess_limits.origin_of_address(web, request, guess_limits.CODE), "", look)
     return outcome, found

@@ -111,12 +111,12 @@ async def _back(page: PageResponse, outcome: Exit, code: str = "") -> WayBack | 
 
 async def _questions(page: PageResponse, participant: Participant, step: StudyStep, filled: Filled) -> dict[str, Any]:
     study = page.web.studies.of(participant)
-    said = await page.web.studies.said(page.web.database, participant)
+    earlier = await page.web.studies.earlier_answers(page.web.database, participant)
     questionnaire = study.quiz if step.kind == "quiz" and study.quiz else study.questionnaires[step.asks]
     messages = {name: _message(page, study, name, fault) for name, fault in filled.faults.items()}
     return {
         "questionnaire": questionnaire,
-        "questions": questions_of(study, participant, step, said),
+        "questions": questions_of(study, participant, step, earlier),
         "form": filled.form,
         "faults": messages,
         "attempts": None,
@@ -156,7 +156,8 @@ async def _introduction(
 
 
 def _slide_text(slide: str, display: str, with_human: bool) -> str:
-    """The key of a slide's text: what marks are depends on what is drawn, and who the partner is on the study."""
+    """Return the key of a slide's text: what marks are depends on what is drawn, and who the partner is on the
+    study."""
     drawn = f"_{display}" if slide == "marks" and display in ("intention", "both") else ""
     return f"introduction.{slide}{drawn}{'_human' if with_human and slide in ('team', 'marks') else ''}"
 

@@ -11,7 +11,7 @@ const AFTER_MS = 600; // of no typing
 const AT_MOST_MS = 1500; // however much is typed
 const RETRY_MS = 2000;
 const TAKE_IN_AFTER_MS = 200;
-const LARGEST_LAST = 60_000; // bytes that a request may send after its page was closed
+const MAX_LAST = 60_000; // bytes that a request may send after its page was closed
 export const SAVING = 'Saving …';
 const WITH_OTHERS = 'Saved, with changes that somebody else has made';
 
@@ -188,6 +188,6 @@ export class DraftSaving {
     if (this.isStopped || this.text === this.savedText) return;
     const fields = { text: this.text, revision: String(this.revision), note: 'edited' };
     const whole = { ...fields, base: this.savedText };
-    this.requests.sendLast('save', new URLSearchParams(whole).toString().length < LARGEST_LAST ? whole : fields);
+    this.requests.sendLast('save', new URLSearchParams(whole).toString().length < MAX_LAST ? whole : fields);
   }
 }

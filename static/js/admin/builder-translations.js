@@ -65,7 +65,7 @@ export class MissingTexts {
 }
 
 /**
- * Whether a text that is there has no words in this language. A text that is no block is the same in all.
+ * Whether a text that is there has no words in this language. A text that is not a block is the same in all.
  * @param {PlanNode} node
  * @param {string} language
  */

@@ -25,7 +25,7 @@ from overcooked.constants import (
 )
 from overcooked.layout import Layout, layout_names, load_layout
 from overcooked.state import Kitchens
-from server.bots.cook import COOKS, Cook, Traits, layouts_without_clone
+from server.bots.cook import COOKS, Cook, Traits, layouts_without_human_bc
 from server.bots.foresight import mind as mind_module
 from server.bots.foresight.beliefs import FRAMES
 from server.bots.foresight.cook import ForesightCook, cook
@@ -59,7 +59,7 @@ def moved(kitchens: Kitchens, first: int, second: int = STAY) -> NDArray[np.int6
 
 
 def played(layout: Layout, traits: Traits, timesteps: int = 120, arrows: tuple[int, ...] = ()) -> list[int]:
-    """The actions of one cook beside a chef who stands still."""
+    """The actions of one cook next to a chef who stands still."""
     kitchens, one, done = Kitchens.start(layout), cook(layout, 0, traits, 5), []
     actions = STILL
     for _ in range(timesteps):
@@ -91,7 +91,7 @@ def test_a_participant_is_the_same_person_in_every_condition() -> None:
 
 def test_traits_name_the_cook() -> None:
     kinds = {name: type(cook(RING, 0, Traits.drawn(1, name), 0)) for name in COOKS}
-    assert kinds == {"foresight": ForesightCook, "credulous": ForesightCook, "planner": Cook, "clone": Cook}
+    assert kinds == {"foresight": ForesightCook, "credulous": ForesightCook, "planner": Cook, "human_bc": Cook}
 
 
 def test_a_person_notices_as_late_at_any_length_of_a_timestep() -> None:
@@ -182,7 +182,7 @@ def test_arrows_that_come_true_are_trusted_and_others_are_not() -> None:
 
 
 def walks_up(arrow: int) -> float:
-    """The probability of walking up into the corner (3, 1), towards the pots, while the partner beside it at (2, 1) is
+    """The probability of walking up into the corner (3, 1), towards the pots, while the partner next to it at (2, 1) is
     said to walk there (2, east) or away from it (3, west)."""
     kitchens = Kitchens.start(RING)
     kitchens.players[0, 0] = (3, 2, 0, ONION)
@@ -284,7 +284,7 @@ def test_many_at_once_act_as_each_alone() -> None:
         kitchens.step(actions, np.zeros((4, PLAYERS), np.int32))
 
 
-def test_the_mind_is_given_no_condition() -> None:
+def test_a_simulated_participant_does_not_know_its_condition() -> None:
     """The input of a participant is that of its page: state, actions, arrows."""
     assert [*inspect.signature(mind_module.think.py_func).parameters] == [
         "kitchen", "mind", "memory", "players", "contents", "now", "actions", "arrows", "out",
@@ -298,27 +298,27 @@ CLASSIC = ("cramped_room", "asymmetric_advantages", "coordination_ring", "forced
 @pytest.mark.parametrize("layout", CLASSIC)
 def test_a_behaviour_cloned_human_plays_like_recorded_people_in_each_classic_kitchen(layout: str) -> None:
     kitchen = load_layout(layout)
-    assert not layouts_without_clone([layout])
-    acts = {name: played(kitchen, Traits.drawn(4, name), 40, ()) for name in ("clone", "planner")}
-    assert acts["clone"] != acts["planner"]
+    assert not layouts_without_human_bc([layout])
+    acts = {name: played(kitchen, Traits.drawn(4, name), 40, ()) for name in ("human_bc", "planner")}
+    assert acts["human_bc"] != acts["planner"]
 
 
 def test_bots_report_a_kitchen_without_a_behaviour_cloned_human() -> None:
     """For a server whose study file is not here, this cannot be checked before."""
     journal = Journal()
-    game = BotGame("ws://nowhere/s/x/socket", "", journal, Traits.drawn(1, "clone"))
+    game = BotGame("ws://nowhere/s/x/socket", "", journal, Traits.drawn(1, "human_bc"))
     for layout in ("coordination_ring", "double_rings"):
         message = welcome(layout=layout, grid=load_layout(layout).grid, episode=layout)
         game._take_in(message)
         game._begin(message)
     assert journal.violations == [
-        "--cook clone: there is no behaviour-cloned human for double_rings. Use --cook foresight."
+        "--cook human_bc: there is no behaviour-cloned human for double_rings. Use --cook foresight."
     ]
 
 
 def test_a_missing_behaviour_cloned_human_is_an_error_with_the_remedy(capsys: pytest.CaptureFixture[str]) -> None:
     """Double Rings has no recorded games of people."""
-    assert kitchenmind.main(["bots", "2", "--cook", "clone", "--study", str(STUDY)]) == 2
+    assert kitchenmind.main(["bots", "2", "--cook", "human_bc", "--study", str(STUDY)]) == 2
     said = capsys.readouterr().err
     assert "no behaviour-cloned human for double_rings, double_counters, matrix, clear_division" in said
     assert "--cook foresight" in said

@@ -60,7 +60,7 @@ def test_a_bot_that_withdraws_is_not_counted_as_a_person_who_did(database: Datab
     assert database.read_now(participants.counts, bot.study_id, True) == {bot.condition: {"withdrawn": 1}}
 
 
-def test_the_dashboard_counts_people_and_says_how_many_bots_there_are(database: Database, studies: Studies) -> None:
+def test_the_dashboard_counts_people_and_bots_separately(database: Database, studies: Studies) -> None:
     study_ids, study = opened(studies)
     names = {"with": "with", "without": "without"}
     bots = [arrive(database, studies, simulated=True) for _ in range(2)]
