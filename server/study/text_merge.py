@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from difflib import SequenceMatcher
 from typing import Final
 
-_MAX_EXACT_LINES: Final = 500  # lines; in longer texts, frequent lines are no anchors, or a merge could take minutes
+_MAX_EXACT_LINES: Final = 500  # lines; in longer texts, frequent lines are not anchors, or a merge takes minutes
 
 
 @dataclass(frozen=True)
