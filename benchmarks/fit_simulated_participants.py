@@ -148,7 +148,7 @@ def simulated(name: str, parameters: Parameters, games: int, seed: int, tick_ms:
 
 
 def nats(games: Recorded, parameters: Parameters, timesteps: int) -> float:
-    """Return the mean surprise (nats) at the recorded actions, each given the recorded past."""
+    """Return the mean cross-entropy (nats) at the recorded actions, each given the recorded past."""
     layout, variant = games.layout, Variant(parameters=parameters)
     count, total = games.actions.shape[1], 0.0
     none = np.full((count, ARROWS), NO_ARROW)
@@ -168,7 +168,7 @@ def nats(games: Recorded, parameters: Parameters, timesteps: int) -> float:
 def compared(
     parameters: Parameters, games: slice, number: int, seed: int, timesteps: int
 ) -> dict[str, dict[str, dict[str, float]]]:
-    """Kitchen -> people and simulated -> facts, with the surprise at what people did."""
+    """Kitchen -> people and simulated -> facts, with the cross-entropy of what people did."""
     found = {}
     for name in KITCHENS:
         people = recorded(name).some(games)
@@ -247,7 +247,7 @@ def main() -> None:
     for part, found in figures.items():
         print(f"{part}: loss {loss(found):.2f}")
         for name, cell in found.items():
-            print(f"  {name}, surprise {cell['likelihood']['nats']:.3f} nats an action")
+            print(f"  {name}, cross-entropy {cell['likelihood']['nats']:.3f} nats an action")
             for fact in SCALES:
                 print(f"    {fact:<16} people {cell['people'][fact]:7.3f}   simulated {cell['simulated'][fact]:7.3f}")
     if arguments.write:

@@ -240,7 +240,7 @@ def _number(row: Mapping[str, Any], shown: str, figure: str, how: str) -> str:
 
 def _fit_tables(fit: Mapping[str, Any]) -> list[str]:
     """Simulated pairs against recorded pairs of people."""
-    head = ["kitchen", "games", "no key", "interactions", "collisions", "soups", "surprise (nats)"]
+    head = ["kitchen", "games", "no key", "interactions", "collisions", "soups", "cross-entropy (nats)"]
     rows = []
     for part in ("fitted games", "held-out games"):
         for name, cell in fit[part].items():

@@ -33,17 +33,17 @@ def note(connection: Connection, participant_id: str, happened: Mapping[str, Map
 def move_on(connection: Connection, all_studies: Studies, participant: Participant) -> bool:
     """Advance to the next step that the answers lead to; at the last one the participant has finished, and gets the
     code in the same transaction. Questions that are skipped because of answers are noted."""
-    way, study = all_studies.way(participant), all_studies.of(participant)
+    every, study = all_studies.steps_of(participant), all_studies.of(participant)
     earlier = answers.of_participant(connection, participant.id) if study.branches else {}
     following, passed_over = participant.position + 1, list[StudyStep]()
-    while following < len(way) and not is_shown(study, participant, way[following], earlier):
-        passed_over.append(way[following])
+    while following < len(every) and not is_shown(study, participant, every[following], earlier):
+        passed_over.append(every[following])
         following += 1
-    if following >= len(way) or not participants.advance(connection, participant.id, participant.position, following):
+    if following >= len(every) or not participants.advance(connection, participant.id, participant.position, following):
         return False
-    for step in (*passed_over, way[following]) if study.branches else ():
+    for step in (*passed_over, every[following]) if study.branches else ():
         if (questions := not_asked(study, participant, step, earlier)) or step in passed_over:
             note(connection, participant.id, {NOT_ASKED: {"step": step.key, "questions": questions}})
-    if way[following].kind == "thanks":
+    if every[following].kind == "thanks":
         participants.complete(connection, participant.id, new_code())
     return True

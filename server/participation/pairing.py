@@ -38,7 +38,9 @@ def is_for_two(study: Study, step: StudyStep) -> bool:
 def company(connection: Connection, studies: Studies, participant: Participant, step: StudyStep) -> Company:
     """Return the participant's partner, or why there is none."""
     study = studies.of(participant)
-    rounds = {one.number for one in studies.way(participant) if is_for_two(study, one) and one.number < step.number}
+    rounds = {
+        one.number for one in studies.steps_of(participant) if is_for_two(study, one) and one.number < step.number
+    }
     played = [one for one in episodes.of_participant(connection, participant.id) if one.number in rounds]
     if not played:
         return Company()

@@ -176,12 +176,12 @@ def arrive(connection: Connection, all_studies: Studies, participant_id: str) ->
         return participant
     if _place_is_lost(connection, all_studies, participant):
         return participants.get(connection, participant_id)
-    way = all_studies.way(participant)
-    step = way[min(participant.position, len(way) - 1)]
+    sequence = all_studies.steps_of(participant)
+    step = sequence[min(participant.position, len(sequence) - 1)]
     if step.is_game and _is_over(connection, participant, step):
         move_on(connection, all_studies, participant)
         participant = participants.get(connection, participant_id)
-        step = way[participant.position] if participant else step
+        step = sequence[participant.position] if participant else step
     answers.enter(connection, participant_id, step.key)
     participants.seen(connection, participant_id)
     return participants.get(connection, participant_id)
@@ -195,8 +195,8 @@ def submit(connection: Connection, all_studies: Studies, participant_id: str, su
         return False
     if _place_is_lost(connection, all_studies, participant):
         return False
-    way = all_studies.way(participant)
-    step = way[min(participant.position, len(way) - 1)]
+    sequence = all_studies.steps_of(participant)
+    step = sequence[min(participant.position, len(sequence) - 1)]
     if step.key != submission.step.key or step.kind == "thanks":
         return False
     if step.kind == "quiz" and submission.attempt != quiz_attempt(connection, participant_id):

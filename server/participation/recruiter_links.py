@@ -22,7 +22,7 @@ PREVIEW = "ASSIGNMENT_ID_NOT_AVAILABLE"  # MTurk's value in a preview
 
 
 @dataclass(frozen=True)
-class WayBack:
+class ReturnTarget:
     """The target of the last page: a link, or a form with hidden `fields` that is posted to `url`."""
 
     url: str
@@ -74,19 +74,19 @@ def leave_url(outcome: Exit, values: Mapping[str, str]) -> str | None:
     return None if "{" in url else url
 
 
-def way_back(recruitment: Recruitment, outcome: Exit, values: Mapping[str, str]) -> WayBack | None:
+def return_target(recruitment: Recruitment, outcome: Exit, values: Mapping[str, str]) -> ReturnTarget | None:
     """Return the way back to the recruiter, which reports a finished assignment. `values`: `code`, `person` and the
     link's parameters."""
     url = leave_url(outcome, values)
     if url is not None:
-        return WayBack(url)
+        return ReturnTarget(url)
     assignment, home = values.get("assignmentId", PREVIEW), mturk_origin(values.get(MTURK_HOME, ""))
     if recruitment.source != "mturk" or outcome is not recruitment.completed or assignment == PREVIEW:
         return None
     if home is None:
         return None
     fields = {"assignmentId": assignment, "code": values.get("code", "")}
-    return WayBack(f"{home}/mturk/externalSubmit", fields)
+    return ReturnTarget(f"{home}/mturk/externalSubmit", fields)
 
 
 def mturk_origin(address: str) -> str | None:

@@ -84,7 +84,7 @@ class Studies:
         """Return the study that the participant is in. Raises KeyError when its version can no longer be read."""
         return self._versions[participant.study_id]
 
-    def way(self, participant: Participant) -> tuple[StudyStep, ...]:
+    def steps_of(self, participant: Participant) -> tuple[StudyStep, ...]:
         """Return all steps of the participant."""
         study = self.of(participant)
         # Conditions fill in turn, so counting per condition spreads the rows of a Latin square evenly over each.
@@ -99,5 +99,5 @@ class Studies:
 
     def step(self, participant: Participant) -> StudyStep:
         """Return the participant's current step; the last one for those who finished."""
-        way = self.way(participant)
-        return way[min(participant.position, len(way) - 1)]
+        sequence = self.steps_of(participant)
+        return sequence[min(participant.position, len(sequence) - 1)]

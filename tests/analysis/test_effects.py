@@ -55,7 +55,7 @@ def test_hedges_g_is_the_difference_over_the_pooled_deviation_times_the_gamma_co
     assert effects.hedges_g(first, second).value == pytest.approx(correction * d, rel=1e-12)
 
 
-def test_bounds_of_g_are_where_the_observed_t_is_just_a_surprise() -> None:
+def test_bounds_of_g_are_where_the_observed_t_is_just_significant() -> None:
     g = effects.hedges_g(MANUAL, AUTOMATIC)
     t = stats.ttest_ind(MANUAL, AUTOMATIC).statistic
     scale = math.sqrt(1 / 13 + 1 / 19) * math.gamma(15) / (math.sqrt(15) * math.gamma(14.5))

@@ -102,7 +102,7 @@ def test_axe_finds_nothing_on_the_pages_of_an_early_end(person: BrowserPerson) -
     look("welcome-back")
     page.click("main .btn")
     first, second = site.everybody("hired")
-    keys = [step.key for step in site.studies.way(first)]
+    keys = [step.key for step in site.studies.steps_of(first)]
     site.database.write_now(participants.advance, first.id, 0, keys.index("goodbye"))
     page.reload()
     page.click("main .btn")

@@ -57,7 +57,7 @@ def test_the_assignment_is_sent_to_mturk_and_nowhere_else(person: BrowserPerson)
     page.click("#agree")
     page.wait_for_url("**/now")
     me = person.site.everybody("hired")[-1]
-    keys = [step.key for step in person.site.studies.way(me)]
+    keys = [step.key for step in person.site.studies.steps_of(me)]
     person.site.database.write_now(participants.advance, me.id, 0, keys.index("goodbye"))
     page.reload()
     page.click("main .btn")

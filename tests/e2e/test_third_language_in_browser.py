@@ -122,7 +122,7 @@ def test_no_page_cuts_a_word_off(site: PageSite, chromium: Browser, size: dict[s
     page.click("#agree")
     page.wait_for_url("**/now")
     me = site.everybody("small")[-1]
-    way = site.studies.way(me)
+    way = site.studies.steps_of(me)
     for index, step in enumerate(way[:-1]):
         if step.is_game or step.number > 2:
             continue

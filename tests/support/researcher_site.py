@@ -112,7 +112,7 @@ def played(site: PageSite, timesteps: int = 12) -> str:
     visitor.consent("small")
     participant = site.only("small")
     study = site.studies.of(participant)
-    step = next(one for one in site.studies.way(participant) if one.kind == "episode")
+    step = next(one for one in site.studies.steps_of(participant) if one.kind == "episode")
     spec = episode_spec(study, step, participant.condition, "en")
     new = episodes.NewEpisode(spec, step.key, (participant.id, None), participant.study_id, participant.condition)
     episode = site.database.write_now(episodes.create, new)

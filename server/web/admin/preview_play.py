@@ -49,9 +49,9 @@ AddressDep = Annotated[GameAddress, Depends(_address)]
 def _game(file: StudyFile, at: GameAddress) -> tuple[PreviewPlace, StudyStep]:
     """Return the game at this place. Answers 404 where the draft has none."""
     place, number = place_of(file.study, at.condition, at.language), number_of(at.position)
-    if not 0 <= number < len(place.way) or not place.way[number].is_game:
+    if not 0 <= number < len(place.sequence) or not place.sequence[number].is_game:
         raise HTTPException(404, "the draft has no round here")
-    return place, place.way[number]
+    return place, place.sequence[number]
 
 
 @router.get("/play")
@@ -118,7 +118,7 @@ async def _serve(
     socket: WebSocket, services: Services, file: StudyFile, place: PreviewPlace, step: StudyStep, at: GameAddress
 ) -> None:
     spec = episode_spec(place.study, step, at.condition, at.language)
-    following = min(number_of(at.position) + 1, len(place.way) - 1)
+    following = min(number_of(at.position) + 1, len(place.sequence) - 1)
     try:
         async with services.previews.models.playing(file, place.kitchen(step)) as layout:
             await services.previews.serve(socket, replace(spec, layout=layout), at.path(following))

@@ -7,7 +7,7 @@ from fastapi import APIRouter, HTTPException, Request, Response
 
 from server.monitoring import latency_history
 from server.monitoring.arms import arm_names
-from server.monitoring.dashboard import step_name, way_of
+from server.monitoring.dashboard import step_name, steps_of
 from server.monitoring.enrolment_flow import arms_of, flow_of, stock
 from server.monitoring.live_games import who
 from server.participation.study_warnings import warnings_of
@@ -177,7 +177,7 @@ async def person_page(request: Request, name: str, person: str, admin: WatchDep,
     if found is None or found.study_id not in study_ids:
         raise HTTPException(404, "This study has no such participant. Open them from the dashboard.")
     played = await web.database.read(overview.played_by, person)
-    way = way_of(web.studies, found)
+    sequence = steps_of(web.studies, found)
     return AdminPage(request, admin).render(
         "person.html",
         tab="live",
@@ -185,7 +185,7 @@ async def person_page(request: Request, name: str, person: str, admin: WatchDep,
         person=found,
         label=participants.label(found.number, found.simulated),
         arm="" if admin.blind else found.condition,
-        now=step_name(way[min(found.position, len(way) - 1)]),
+        now=step_name(sequence[min(found.position, len(sequence) - 1)]),
         rows=await _games(services, study, played),
         exclusions=await web.database.read(decisions.exclusions_of, [person]),
         reasons=decisions.EXCLUSION_REASONS,

@@ -9,7 +9,7 @@ from fastapi import Response
 from server.participation import pairing, progress
 from server.participation.episode_specs import layout_of, lessons, show_of, view_radius_of
 from server.participation.page_answers import questions_of
-from server.participation.recruiter_links import WayBack, way_back
+from server.participation.recruiter_links import ReturnTarget, return_target
 from server.store import episodes, events, participants
 from server.store.participants import Participant
 from server.store.tables import RECRUITMENT_ID
@@ -37,9 +37,9 @@ async def render_step(page: PageResponse, participant: Participant, filled: Fill
         kind, outcome = await _ended(page, participant)
         words: dict[str, Any] = {"kind": kind, "outcome": outcome, "debriefing": debriefing_of(page, participant)}
         return page.render("participant/ended.html", **words, back=await _back(page, outcome))
-    way = page.web.studies.way(participant)
+    sequence = page.web.studies.steps_of(participant)
     step = page.web.studies.step(participant)
-    shown = {one.phase for one in way} | {"consent"}
+    shown = {one.phase for one in sequence} | {"consent"}
     base: dict[str, Any] = {
         "step": step,
         "phases": [phase for phase in PHASES if phase in shown],
@@ -99,14 +99,14 @@ def debriefing_of(page: PageResponse, participant: Participant) -> Section | Non
     return study.pages[study.debriefing] if misled and study.debriefing else None
 
 
-async def _back(page: PageResponse, outcome: Exit, code: str = "") -> WayBack | None:
+async def _back(page: PageResponse, outcome: Exit, code: str = "") -> ReturnTarget | None:
     participant = page.participant
     if participant is None:
         return None
     kept = await page.web.database.read(participants.personal_of, participant.id)
     person = kept.pop(RECRUITMENT_ID, "")
     values = {name: value for name, value in (("person", person), ("code", outcome.code or code)) if value}
-    return way_back(page.web.studies.of(participant).recruitment, outcome, kept | values)
+    return return_target(page.web.studies.of(participant).recruitment, outcome, kept | values)
 
 
 async def _questions(page: PageResponse, participant: Participant, step: StudyStep, filled: Filled) -> dict[str, Any]:

@@ -129,7 +129,7 @@ def test_the_allocation_list_is_what_participants_get(tmp_path: Path) -> None:
             arrival = progress.ConsentArrival(file.study.name, f"token {number}")
             participant = database.write_now(progress.enrol, studies, arrival)
             assert listed[number] == (participant.condition, participant.seed)
-            way = [step for step in studies.way(participant) if step.kind == "episode"]
+            way = [step for step in studies.steps_of(participant) if step.kind == "episode"]
             assert orders[number] == [(step.layout, step.agent, step.seed) for step in way]
             database.write_now(complete, participant.id, f"KM-{number:04d}")
 

@@ -45,7 +45,7 @@ def test_bots_take_neither_the_places_nor_the_turns_of_people(database: Database
     for one, other in zip(bots, people, strict=True):
         assert (one.condition, one.seed) == (other.condition, other.seed)
         assert one.allocation_number == other.allocation_number
-        assert [step.seed for step in studies.way(one)] == [step.seed for step in studies.way(other)]
+        assert [step.seed for step in studies.steps_of(one)] == [step.seed for step in studies.steps_of(other)]
     assert [one.number for one in (*bots, *people)] == [1, 2, 3, 4], "names of participants are never given twice"
     with pytest.raises(StudyFullError):
         arrive(database, studies, simulated=False)

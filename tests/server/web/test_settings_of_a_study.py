@@ -153,7 +153,7 @@ def arrived(site: PageSite, key: str, link: str = LINK) -> Visitor:
     visitor = Visitor(site)
     visitor.consent("every_setting", link)
     me = site.everybody("every_setting")[-1]
-    keys = [step.key for step in site.studies.way(me)]
+    keys = [step.key for step in site.studies.steps_of(me)]
     site.database.write_now(participants.advance, me.id, me.position, keys.index(key))
     visitor.get("/s/every_setting/now")
     return visitor

@@ -41,7 +41,7 @@ def after_the_first_episode(site: PageSite, name: str, awake: str, everything: d
     visitor.consent(name)
     visitor.submit(name, **everything)
     me = site.everybody(name)[-1]
-    keys = [step.key for step in site.studies.way(me)]
+    keys = [step.key for step in site.studies.steps_of(me)]
     site.database.write_now(participants.advance, me.id, 1, keys.index("episode-01"))
     site.end_game(me)
     visitor.get(f"/s/{name}/now")

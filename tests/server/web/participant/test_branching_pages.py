@@ -67,7 +67,7 @@ def test_everybody_reaches_the_end_and_the_export_lists_what_was_not_asked(site:
         _, person = arrived(site, mood="7", pick=pick)
         me = site.database.read_now(participants.get, person)
         assert me is not None
-        keys = [step.key for step in site.studies.way(me)]
+        keys = [step.key for step in site.studies.steps_of(me)]
         last = keys.index("after-04")
         site.database.write_now(participants.advance, person, me.position, last)
         visitor = Visitor(site)

@@ -207,7 +207,7 @@ def test_a_game_that_has_begun_is_a_sign_of_life(site: PageSite) -> None:
     visitor.consent("small")
     me = site.only("small")
     assert site.database.read_now(participants.is_silent, me.id)
-    index = [step.key for step in site.studies.way(me)].index("tutorial")
+    index = [step.key for step in site.studies.steps_of(me)].index("tutorial")
     site.database.write_now(participants.advance, me.id, 0, index)
     site.end_game(me)
     episode = "update episodes set started_at = created_at"

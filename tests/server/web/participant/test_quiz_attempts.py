@@ -27,7 +27,7 @@ def visitor(site: PageSite) -> Visitor:
     made = Visitor(site)
     made.consent("small")
     me = site.only("small")
-    way = site.studies.way(me)
+    way = site.studies.steps_of(me)
     site.database.write_now(participants.advance, me.id, 0, [step.key for step in way].index("quiz"))
     made.get("/s/small/now")
     return made

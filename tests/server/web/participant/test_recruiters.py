@@ -10,7 +10,7 @@ from urllib.parse import urlencode
 
 import pytest
 
-from server.participation.recruiter_links import recruitment_of, way_back
+from server.participation.recruiter_links import recruitment_of, return_target
 from server.store import participants
 from server.store.attempts import LIMIT
 from server.store.database import Database
@@ -46,7 +46,7 @@ def finished(site: PageSite, name: str, query: str) -> Visitor:
     visitor = Visitor(site)
     visitor.consent(name, query)
     me = site.everybody(name)[-1]
-    last = len(site.studies.way(me)) - 2  # goodbye, the page before the last
+    last = len(site.studies.steps_of(me)) - 2  # goodbye, the page before the last
     site.database.write_now(participants.advance, me.id, me.position, last)
     visitor.get(f"/s/{name}/now")
     visitor.submit(name)
@@ -71,7 +71,7 @@ def test_no_code_is_shown_before_everything_is_stored(site: PageSite) -> None:
     visitor = Visitor(site)
     visitor.consent("prolific", "?PROLIFIC_PID=5f00000000000000000000b8&STUDY_ID=s1&SESSION_ID=x9")
     me = site.everybody("prolific")[-1]
-    site.database.write_now(participants.advance, me.id, me.position, len(site.studies.way(me)) - 2)
+    site.database.write_now(participants.advance, me.id, me.position, len(site.studies.steps_of(me)) - 2)
     visitor.get("/s/prolific/now")
     services = site.services
     away = Database("postgresql://nobody@127.0.0.1:1/none", read_only=True)
@@ -132,9 +132,9 @@ def test_no_form_goes_to_an_address_that_is_not_mturks(site: PageSite, home: str
     assert found is not None
     recruitment = found[1].recruitment
     values = {"assignmentId": "A1", "code": "KM-2222-2222", "person": "A1W1"}
-    assert way_back(recruitment, recruitment.completed, values | {"turkSubmitTo": home}) is None
+    assert return_target(recruitment, recruitment.completed, values | {"turkSubmitTo": home}) is None
     assert "turkSubmitTo" not in recruitment_of(recruitment, {"workerId": "W1", "turkSubmitTo": home})[1]
-    good = way_back(recruitment, recruitment.completed, values | {"turkSubmitTo": "https://WWW.mturk.com/"})
+    good = return_target(recruitment, recruitment.completed, values | {"turkSubmitTo": "https://WWW.mturk.com/"})
     assert good is not None
     assert good.url == "https://www.mturk.com/mturk/externalSubmit"
 

@@ -44,7 +44,7 @@ def mturk(assignment: str, worker: str = "A1W1") -> str:
 def finish(site: PageSite, visitor: Visitor, name: str) -> str:
     """From wherever they are to the last page; returns the personal code."""
     me = site.everybody(name)[-1]
-    site.database.write_now(participants.advance, me.id, me.position, len(site.studies.way(me)) - 2)
+    site.database.write_now(participants.advance, me.id, me.position, len(site.studies.steps_of(me)) - 2)
     visitor.get(f"/s/{name}/now")
     visitor.submit(name)
     code = site.everybody(name)[-1].completion_code
