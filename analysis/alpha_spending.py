@@ -16,7 +16,7 @@ from analysis.mixed_model_fit import Array
 
 SPENDING = ("obrien_fleming", "pocock")
 NODES = 400  # of the grid
-FARTHEST = 8.0  # standard deviations beyond which a boundary is not told
+FARTHEST = 8.0  # standard deviations beyond which a boundary is not computed
 
 
 @dataclass(frozen=True)

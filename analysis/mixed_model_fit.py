@@ -140,7 +140,7 @@ class Profile:
 def fit(data: Data, restricted: bool = True) -> Fit:
     """Return the fit with the largest (restricted) likelihood. Raises FitError where there is none."""
     if np.linalg.matrix_rank(data.x) < data.x.shape[1]:
-        raise FitError("two of its effects cannot be told apart: not every condition was played alike")
+        raise FitError("two of its effects cannot be separated: not every condition was played alike")
     if len(data.y) - data.x.shape[1] < 2 or data.sizes.max() < 2:
         raise FitError("there are too few episodes for so many effects")
     total = float(data.y.var())

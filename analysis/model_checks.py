@@ -75,7 +75,7 @@ def _people(chosen: pl.DataFrame) -> "np.ndarray[tuple[int], np.dtype[np.int64]]
 def cluster_robust(data: Data) -> tuple[Values, Array]:
     """Return least-squares estimates and their covariance with people as clusters, corrected for their number."""
     if np.linalg.matrix_rank(data.x) < data.x.shape[1]:
-        raise FitError("two of its effects cannot be told apart: not every condition was played alike")
+        raise FitError("two of its effects cannot be separated: not every condition was played alike")
     if np.ptp(data.y) <= mixed_model_fit.ROUNDING * np.abs(data.y).max():
         raise FitError("nothing varies apart from the effects")
     inverse = np.linalg.inv(data.x.T @ data.x)
@@ -119,7 +119,7 @@ def _with_round(base: Result, chosen: pl.DataFrame, conditions: list[str]) -> li
     y, person, size = chosen[REWARD].to_numpy().astype(np.float64), _people(chosen), plain.shape[1]
     together = np.column_stack([plain, rounds])
     if np.linalg.matrix_rank(together) == np.linalg.matrix_rank(plain):
-        raise FitError("the round cannot be told apart from layout and agent, which came in the same order for all")
+        raise FitError("the round cannot be separated from layout and agent, which came in the same order for all")
     fitted = mixed_model_fit.fit(Data(y, together, person))
     rows = []
     for pair in pairs(conditions):

@@ -59,7 +59,7 @@ def fit(data: OrdinalData, nodes: int = NODES) -> OrdinalFit:
         raise OrdinalFitError("all answers are the same")
     effects = np.column_stack([np.ones(data.category.size), data.x])
     if np.linalg.matrix_rank(effects) < effects.shape[1]:
-        raise OrdinalFitError("some effects cannot be told apart")
+        raise OrdinalFitError("some effects cannot be separated")
 
     def loss(values: Array) -> float:
         return -log_likelihood(data, values, nodes)[0]

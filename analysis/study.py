@@ -48,7 +48,7 @@ class Options:
     power_studies: int = power.STUDIES  # simulated for every point of it
     draws: int = ranking.DRAWS  # permutations, and bootstrap draws
     seed: int = ranking.SEED  # all that is drawn at random comes from it
-    weights: Path | None = None  # folder of checkpoints, whose cards tell the offline test
+    weights: Path | None = None  # folder of checkpoints, whose cards have the offline accuracy
 
 
 @dataclass(frozen=True)

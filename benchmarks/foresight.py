@@ -70,7 +70,7 @@ def cells() -> Iterator[tuple[str, Cell]]:
 def measured(
     folder: Path, episodes: Mapping[str, int], horizon: int, play: bool = True
 ) -> dict[str, dict[str, list[float]]]:
-    """Play the cells that are not in the folder, unless told not to, and return all cells by name."""
+    """Play the cells that are not in the folder, unless that is switched off, and return all cells by name."""
     folder.mkdir(parents=True, exist_ok=True)
     found = {}
     for part, cell in cells():

@@ -107,10 +107,10 @@ def children_of(pid: int) -> list[int]:
 
 def modules_of(words: list[str]) -> int:
     """Count the modules that a process imports before it ends."""
-    told = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-X", "importtime", *words], cwd=ROOT, env=environment(), capture_output=True, text=True
     )
-    return len(re.findall(r"(?m)^import time: +\d", told.stderr))
+    return len(re.findall(r"(?m)^import time: +\d", process.stderr))
 
 
 def measure(folders: list[Path], turns: int, start: Callable[[Path], list[Turn]]) -> list[list[Turn]]:

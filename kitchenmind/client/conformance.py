@@ -39,15 +39,15 @@ class Finding:
 class Conformance(CheckedSockets):
     """The checks, in their order, with one simulated participant of a study."""
 
-    async def run(self, told: Callable[[Finding], None] | None = None) -> list[Finding]:
-        """Run every check; `told` is called with each finding at once. Later checks also run if one fails."""
+    async def run(self, report: Callable[[Finding], None] | None = None) -> list[Finding]:
+        """Run every check; `report` is called with each finding at once. Later checks also run if one fails."""
         compile_rules()
         findings = []
         async with self.client:
             for check in self._checks():
                 findings.append(await _finding(check))
-                if told is not None:
-                    told(findings[-1])
+                if report is not None:
+                    report(findings[-1])
         return findings
 
     def _checks(self) -> list[Callable[[], Awaitable[None]]]:

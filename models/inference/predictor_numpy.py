@@ -90,7 +90,7 @@ class _Games:
     def intentions(
         self,
         slots: NDArray[np.intp],
-        observations: Observations,  # noqa: ARG002 - the tokens of the last `predict` tell enough
+        observations: Observations,  # noqa: ARG002 - the tokens of the last `predict` are enough
         last_actions: NDArray[np.int8],  # noqa: ARG002
     ) -> Intentions:
         if self._intentions is None:

@@ -61,7 +61,7 @@ class Impression:
     soups: int = 0
     tried: int = 0  # own moves
     blocked: int = 0  # of them, those that led nowhere because somebody stood there
-    predicted: int = 0  # timesteps for which an arrow told what the partner would do
+    predicted: int = 0  # timesteps for which an arrow showed what the partner would do
     right: int = 0  # of them, those that it did
 
     def share(self, part: int, whole: int) -> float:

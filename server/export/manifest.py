@@ -239,7 +239,7 @@ def _description(versions: Sequence[StudyVersion]) -> str:
     whereof = f" ({bots} of them simulated)" if bots else ""
     return (
         "People cook together with an AI agent in Overcooked while a Theory-of-Mind predictor watches the agent and "
-        f"tells, in some conditions, what it will do next. {consented} participants consented{whereof}."
+        f"shows, in some conditions, what it will do next. {consented} participants consented{whereof}."
     )
 
 

@@ -52,7 +52,7 @@ def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pl.DataFr
     query = query.where(_a.participant_id.in_(people))
     held = select(pauses.c.episode_id.label("episode"), pauses.c.reason, pauses.c.started_at, pauses.c.duration_ms)
     named = ("participant", "episode", "question", "value", "value_type", "attention")
-    told = [
+    given = [
         dict(zip(named, (*row[:3], *value_text(row[3]), row[4]), strict=True))
         for row in connection.execute(query.order_by(_a.id))
     ]
@@ -61,7 +61,7 @@ def tables(connection: Connection, chosen: Sequence[str]) -> dict[str, pl.DataFr
     rows = {
         "participants": connection.execute(of_people).mappings().all(),
         "episodes": played,
-        "answers": told,
+        "answers": given,
         "pauses": connection.execute(held.where(pauses.c.episode_id.in_(chosen))).mappings().all(),
         "withdrawals": [],
     }

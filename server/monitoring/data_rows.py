@@ -16,7 +16,7 @@ ANSWER = "value"
 
 
 def asked_of_some(studies: Iterable[Study]) -> tuple[str, ...]:
-    """Return the keys of questions that not every condition asks: in blind mode, an answer to one would tell the
+    """Return the keys of questions that not every condition asks: in blind mode, an answer to one would reveal the
     condition."""
     keys: set[str] = set()
     for study in studies:

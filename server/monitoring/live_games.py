@@ -165,7 +165,7 @@ def board_of(game: Game, blind: bool) -> dict[str, Any]:
 
 
 def blinded(board: dict[str, Any]) -> dict[str, Any]:
-    """Return a board, also one of another process, without what tells the condition."""
+    """Return a board, also one of another process, without what reveals the condition."""
     return board | {"prediction": [], "intention": hidden(board["intention"])}
 
 

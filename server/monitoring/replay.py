@@ -100,7 +100,7 @@ def row_of(tick: TickRecord, simulation: Simulation, blind: bool) -> dict[str, A
 
 
 def visible(arrived: Sequence[InputRecord], blind: bool) -> list[InputRecord]:
-    """Return the inputs that the page may show: the marks key would tell a blind researcher the condition."""
+    """Return the inputs that the page may show: the marks key would reveal the condition to a blind researcher."""
     if not blind:
         return list(arrived)
     return [structs.replace(one, marks=None) for one in arrived if one.outcome != MARKS]

@@ -18,7 +18,7 @@ _p, _e, _a, _s = participants.c, episodes.c, answers.c, studies.c
 
 @dataclass(frozen=True)
 class ViewColumn:
-    """One column. `blinds`: it tells the condition, so it is not there in blind mode."""
+    """One column. `blinds`: it reveals the condition, so blind mode hides it."""
 
     name: str
     title: str
@@ -39,7 +39,7 @@ class DataTable:
 @dataclass(frozen=True)
 class DataQuery:
     """What is shown. `sort`: a column's name, with - before it for the other way round; `column`: where `contains` is
-    looked for, empty: in all. `hidden_questions`: questions whose being asked tells the condition."""
+    looked for, empty: in all. `hidden_questions`: questions that reveal the condition by being asked."""
 
     table: str
     study_ids: tuple[int, ...]

@@ -182,7 +182,7 @@ def test_people_who_always_earn_the_same_give_a_reason() -> None:
 
 def test_conditions_that_played_with_different_agents_give_a_reason() -> None:
     episodes = study(1).filter((pl.col("condition") == "tom") == (pl.col("agent") == "sp"))
-    assert "cannot be told apart" in reasons(mixed_model.fit(episodes, "reward", CONDITIONS))[0]
+    assert "cannot be separated" in reasons(mixed_model.fit(episodes, "reward", CONDITIONS))[0]
 
 
 def test_a_search_that_does_not_settle_gives_a_reason_and_no_variance(monkeypatch: pytest.MonkeyPatch) -> None:

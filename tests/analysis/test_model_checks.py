@@ -142,7 +142,7 @@ def test_checks_that_cannot_be_computed_give_a_reason(episodes: pl.DataFrame) ->
     assert "needs two conditions" in row.note
     mixed = episodes.filter((pl.col("condition") == "tom") == (pl.col("agent") == "sp"))
     notes = {row.test: row.note for row in model_checks.model_rows(mixed, ("none", "tom"))}
-    assert all("cannot be told apart" in notes[test] for test in ("cluster_robust", "random_slopes"))
+    assert all("cannot be separated" in notes[test] for test in ("cluster_robust", "random_slopes"))
     same = episodes.with_columns(number=pl.col("layout").replace_strict({name: i for i, name in enumerate(LAYOUTS)}))
     notes = {row.test: row.note for row in model_checks.model_rows(same, CONDITIONS)}
     assert "came in the same order for all" in notes["with_round"]

@@ -169,7 +169,7 @@ def test_the_mode_of_a_person_far_from_the_others_is_found() -> None:
 
 def test_a_flat_likelihood_is_not_a_fit() -> None:
     twice = replace(WINE, x=np.repeat(WINE.x, 2, axis=1))
-    with pytest.raises(OrdinalFitError, match="cannot be told apart"):
+    with pytest.raises(OrdinalFitError, match="cannot be separated"):
         ordinal_fit.fit(twice)
 
 

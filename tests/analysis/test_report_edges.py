@@ -160,7 +160,7 @@ def test_without_a_fitted_model_there_is_no_sentence_and_no_power_curve(small: P
         return table.filter(own) if name == "episodes" else table
 
     made = reported(small, tmp_path, change)
-    assert "cannot be told apart" in select(made.analysis.rows, test="fixed_effect")[0].note
+    assert "cannot be separated" in select(made.analysis.rows, test="fixed_effect")[0].note
     assert made.analysis.powers == ()
     assert not any("mixed model" in text for text in apa_text.sentences(made.analysis))
 

@@ -118,16 +118,16 @@ async def message_all(name: str, admin: ActDep, web: WebDep, form: AdminFormDep,
     """Show a message in every running game of the study."""
     study_at(web, name)
     text = _required(form, "text")
-    told = await control.broadcast(MessageStudy(name, text))
-    await _note(web, admin, "message to all games", {"study": name, "text": text, "games": told})
-    return back_to(f"/admin/s/{name}", "sent" if told else "gone")
+    reached = await control.broadcast(MessageStudy(name, text))
+    await _note(web, admin, "message to all games", {"study": name, "text": text, "games": reached})
+    return back_to(f"/admin/s/{name}", "sent" if reached else "gone")
 
 
 @router.post("/game/{episode}/{action}")
 async def step_in(
     action: str, admin: ActDep, web: WebDep, form: AdminFormDep, control: ControlDep, game: GameDep
 ) -> Response:
-    """Pause, resume, end, tell, extend or exclude one game."""
+    """Pause, resume, end, message, extend or exclude one game."""
     detail: dict[str, Any] = {"episode": game.id, "participant": game.participant_id, "reason": _text(form, "note")}
     match action:
         case "pause":
@@ -194,7 +194,7 @@ async def find(name: str, admin: ActDep, web: WebDep, form: AdminFormDep) -> Res
 
 
 async def _delete(admin: AdminSession, web: Web, form: Form, control: ClusterControl, person: Person) -> Response:
-    """Delete somebody who asked for it. The audit log tells that and why, and nothing by which to find the person."""
+    """Delete somebody who asked for it. The audit log records that and why, but nothing that identifies the person."""
     study = web.studies.version(person.study_id)
     name = study.name if study is not None else ""
     detail = {"study": name, "reason": _required(form, "note")}

@@ -25,7 +25,7 @@ MAX_FILTER_LENGTH: Final = 200
 
 @router.get("/data")
 async def data_view(request: Request, name: str, admin: ActDep, web: WebDep) -> Response:
-    """One page of a table. In blind mode without what tells a condition."""
+    """One page of a table. In blind mode without what reveals a condition."""
     given = request.query_params
     wanted = _query(web, name, {key: given.get(key, "") for key in _KEYS}, admin.blind)
     number = _page_number(given.get("page", ""))
@@ -51,7 +51,7 @@ async def data_view(request: Request, name: str, admin: ActDep, web: WebDep) -> 
 
 @router.post("/data.csv")
 async def download(name: str, admin: ActDep, services: ServicesDep, form: AdminFormDep) -> Response:
-    """All rows of what is seen, over all pages. It tells the conditions, so not in blind mode."""
+    """All rows of what is seen, over all pages. It shows the conditions, so not in blind mode."""
     web = services.web
     wanted = _query(web, name, {key: first(form, key) for key in _KEYS}, admin.blind)
     if admin.blind:
