@@ -8,7 +8,7 @@ import { local, readJson } from '../browser/storage.js';
 /** @typedef {{ revision: number, text: string, base?: string, sent?: string }} Kept */
 
 const AFTER_MS = 600; // of no typing
-const AT_MOST_MS = 1500; // however much is typed
+const MAX_DELAY_MS = 1500; // however much is typed
 const RETRY_MS = 2000;
 const TAKE_IN_AFTER_MS = 200;
 const MAX_LAST = 60_000; // bytes that a request may send after its page was closed
@@ -76,7 +76,7 @@ export class DraftSaving {
     if (this.isStopped) return;
     this.on.state(SAVING, true);
     this.waitingSinceMs ||= performance.now();
-    const left = AT_MOST_MS - (performance.now() - this.waitingSinceMs);
+    const left = MAX_DELAY_MS - (performance.now() - this.waitingSinceMs);
     this.schedule(Math.max(0, Math.min(AFTER_MS, left)));
   }
 
